@@ -128,9 +128,9 @@ double inner_product(const double* u, const double* v, std::size_t count) {
   for (; i + 4 <= count; i += 4) sum = _mm256_fmadd_pd(_mm256_loadu_pd(u + i), _mm256_loadu_pd(v + i), sum);
   alignas(32) std::array<double, 4> part;
   _mm256_store_pd(part.data(), sum);
-  double rest = 0.0;
-  for (; i < count; ++i) rest += u[i] * v[i];
-  return (part[0] + part[1]) + (part[2] + part[3]) + rest;
+  double tail = 0.0;
+  for (; i < count; ++i) tail += u[i] * v[i];
+  return (part[0] + part[1]) + (part[2] + part[3]) + tail;
 }
 
 /// Rows [from, to) of columns [first, end), in slices of kTileRows columns, row by row; zeros behind.

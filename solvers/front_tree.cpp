@@ -72,7 +72,7 @@ FrontTree::FrontTree(const SparseMatrix& a, Ordering ordering) {
     std::fill(front_of.begin() + super[k], front_of.begin() + super[k + 1], k);
   }
   for (std::size_t k = 0; k < fronts_.size(); ++k)
-    if (rest(k) > 0) ++fronts_[front_of[static_cast<std::size_t>(rows(k)[eliminated(k)])]].children;
+    if (contribution(k) > 0) ++fronts_[front_of[static_cast<std::size_t>(rows(k)[eliminated(k)])]].children;
   measure();
 }
 
@@ -88,14 +88,14 @@ void FrontTree::measure() {
     largest_columns_ = std::max(largest_columns_, columns);
     assert(waiting.size() >= children(k));
     for (std::size_t child = 0; child < children(k); ++child) {
-      triangles -= triangle(rest(waiting.back()));
-      squares -= rest(waiting.back()) * rest(waiting.back());
+      triangles -= triangle(contribution(waiting.back()));
+      squares -= contribution(waiting.back()) * contribution(waiting.back());
       waiting.pop_back();
     }
-    if (rest(k) == 0) continue;
+    if (contribution(k) == 0) continue;
     waiting.push_back(k);
-    triangles += triangle(rest(k));
-    squares += rest(k) * rest(k);
+    triangles += triangle(contribution(k));
+    squares += contribution(k) * contribution(k);
     triangles_ = std::max(triangles_, triangles);
     squares_ = std::max(squares_, squares);
   }

@@ -23,7 +23,7 @@ class FrontTree {
   std::size_t unknowns() const { return unknown_.size(); }
   std::size_t size(std::size_t front) const { return rows_start_[front + 1] - rows_start_[front]; }
   std::size_t eliminated(std::size_t front) const { return fronts_[front].eliminated; }
-  std::size_t rest(std::size_t front) const { return size(front) - eliminated(front); }
+  std::size_t contribution(std::size_t front) const { return size(front) - eliminated(front); }
   /// Fronts before it whose rest it takes, the last on the stack.
   std::size_t children(std::size_t front) const { return fronts_[front].children; }
   /// Places in the order of elimination, ascending; the first ones are eliminated.
@@ -64,10 +64,10 @@ class FrontTree {
 };
 
 /// What fronts leave to those above them.
-class RestStack {
+class ContributionStack {
  public:
   /// \param maximum  numbers that wait at a time: stack_of_triangles() or stack_of_squares()
-  explicit RestStack(std::size_t maximum) { numbers_.reserve(maximum); }
+  explicit ContributionStack(std::size_t maximum) { numbers_.reserve(maximum); }
 
   /// Takes those of the last `children` fronts off, last first. \param use  called with (front, its numbers)
   template <class Use>
@@ -84,11 +84,11 @@ class RestStack {
   void append(const double* first, const double* last) { numbers_.insert(numbers_.end(), first, last); }
 
  private:
-  struct Rest {
+  struct Contribution {
     std::size_t front, first;
   };
   std::vector<double> numbers_;
-  std::vector<Rest> waiting_;
+  std::vector<Contribution> waiting_;
 };
 
 }  // namespace tessera

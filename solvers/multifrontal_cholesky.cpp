@@ -43,10 +43,11 @@ void MultifrontalCholesky::assemble(const SparseMatrix& a, std::size_t front, st
 }
 
 /// What a child leaves: a lower triangle by columns.
-void MultifrontalCholesky::add_rest(std::size_t child, std::span<const double> rest, std::span<double> value,
-                                    std::size_t size, const std::vector<std::int32_t>& slot) const {
+void MultifrontalCholesky::add_contribution(std::size_t child, std::span<const double> contribution,
+                                            std::span<double> value, std::size_t size,
+                                            const std::vector<std::int32_t>& slot) const {
   const auto rows = tree_.rows(child).subspan(tree_.eliminated(child));
-  const double* from = rest.data();
+  const double* from = contribution.data();
   for (std::size_t j = 0; j < rows.size(); ++j) {
     double* column = value.data() + static_cast<std::size_t>(slot[static_cast<std::size_t>(rows[j])]) * size;
     for (std::size_t i = j; i < rows.size(); ++i) column[slot[static_cast<std::size_t>(rows[i])]] += *from++;
@@ -57,7 +58,7 @@ std::int64_t MultifrontalCholesky::factor(const SparseMatrix& a, FactorStore& st
   assert(store.size() == 0 && a.rows == static_cast<std::int32_t>(tree_.unknowns()));
   std::vector<double> value(tree_.largest() * tree_.largest()), packed, smallest;
   store.reserve(entries());
-  RestStack rests(tree_.stack_of_triangles());
+  ContributionStack contributions(tree_.stack_of_triangles());
   std::vector<std::int32_t> slot(tree_.unknowns());
   for (std::size_t k = 0; k < tree_.count(); ++k) {
     const std::size_t size = tree_.size(k), eliminated = tree_.eliminated(k);
@@ -66,15 +67,16 @@ std::int64_t MultifrontalCholesky::factor(const SparseMatrix& a, FactorStore& st
     assemble(a, k, front.value, slot);
     smallest.clear();
     for (std::size_t j = 0; j < eliminated; ++j) smallest.push_back(kMinFrontPivot * front.column(j)[j]);
-    rests.take(tree_.children(k), [&](std::size_t child, std::span<const double> left) {
-      add_rest(child, left, front.value, size, slot);
+    contributions.take(tree_.children(k), [&](std::size_t child, std::span<const double> left) {
+      add_contribution(child, left, front.value, size, slot);
     });
     if (const std::ptrdiff_t bad = eliminate(front, smallest, packed); bad >= 0)
       return tree_.unknown(tree_.rows(k)[static_cast<std::size_t>(bad)]);
     for (std::size_t j = 0; j < eliminated; ++j) store.append({front.column(j) + j, size - j});
-    if (tree_.rest(k) == 0) continue;
-    rests.push(k);
-    for (std::size_t j = eliminated; j < size; ++j) rests.append(front.column(j) + j, front.column(j) + size);
+    if (tree_.contribution(k) == 0) continue;
+    contributions.push(k);
+    for (std::size_t j = eliminated; j < size; ++j)
+      contributions.append(front.column(j) + j, front.column(j) + size);
   }
   return -1;
 }

@@ -38,8 +38,8 @@ class MultifrontalCholesky {
  private:
   void assemble(const SparseMatrix& a, std::size_t front, std::span<double> value,
                 std::vector<std::int32_t>& slot) const;
-  void add_rest(std::size_t child, std::span<const double> rest, std::span<double> value, std::size_t size,
-                const std::vector<std::int32_t>& slot) const;
+  void add_contribution(std::size_t child, std::span<const double> contribution, std::span<double> value,
+                        std::size_t size, const std::vector<std::int32_t>& slot) const;
 
   FrontTree tree_;
 };

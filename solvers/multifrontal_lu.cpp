@@ -56,10 +56,11 @@ void MultifrontalLu::assemble(const SparseMatrix& a, const SparseMatrix& transpo
 }
 
 /// What a child leaves: a square by columns.
-void MultifrontalLu::add_rest(std::size_t child, std::span<const double> rest, std::span<double> value,
-                              std::size_t size, const std::vector<std::int32_t>& slot) const {
+void MultifrontalLu::add_contribution(std::size_t child, std::span<const double> contribution,
+                                      std::span<double> value, std::size_t size,
+                                      const std::vector<std::int32_t>& slot) const {
   const auto rows = tree_.rows(child).subspan(tree_.eliminated(child));
-  const double* from = rest.data();
+  const double* from = contribution.data();
   for (const std::int32_t j : rows) {
     double* column = value.data() + static_cast<std::size_t>(slot[static_cast<std::size_t>(j)]) * size;
     for (const std::int32_t i : rows) column[slot[static_cast<std::size_t>(i)]] += *from++;
@@ -71,19 +72,20 @@ std::int64_t MultifrontalLu::factor(const SparseMatrix& a, FactorStore& store) {
   const SparseMatrix transposed = transpose(a);
   std::vector<double> value(tree_.largest() * tree_.largest()), packed, smallest, row;
   store.reserve(entries());
-  RestStack rests(tree_.stack_of_squares());
+  ContributionStack contributions(tree_.stack_of_squares());
   swapped_.assign(tree_.unknowns(), 0);
   std::vector<std::int32_t> slot(tree_.unknowns());
   for (std::size_t k = 0; k < tree_.count(); ++k) {
-    const std::size_t size = tree_.size(k), eliminated = tree_.eliminated(k), rest = tree_.rest(k);
+    const std::size_t size = tree_.size(k), eliminated = tree_.eliminated(k),
+                      contribution = tree_.contribution(k);
     DenseFront front{std::span(value).first(size * size), size, eliminated};
     std::fill(front.value.begin(), front.value.end(), 0.0);
     assemble(a, transposed, k, front.value, slot);
     smallest.clear();
     for (std::size_t j = 0; j < eliminated; ++j)
       smallest.push_back(kMinLuPivot * std::fabs(front.column(j)[j]));
-    rests.take(tree_.children(k), [&](std::size_t child, std::span<const double> left) {
-      add_rest(child, left, front.value, size, slot);
+    contributions.take(tree_.children(k), [&](std::size_t child, std::span<const double> left) {
+      add_contribution(child, left, front.value, size, slot);
     });
     const auto first = static_cast<std::size_t>(tree_.rows(k).front());
     if (const std::ptrdiff_t bad =
@@ -100,10 +102,10 @@ std::int64_t MultifrontalLu::factor(const SparseMatrix& a, FactorStore& store) {
       for (std::size_t c = j; c < size; ++c) row.push_back(front.column(c)[j]);
       store.append(row);
     }
-    if (rest == 0) continue;
-    rests.push(k);
+    if (contribution == 0) continue;
+    contributions.push(k);
     for (std::size_t j = eliminated; j < size; ++j)
-      rests.append(front.column(j) + eliminated, front.column(j) + size);
+      contributions.append(front.column(j) + eliminated, front.column(j) + size);
   }
   return -1;
 }

@@ -36,8 +36,8 @@ class MultifrontalLu {
  private:
   void assemble(const SparseMatrix& a, const SparseMatrix& transposed, std::size_t front,
                 std::span<double> value, std::vector<std::int32_t>& slot) const;
-  void add_rest(std::size_t child, std::span<const double> rest, std::span<double> value, std::size_t size,
-                const std::vector<std::int32_t>& slot) const;
+  void add_contribution(std::size_t child, std::span<const double> contribution, std::span<double> value,
+                        std::size_t size, const std::vector<std::int32_t>& slot) const;
 
   FrontTree tree_;
   std::vector<std::int32_t> swapped_;   ///< by place: the row of its front that it changed places with

@@ -53,7 +53,7 @@ class MultifrontalSolver final : public LinearSolver {
         set_singular(report, static_cast<std::int32_t>(bad));
     report.factor_entries = factor_->entries();
     report.flops = factor_->flops();
-    report.bytes = held();
+    report.bytes = own_bytes();
     report.peak_bytes = peak();
     return report;
   }
@@ -70,11 +70,11 @@ class MultifrontalSolver final : public LinearSolver {
 
  private:
   FactorStore& store() { return store_ != nullptr ? *store_ : memory_; }
-  std::uint64_t held() const {
+  std::uint64_t own_bytes() const {
     return factor_->bytes() + (store_ != nullptr ? 0 : sizeof(double) * factor_->entries());
   }
   std::uint64_t peak() const {
-    return held() + std::max(factor_->factor_bytes(), factor_->solve_bytes(kForecastColumns));
+    return own_bytes() + std::max(factor_->factor_bytes(), factor_->solve_bytes(kForecastColumns));
   }
 
   FactorReport analyse(const SparseMatrix& a, Ordering ordering) {
@@ -100,11 +100,11 @@ class MultifrontalSolver final : public LinearSolver {
   }
 
   void refine(std::span<const double> b, std::span<double> x, int width, SolveReport& report) {
-    std::vector<double> rest(b.size());
-    multiply(*matrix_, x, rest, width);
-    for (std::size_t i = 0; i < rest.size(); ++i) rest[i] = b[i] - rest[i];
-    factor_->solve(store(), rest, width);
-    for (std::size_t i = 0; i < rest.size(); ++i) x[i] += rest[i];
+    std::vector<double> residual(b.size());
+    multiply(*matrix_, x, residual, width);
+    for (std::size_t i = 0; i < residual.size(); ++i) residual[i] = b[i] - residual[i];
+    factor_->solve(store(), residual, width);
+    for (std::size_t i = 0; i < residual.size(); ++i) x[i] += residual[i];
     report.residual = relative_residual(*matrix_, x, b, width);
     if (report.residual <= options_.tolerance) return;
     report.status = all_finite(b) ? SolveStatus::kNotConverged : SolveStatus::kNotFinite;

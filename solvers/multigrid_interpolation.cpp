@@ -9,8 +9,8 @@
 namespace tessera {
 namespace {
 
-constexpr double kReach = 2.0;  // of a seed's weight, in mean distances to its neighbours
-constexpr double kFlat = 1e-3;  // share of the trace added to the moment matrix: the surface may be flat
+constexpr double kSupport = 2.0;  // of a seed's weight, in mean distances to its neighbours
+constexpr double kFlat = 1e-3;    // share of the trace added to the moment matrix: the surface may be flat
 constexpr double kSmallWeight = 1e-4;  // not stored
 constexpr double kLargestSum = 3.0;    // of |weights|; more would amplify errors
 constexpr double kLargestMiss = 0.25;  // of the own position, in reaches
@@ -101,14 +101,15 @@ void linear_row(const Clusters& c, const NodeGraph& touching, std::span<const Do
 
 /// Weights at x of the linear function that fits values at the seeds `row.cluster` best; replaces row.weight.
 /// \return whether the row passes its checks
-bool smooth_row(std::span<const Double3> coarse, std::span<const double> reach, const Double3& x, Row& row) {
+bool smooth_row(std::span<const Double3> coarse, std::span<const double> support, const Double3& x,
+                Row& row) {
   row.weight.clear();
   double total = 0.0;
   Double3 mean{};
   std::size_t kept = 0;
   for (const std::int32_t j : row.cluster) {
     const Double3 d = coarse[j] - x;
-    const double q = 1.0 - dot(d, d) / (reach[j] * reach[j]);
+    const double q = 1.0 - dot(d, d) / (support[j] * support[j]);
     if (!(q > 0.0)) continue;
     const double w = q * q * q;
     row.cluster[kept++] = j;
@@ -120,10 +121,10 @@ bool smooth_row(std::span<const Double3> coarse, std::span<const double> reach, 
   if (kept < kFewestSeeds) return false;
   for (double& m : mean) m /= total;
   Matrix3 moments = Matrix3::Zero();
-  double largest_reach = 0.0;
+  double largest_support = 0.0;
   for (std::size_t k = 0; k < kept; ++k) {
     const Double3 d = coarse[row.cluster[k]] - x - mean;
-    largest_reach = std::max(largest_reach, reach[row.cluster[k]]);
+    largest_support = std::max(largest_support, support[row.cluster[k]]);
     for (int r = 0; r < 3; ++r)
       for (int q = 0; q < 3; ++q) moments.coeffRef(r, q) += row.weight[k] * d[r] * d[q];
   }
@@ -147,7 +148,7 @@ bool smooth_row(std::span<const Double3> coarse, std::span<const double> reach, 
   row.cluster.resize(kept);
   row.weight.resize(kept);
   return absolute <= kLargestSum &&
-         dot(miss, miss) <= kLargestMiss * kLargestMiss * largest_reach * largest_reach;
+         dot(miss, miss) <= kLargestMiss * kLargestMiss * largest_support * largest_support;
 }
 
 SparseMatrix empty_rows(const Clusters& c, std::size_t entries_per_row) {
@@ -188,14 +189,14 @@ SparseMatrix linear_interpolation(const Clusters& clusters, const NodeGraph& tou
 SparseMatrix smooth_interpolation(const Clusters& clusters, const NodeGraph& touching,
                                   std::span<const Double3> fine, std::span<const Double3> coarse,
                                   std::size_t& checked_out) {
-  std::vector<double> reach(coarse.size(), 0.0);
+  std::vector<double> support(coarse.size(), 0.0);
   for (std::size_t k = 0; k < coarse.size(); ++k) {
     for (std::int32_t e = touching.start[k]; e < touching.start[k + 1]; ++e) {
       const Double3 d = coarse[touching.to[e]] - coarse[k];
-      reach[k] += norm(d);
+      support[k] += norm(d);
     }
     if (touching.start[k + 1] > touching.start[k])
-      reach[k] *= kReach / (touching.start[k + 1] - touching.start[k]);
+      support[k] *= kSupport / (touching.start[k + 1] - touching.start[k]);
   }
   SparseMatrix p = empty_rows(clusters, 12);
   Row row;
@@ -210,7 +211,7 @@ SparseMatrix smooth_interpolation(const Clusters& clusters, const NodeGraph& tou
     }
     std::sort(row.cluster.begin(), row.cluster.end());
     row.cluster.erase(std::unique(row.cluster.begin(), row.cluster.end()), row.cluster.end());
-    if (!smooth_row(coarse, reach, fine[i], row)) {
+    if (!smooth_row(coarse, support, fine[i], row)) {
       ++checked_out;
       linear_row(clusters, touching, fine, coarse, i, row);
     }

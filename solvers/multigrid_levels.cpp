@@ -183,7 +183,7 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
   out.levels[0].skew = options.skew;
   out.levels[0].inverse_diagonal = inverse_diagonal_of(a);
   std::span<const Double3> positions = options.positions;
-  std::vector<Double3> held;  // positions below the finest level
+  std::vector<Double3> owned;  // positions below the finest level
   const SparseMatrix& mesh = options.neighbours != nullptr ? *options.neighbours : a;
   GraphView graph{mesh.start, mesh.column};
   NodeGraph coarser;
@@ -207,8 +207,8 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
                                : smooth_interpolation(clusters, coarser, positions, coarse, out.checked_out);
     // Weights are kept in single precision; the coarse matrix is made of the same weights.
     for (double& w : p.value) w = static_cast<float>(w);
-    held = std::move(coarse);
-    positions = held;
+    owned = std::move(coarse);
+    positions = owned;
     MultigridLevel next;
     next.own = galerkin(*out.levels.back().matrix, p);
     if (options.skew != nullptr) next.own_skew = galerkin(*out.levels.back().skew, p);

@@ -45,11 +45,11 @@ std::string attributes_text(const PointSummary& s) {
   return text.empty() ? "positions only" : text;
 }
 
-std::string system_text(const CoordinateSystem& system) {
-  std::string text = system.name;
-  const std::string code = "EPSG:" + std::to_string(system.horizontal);
-  if (system.horizontal != 0 && text.find(code) == std::string::npos) text += ", " + code;
-  return text + (system.wkt.empty() ? " (GeoTIFF keys)" : " (WKT)");
+std::string crs_text(const Crs& crs) {
+  std::string text = crs.name;
+  const std::string code = "EPSG:" + std::to_string(crs.horizontal);
+  if (crs.horizontal != 0 && text.find(code) == std::string::npos) text += ", " + code;
+  return text + (crs.wkt.empty() ? " (GeoTIFF keys)" : " (WKT)");
 }
 
 /// \param notices  null: warnings are printed here; else those that every tile of a survey may have go there
@@ -66,14 +66,14 @@ void print_text(const PointSummary& s, FileNotices* notices) {
                             s.counts.points - s.not_finite, s.not_finite, s.counts.withheld, s.counts.empty,
                             s.missing));
   line("attributes", attributes_text(s));
-  if (s.info.system.known()) line("system", system_text(s.info.system));
+  if (s.info.crs.known()) line("system", crs_text(s.info.crs));
   if (s.min[0] <= s.max[0]) line("bounds", vector_text(s.min) + "  to  " + vector_text(s.max));
   if (s.info.has_bounds)
     line("declared", vector_text(s.info.declared_min) + "  to  " + vector_text(s.info.declared_max));
   if (s.spacing > 0) line("spacing", fmt::format("about {:.4g} (units of the scan)", s.spacing));
   for (const Double3& sensor : s.info.sensors) line("sensor", vector_text(sensor));
   if (!s.info.left_out.empty()) line("note", left_out_sentence(s.info));
-  if (s.info.system.geographic)
+  if (s.info.crs.geographic)
     line("note", "coordinates are degrees: reconstruct takes them with --project auto or EPSG:n");
   for (const std::string& w : s.warnings) {
     if (notices != nullptr && w == kWideBounds)
@@ -103,7 +103,7 @@ nlohmann::ordered_json to_json(const PointSummary& s) {
                      {"classes_and_returns", a.echo}};
   j["without_normal"] = s.without_normal;
   j["without_colour"] = s.without_colour;
-  if (s.info.system.known()) j["coordinate_system"] = to_json(s.info.system);
+  if (s.info.crs.known()) j["coordinate_system"] = to_json(s.info.crs);
   if (s.min[0] <= s.max[0]) j["bounds"] = {{"min", s.min}, {"max", s.max}};
   if (s.info.has_bounds) j["declared_bounds"] = {{"min", s.info.declared_min}, {"max", s.info.declared_max}};
   if (s.spacing > 0) j["spacing"] = s.spacing;

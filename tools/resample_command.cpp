@@ -62,7 +62,7 @@ void run_resample(ResampleArguments& a) {
   a.state.also_read = cli::also_read({});
   if (a.blends != "auto") {
     a.state.also_read.push_back(a.blends);
-    a.options.blends = read_tracks_text(a.blends);
+    a.options.blends = read_curves_text(a.blends);
   }
   if (!a.profile.empty()) {
     a.state.also_read.push_back(a.profile);

@@ -39,7 +39,7 @@ void run(const Arguments& a) {
       throw tessera::ResourceError("the band does not fit " + std::to_string(a.memory_bytes >> 20) +
                                    " MiB in one OpenVDB grid; give a larger --memory");
   });
-  const int held = tessera::create_aside(a.out);
+  const int fd = tessera::create_aside(a.out);
   const std::filesystem::path part = tessera::output_aside(a.out);
   std::ofstream file(part, std::ios::binary);
   grid.write(file);
@@ -50,7 +50,7 @@ void run(const Arguments& a) {
                                  ": could not be written; is the disk full or the folder read-only?");
   }
   std::filesystem::rename(part, a.out);
-  ::close(held);
+  ::close(fd);
   fmt::print("{}: {} nodes, {} bytes in memory\n", a.out.string(), grid.node_count(), grid.bytes());
 }
 

@@ -86,7 +86,7 @@ std::string percent_encoded(const std::string& name) {
 [[noreturn]] void serve(const fs::path& viewer, const fs::path& page, const fs::path& site,
                         std::uint32_t port, std::optional<ScratchFolder>& scratch) {
   const int file = ::open(page.c_str(), O_RDONLY);
-  if (file < 0) throw InputError(page.string() + ": " + system_reason(errno));
+  if (file < 0) throw InputError(page.string() + ": " + os_reason(errno));
   scratch.reset();  // the descriptor keeps the page
   const std::string script = (viewer / "serve.py").string(), descriptor = std::to_string(file),
                     at = std::to_string(port);
@@ -97,7 +97,7 @@ std::string percent_encoded(const std::string& name) {
   std::fflush(nullptr);
   ::execvp(words[0], const_cast<char* const*>(words.data()));
   throw UsageError(fmt::format("python3 does not start ({}), and serves the page: apt install python3{}",
-                               system_reason(errno), site.empty() ? ", or write it to a file with -o" : ""));
+                               os_reason(errno), site.empty() ? ", or write it to a file with -o" : ""));
 }
 
 void view_tiles(const ViewArguments& a, const fs::path& input, const fs::path& viewer) {

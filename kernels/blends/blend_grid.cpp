@@ -35,8 +35,8 @@ std::vector<Double2> hermite_curve(const std::vector<ProfileKnot>& knots, std::s
       const double t = static_cast<double>(i) / kCurveSteps, s = 1.0 - t;
       Double2 p;
       for (std::size_t c = 0; c < 2; ++c)
-        p[c] = a.at[c] * s * s * (1.0 + 2.0 * t) + b.at[c] * t * t * (1.0 + 2.0 * s) + a.way[c] * s * s * t -
-               b.way[c] * t * t * s;
+        p[c] = a.at[c] * s * s * (1.0 + 2.0 * t) + b.at[c] * t * t * (1.0 + 2.0 * s) +
+               a.tangent[c] * s * s * t - b.tangent[c] * t * t * s;
       dense.push_back(p);
     }
   }

@@ -6,7 +6,7 @@
 namespace tessera {
 namespace {
 
-std::uint64_t way(std::uint32_t from, std::uint32_t to) {
+std::uint64_t half_edge(std::uint32_t from, std::uint32_t to) {
   return std::uint64_t{from} << 32 | to;
 }
 
@@ -83,14 +83,14 @@ std::vector<std::uint32_t> loose_vertices(std::span<const std::array<std::uint32
   for (std::uint32_t f = 0; f < faces.size(); ++f)
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t v = faces[f][k], next = faces[f][(k + 1) % 3];
-      if (!half.emplace(way(v, next), f).second) out.push_back(v);
+      if (!half.emplace(half_edge(v, next), f).second) out.push_back(v);
       ++star[v];
       any[v] = f;
       if (open[f] >> k & 1) at_open[v] = at_open[next] = 1;
     }
   for (std::uint32_t f = 0; f < faces.size(); ++f)
     for (std::size_t k = 0; k < 3; ++k)
-      if (!(open[f] >> k & 1) && half.count(way(faces[f][(k + 1) % 3], faces[f][k])) == 0)
+      if (!(open[f] >> k & 1) && half.count(half_edge(faces[f][(k + 1) % 3], faces[f][k])) == 0)
         out.push_back(faces[f][k]);
   if (!out.empty()) return out;
   for (std::uint32_t v = 0; v < vertices; ++v) {
@@ -99,7 +99,7 @@ std::vector<std::uint32_t> loose_vertices(std::span<const std::array<std::uint32
     do {
       const auto& t = faces[f];
       const std::size_t k = t[0] == v ? 0 : t[1] == v ? 1 : 2;
-      f = half.at(way(v, t[(k + 2) % 3]));
+      f = half.at(half_edge(v, t[(k + 2) % 3]));
     } while (++count <= star[v] && f != any[v]);
     if (count != star[v]) out.push_back(v);
   }

@@ -12,8 +12,8 @@
 namespace tessera {
 namespace {
 
-constexpr double kSameWay = 0.8;    ///< cosine between lines of least curvature of neighbours: 37 degrees
-constexpr double kSameSlice = 0.7;  ///< the same within a slice
+constexpr double kSameDirection = 0.8;  ///< cosine between lines of least curvature of neighbours: 37 degrees
+constexpr double kSameSlice = 0.7;      ///< the same within a slice
 constexpr double kFacing = -0.1;  ///< cosine of normals within a slice: a blend turns by a half turn at most
 constexpr int kCentrings = 4;
 constexpr double kEndShare = 0.5;  ///< of the ball: so near its end a band bends as what follows does
@@ -23,7 +23,7 @@ constexpr double kMinLength = 2.0;  ///< of its width
 constexpr double kSideShare = 1.15, kSideSteps = 2.0;
 constexpr double kApartSteps =
     3.0;  ///< between an end and another grid's side: faces of both holes, and one between
-constexpr int kMaxTracks = 256;  ///< of one band
+constexpr int kMaxCurves = 256;  ///< of one band
 constexpr double kAgain =
     0.5;  ///< share of a slice that was seen before: the track runs into itself or another
 
@@ -40,7 +40,7 @@ class Band {
     for (const std::uint32_t v : members_) seen_[v] = 0;
   }
 
-  void trace(std::vector<BlendTrack>& out) {
+  void trace(std::vector<BlendCurve>& out) {
     std::vector<std::uint32_t> seeds;
     for (const std::uint32_t v : members_)
       if (std::fabs(all_[v].across) * options_.radius >= options_.sure_turn) seeds.push_back(v);
@@ -49,12 +49,12 @@ class Band {
       const double x = std::fabs(all_[a].across), y = std::fabs(all_[b].across);
       return x != y ? x > y : a < b;
     });
-    int tracks = 0;
+    int curves = 0;
     for (const std::uint32_t seed : seeds) {
       if (seen_[seed] != 0) continue;
-      if (++tracks > kMaxTracks) break;
-      number_ = static_cast<std::uint32_t>(tracks);
-      if (auto track = from(seed)) out.push_back(std::move(*track));
+      if (++curves > kMaxCurves) break;
+      number_ = static_cast<std::uint32_t>(curves);
+      if (auto curve = from(seed)) out.push_back(std::move(*curve));
     }
   }
 
@@ -76,9 +76,9 @@ class Band {
   std::optional<Slice> slice(Double3 at, Double3 along, const Double3& normal, double width) const {
     Slice s;
     s.centre = at, s.along = along, s.normal = normal;
-    double reach = std::max(width, options_.radius);
+    double radius = std::max(width, options_.radius);
     for (int round = 0; round < kCentrings; ++round) {
-      gather(s, reach);
+      gather(s, radius);
       if (s.members.size() < 2) return std::nullopt;
       Double3 line{}, up{};
       double weight = 0.0, low = 0.0, high = 0.0;
@@ -86,8 +86,8 @@ class Band {
       for (const std::uint32_t v : s.members) {
         const BandVertex& b = all_[v];
         const double w = std::fabs(b.across);
-        const double way = dot(b.along, s.along) < 0.0 ? -1.0 : 1.0;
-        line = line + b.along * (way * w);
+        const double sign = dot(b.along, s.along) < 0.0 ? -1.0 : 1.0;
+        line = line + b.along * (sign * w);
         up = up + b.normal * w;
         sum = sum + (b.position - s.centre) * w;
         weight += w;
@@ -106,7 +106,7 @@ class Band {
       s.half_width = 0.5 * (high - low);
       s.along = line;
       s.normal = unit_or_zero(up - line * dot(up, line));
-      reach = std::max(options_.radius, 1.5 * s.half_width + step_);
+      radius = std::max(options_.radius, 1.5 * s.half_width + step_);
     }
     s.count = s.members.size();
     for (const std::uint32_t v : s.members) {
@@ -116,9 +116,9 @@ class Band {
     return s;
   }
 
-  void gather(Slice& s, double reach) const {
+  void gather(Slice& s, double radius) const {
     s.members.clear();
-    const Double3 r = {reach, reach, reach};
+    const Double3 r = {radius, radius, radius};
     const Cell a = cell_of(s.centre - r), b = cell_of(s.centre + r);
     for (std::int64_t z = a[2]; z <= b[2]; ++z)
       for (std::int64_t y = a[1]; y <= b[1]; ++y)
@@ -127,7 +127,7 @@ class Band {
           if (cell == cells_.end()) continue;
           for (const std::uint32_t v : cell->second) {
             const Double3 d = all_[v].position - s.centre;
-            if (std::fabs(dot(d, s.along)) > 0.75 * step_ || dot(d, d) > reach * reach) continue;
+            if (std::fabs(dot(d, s.along)) > 0.75 * step_ || dot(d, d) > radius * radius) continue;
             if (std::fabs(dot(all_[v].along, s.along)) < kSameSlice ||
                 dot(all_[v].normal, s.normal) < kFacing)
               continue;
@@ -137,13 +137,13 @@ class Band {
     std::sort(s.members.begin(), s.members.end());
   }
 
-  std::optional<BlendTrack> from(std::uint32_t seed) {
+  std::optional<BlendCurve> from(std::uint32_t seed) {
     const BandVertex& b = all_[seed];
     seen_[seed] = number_;
     const auto first = slice(b.position, b.along, b.normal, options_.radius);
     if (!first || 2 * first->before > first->count) return std::nullopt;
     mark(*first);
-    BlendTrack out;
+    BlendCurve out;
     out.key = b.key;
     out.convex = b.across > 0.0;
     std::vector<Slice> ahead = walk(*first, 1.0, out.closed);
@@ -174,10 +174,10 @@ class Band {
     all.erase(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(cut));
   }
 
-  std::vector<Slice> walk(const Slice& first, double way, bool& closed) {
+  std::vector<Slice> walk(const Slice& first, double sign, bool& closed) {
     std::vector<Slice> out;
     Slice at = first;
-    at.along = at.along * way;
+    at.along = at.along * sign;
     const Double3 begin = at.along;
     for (std::size_t k = 0; k < members_.size() + 4; ++k) {
       const Double3 next = at.centre + at.along * step_;
@@ -196,7 +196,7 @@ class Band {
       out.push_back(*s);
       at = *s;
     }
-    if (way < 0.0)
+    if (sign < 0.0)
       for (Slice& s : out) s.along = -s.along;
     return out;
   }
@@ -216,14 +216,14 @@ class Band {
 };
 
 /// How far to the side a grid reaches, its flank rows and what is cleared around it included.
-double side_reach(const BlendTrack& t, double step) {
+double side_width(const BlendCurve& t, double step) {
   return kSideShare * t.half_width + kSideSteps * step;
 }
 
 /// Tracks that meet in a corner end short of each other, so that their grids do not reach the same faces.
-void keep_apart(std::vector<BlendTrack>& tracks, double step) {
+void keep_apart(std::vector<BlendCurve>& curves, double step) {
   double widest = 0.0;
-  for (const BlendTrack& t : tracks) widest = std::max(widest, side_reach(t, step));
+  for (const BlendCurve& t : curves) widest = std::max(widest, side_width(t, step));
   const double cell = widest + kApartSteps * step;
   const auto cell_of = [&](const Double3& p) {
     Cell c;
@@ -231,12 +231,12 @@ void keep_apart(std::vector<BlendTrack>& tracks, double step) {
     return c;
   };
   struct Sample {
-    std::size_t track;
+    std::size_t curve;
     Double3 at;
   };
   std::map<Cell, std::vector<Sample>> cells;
-  for (std::size_t t = 0; t < tracks.size(); ++t)
-    for (const Double3& p : tracks[t].centre) cells[cell_of(p)].push_back({t, p});
+  for (std::size_t t = 0; t < curves.size(); ++t)
+    for (const Double3& p : curves[t].centre) cells[cell_of(p)].push_back({t, p});
   const auto is_near_another = [&](std::size_t t, const Double3& p) {
     const Cell c = cell_of(p);
     for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
@@ -245,30 +245,30 @@ void keep_apart(std::vector<BlendTrack>& tracks, double step) {
           const auto found = cells.find({x, y, z});
           if (found == cells.end()) continue;
           for (const Sample& s : found->second) {
-            if (s.track == t) continue;
-            const double reach =
-                std::max(side_reach(tracks[t], step), side_reach(tracks[s.track], step)) + kApartSteps * step;
-            if (squared_distance(s.at, p) < reach * reach) return true;
+            if (s.curve == t) continue;
+            const double radius =
+                std::max(side_width(curves[t], step), side_width(curves[s.curve], step)) + kApartSteps * step;
+            if (squared_distance(s.at, p) < radius * radius) return true;
           }
         }
     return false;
   };
-  std::vector<std::pair<std::size_t, std::size_t>> kept(tracks.size());
-  for (std::size_t t = 0; t < tracks.size(); ++t) {
-    std::size_t begin = 0, end = tracks[t].centre.size();
-    while (!tracks[t].closed && begin < end && is_near_another(t, tracks[t].centre[begin])) ++begin;
-    while (!tracks[t].closed && begin < end && is_near_another(t, tracks[t].centre[end - 1])) --end;
+  std::vector<std::pair<std::size_t, std::size_t>> kept(curves.size());
+  for (std::size_t t = 0; t < curves.size(); ++t) {
+    std::size_t begin = 0, end = curves[t].centre.size();
+    while (!curves[t].closed && begin < end && is_near_another(t, curves[t].centre[begin])) ++begin;
+    while (!curves[t].closed && begin < end && is_near_another(t, curves[t].centre[end - 1])) --end;
     // Beside another one all along: then who comes first has the faces.
-    if (end - begin < kMinSteps) begin = 0, end = tracks[t].centre.size();
+    if (end - begin < kMinSteps) begin = 0, end = curves[t].centre.size();
     kept[t] = {begin, end};
   }
-  for (std::size_t t = 0; t < tracks.size(); ++t) {
+  for (std::size_t t = 0; t < curves.size(); ++t) {
     const auto cut = [&](std::vector<Double3>& line) {
       line = std::vector<Double3>(line.begin() + static_cast<std::ptrdiff_t>(kept[t].first),
                                   line.begin() + static_cast<std::ptrdiff_t>(kept[t].second));
     };
-    cut(tracks[t].centre);
-    cut(tracks[t].normal);
+    cut(curves[t].centre);
+    cut(curves[t].normal);
   }
 }
 
@@ -278,25 +278,25 @@ bool is_in_band(double across, double minimum, const BandOptions& o) {
   return std::fabs(across) * o.radius >= o.min_turn && std::fabs(minimum) <= o.min_ratio * std::fabs(across);
 }
 
-std::vector<BlendTrack> trace_bands(std::span<const BandVertex> band,
+std::vector<BlendCurve> trace_bands(std::span<const BandVertex> band,
                                     std::span<const std::pair<std::uint32_t, std::uint32_t>> links,
                                     const BandOptions& options, double step) {
   UnionFind sets(band.size());
   for (const auto& [a, b] : links)
     if ((band[a].across > 0.0) == (band[b].across > 0.0) &&
-        std::fabs(dot(band[a].along, band[b].along)) >= kSameWay)
+        std::fabs(dot(band[a].along, band[b].along)) >= kSameDirection)
       sets.unite(a, b);
   std::map<std::uint32_t, std::vector<std::uint32_t>> bands;
   for (std::uint32_t v = 0; v < band.size(); ++v) bands[sets.find(v)].push_back(v);
-  std::vector<BlendTrack> out;
+  std::vector<BlendCurve> out;
   for (auto& [root, members] : bands)
     if (members.size() >= options.min_sure) Band(band, std::move(members), options, step).trace(out);
   keep_apart(out, step);
-  std::sort(out.begin(), out.end(), [](const BlendTrack& a, const BlendTrack& b) { return a.key < b.key; });
+  std::sort(out.begin(), out.end(), [](const BlendCurve& a, const BlendCurve& b) { return a.key < b.key; });
   return out;
 }
 
-BlendTrack track_through(std::span<const Double3> points, bool closed, double step) {
+BlendCurve curve_through(std::span<const Double3> points, bool closed, double step) {
   if (points.size() < 2) throw InputError("a spine has two points at least");
   const std::size_t n = points.size(), pieces = closed ? n : n - 1;
   const auto at = [&](std::ptrdiff_t i) -> const Double3& {
@@ -321,7 +321,7 @@ BlendTrack track_through(std::span<const Double3> points, bool closed, double st
   double length = 0.0;
   for (std::size_t i = 1; i < dense.size(); ++i) length += norm(dense[i] - dense[i - 1]);
   const double steps = std::max(closed ? 4.0 : 2.0, std::round(length / step));
-  BlendTrack out;
+  BlendCurve out;
   out.closed = closed;
   const auto count = static_cast<std::size_t>(steps) + (closed ? 0 : 1);
   double gone = 0.0;

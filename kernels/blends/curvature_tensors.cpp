@@ -47,7 +47,7 @@ class Bends {
         const double w = weight(edge.middle - centre);
         if (!(w > 0.0)) continue;
         const double share = w * edge.turn;
-        const Double3& d = edge.way;
+        const Double3& d = edge.direction;
         sum[0] += share * d[0] * d[0], sum[1] += share * d[0] * d[1], sum[2] += share * d[0] * d[2];
         sum[3] += share * d[1] * d[1], sum[4] += share * d[1] * d[2], sum[5] += share * d[2] * d[2];
       }
@@ -98,7 +98,7 @@ class Bends {
 
   /// An edge that turns, of the face that runs along it from its lower corner: once.
   struct Edge {
-    Double3 middle, way;
+    Double3 middle, direction;
     double turn;  ///< by its length
   };
   void add_edge(std::uint32_t f, std::uint32_t a, std::uint32_t b) {

@@ -9,9 +9,10 @@
 namespace tessera {
 namespace {
 
-constexpr int kMaxRounds = 40;     ///< of planes and fits; each leaves about a third of what the spine is off
-constexpr double kSettled = 1e-8;  ///< of the half width: moves of the spine from round to round that end it,
-constexpr double kSettledNoise = 0.01;  ///< or of the rms distance of vertices to their profiles
+constexpr int kMaxRounds = 40;  ///< of planes and fits; each leaves about a third of what the spine is off
+constexpr double kConverged =
+    1e-8;  ///< of the half width: moves of the spine from round to round that end it,
+constexpr double kConvergedNoise = 0.01;  ///< or of the rms distance of vertices to their profiles
 constexpr double kWaversNoise = 2.0, kWaversShare = 0.85,
                  kSameNoise = 0.99;   ///< as much as a round ago: it wavers
 constexpr int kPatientRounds = 3;     ///< in which ribs that fit badly may get better planes
@@ -22,7 +23,7 @@ constexpr double kFlankEdges = 3.0,
                  kFlankShare = 0.8;  ///< how much of the flanks is looked at: edges, half widths
 constexpr double kOffFitEdges = 1.5, kOffShare = 0.35;  ///< vertices farther off are of something else
 constexpr double kProfileFacing = 0.2;  ///< cosine between a vertex's normal and the profile's
-constexpr double kNearTrack = 3.0;      ///< of half the band and a flank
+constexpr double kNearCurve = 3.0;      ///< of half the band and a flank
 constexpr double kBadRib = 3.0;         ///< of the median rms: the blend has ended
 constexpr double kFine = 0.02;          ///< of an edge: a rib that fits so well is never bad
 constexpr double kRough = 0.3;          ///< of the flank: what lies so far off a line on average is no flank
@@ -31,7 +32,7 @@ constexpr double kMinApart = 0.15;      ///< of the spacing: ends of ribs
 /// Ribs by cells of their origins: every cell has those of its neighbours, too.
 class NearRibs {
  public:
-  NearRibs(const RibPlanes& planes, double reach) : planes_(planes), cell_(reach) {
+  NearRibs(const RibPlanes& planes, double radius) : planes_(planes), cell_(radius) {
     for (std::uint32_t i = 0; i < planes.size(); ++i) {
       const Cell c = cell(planes[i].origin);
       for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
@@ -93,11 +94,11 @@ bool in_order(const RibVertex& a, const RibVertex& b) {
 /// Where vertices are beside a fishbone.
 class Placing {
  public:
-  Placing(const Fishbone& bone, double reach, double off)
-      : bone_(bone), reach_(reach), off_(off), limit_(limit(bone, reach, off)) {}
+  Placing(const Fishbone& bone, double radius, double off)
+      : bone_(bone), radius_(radius), off_(off), limit_(limit(bone, radius, off)) {}
   /// How far from the origin of its rib a vertex may be.
-  static double limit(const Fishbone& bone, double reach, double off) {
-    return 1.5 * (0.5 * bone.mean_arc() + reach + bone.planes.spacing()) + off;
+  static double limit(const Fishbone& bone, double radius, double off) {
+    return 1.5 * (0.5 * bone.mean_arc() + radius + bone.planes.spacing()) + off;
   }
   /// \param rib  the nearest one
   std::optional<RibVertex> place(std::uint32_t v, const Double3& p, const Double3& normal,
@@ -109,7 +110,7 @@ class Placing {
     const RibProfile q = bone_.profile_at(at->rib);
     const ProfilePlace beside = place_beside(q, {at->x, at->y});
     const double half = 0.5 * q.arc_length();
-    if (std::fabs(beside.distance) > off_ || std::fabs(beside.run) > half + reach_) return std::nullopt;
+    if (std::fabs(beside.distance) > off_ || std::fabs(beside.run) > half + radius_) return std::nullopt;
     const double share = half > 0.0 ? std::clamp(0.5 + 0.5 * beside.run / half, 0.0, 1.0) : 0.5;
     const Double2 n = beside.zone == RibZone::kLeft    ? q.flank_normal(0)
                       : beside.zone == RibZone::kRight ? q.flank_normal(1)
@@ -120,46 +121,47 @@ class Placing {
 
  private:
   const Fishbone& bone_;
-  double reach_, off_, limit_;
+  double radius_, off_, limit_;
 };
 
 class Fit {
  public:
-  Fit(std::span<const Double3> position, std::span<const Double3> normal, const BlendTrack& track,
+  Fit(std::span<const Double3> position, std::span<const Double3> normal, const BlendCurve& curve,
       const FishboneOptions& options, Fishbone& out)
-      : all_position_(position), all_normal_(normal), track_(track), options_(options), out_(out) {}
+      : all_position_(position), all_normal_(normal), curve_(curve), options_(options), out_(out) {}
 
   FishboneOutcome run() {
     out_ = {};
 
-    out_.convex = track_.convex;
+    out_.convex = curve_.convex;
     out_.edge = options_.edge;
-    out_.flank = std::max({kFlankEdges * options_.edge, kFlankShare * track_.half_width, options_.min_flank,
+    out_.flank = std::max({kFlankEdges * options_.edge, kFlankShare * curve_.half_width, options_.min_flank,
                            options_.min_seen});
-    std::vector<Double3> up = track_.normal;
+    std::vector<Double3> up = curve_.normal;
     double length = 0.0;
-    const std::size_t n = track_.centre.size(), pieces = track_.closed ? n : n - 1;
-    for (std::size_t i = 0; i < pieces; ++i) length += norm(track_.centre[(i + 1) % n] - track_.centre[i]);
-    auto ribs = static_cast<std::size_t>(std::round(length / options_.spacing)) + (track_.closed ? 0 : 1);
+    const std::size_t n = curve_.centre.size(), pieces = curve_.closed ? n : n - 1;
+    for (std::size_t i = 0; i < pieces; ++i) length += norm(curve_.centre[(i + 1) % n] - curve_.centre[i]);
+    auto ribs = static_cast<std::size_t>(std::round(length / options_.spacing)) + (curve_.closed ? 0 : 1);
     if (n < 3 || ribs < kMinRibs) return FishboneOutcome::kTooShort;
-    out_.planes = planes_across(track_.centre, std::move(up), track_.closed, ribs, kSpineSmooths);
+    out_.planes = planes_across(curve_.centre, std::move(up), curve_.closed, ribs, kSpineSmooths);
     keep_near();
-    bool settled = false;
+    bool converged = false;
     double moved = std::numeric_limits<double>::infinity(), noise = moved;
     for (int round = 0;; ++round) {
       fit_ribs(round == 0);
       const std::size_t before = this->ribs();
       if (!(round < kPatientRounds ? fill_unfound() : cut_to_sound())) return FishboneOutcome::kNoFlanks;
       smooth_profiles();
-      if ((settled && before == this->ribs()) || round + 1 == kMaxRounds) break;
+      if ((converged && before == this->ribs()) || round + 1 == kMaxRounds) break;
       const double last_noise = noise, last = moved;
       noise = mean_rms();
       moved = follow();
       // Where noise lets vertices come and go at the rim of what ribs see, spines never come to rest.
-      const bool rests = moved <= std::max(kSettled * (track_.half_width + out_.edge), kSettledNoise * noise);
+      const bool stationary =
+          moved <= std::max(kConverged * (curve_.half_width + out_.edge), kConvergedNoise * noise);
       const bool wavers =
           moved <= kWaversNoise * noise && moved >= kWaversShare * last && noise >= kSameNoise * last_noise;
-      settled = round >= kPatientRounds && (rests || wavers);
+      converged = round >= kPatientRounds && (stationary || wavers);
     }
     RibEnds ends = rib_ends();
     const double minimum = kMinApart * out_.planes.spacing();
@@ -179,7 +181,7 @@ class Fit {
 
   /// What all rounds look at: vertices as near as any rib may see.
   void keep_near() {
-    const NearRibs near(out_.planes, kNearTrack * (track_.half_width + out_.flank) + out_.planes.spacing());
+    const NearRibs near(out_.planes, kNearCurve * (curve_.half_width + out_.flank) + out_.planes.spacing());
     for (std::size_t v = 0; v < all_position_.size(); ++v) {
       const std::int64_t rib = near.nearest(all_position_[v]);
       if (rib < 0) continue;
@@ -213,20 +215,20 @@ class Fit {
       flat.angle = {-0.5, 0.5};
       out_.profiles.assign(ribs(), flat);
     }
-    const double wide = track_.half_width + out_.flank;
+    const double wide = curve_.half_width + out_.flank;
     std::vector<RibVertex> all;
     if (first) {
-      const double reach = 2.0 * wide + out_.planes.spacing();
+      const double radius = 2.0 * wide + out_.planes.spacing();
       for (std::uint32_t v = 0; v < position_.size(); ++v) {
         const RibPlane& plane = out_.planes[rib_[v]];
-        if (squared_distance(plane.origin, position_[v]) >= reach * reach) continue;
+        if (squared_distance(plane.origin, position_[v]) >= radius * radius) continue;
         const auto at = out_.planes.locate(position_[v], rib_[v]);
         if (!at || std::fabs(at->x) > wide || std::fabs(at->y) > wide) continue;
         if (dot(normal_[v], plane.up) < 0.0) continue;
         all.push_back({v, *at, {}});
       }
     } else {
-      const double off = kOffFitEdges * out_.edge + kOffShare * (track_.half_width + out_.mean_arc());
+      const double off = kOffFitEdges * out_.edge + kOffShare * (curve_.half_width + out_.mean_arc());
       const Placing placing(out_, out_.flank, off);
       for (std::uint32_t v = 0; v < position_.size(); ++v) {
         rib_[v] = static_cast<std::uint32_t>(nearest_from(out_.planes, position_[v], rib_[v]));
@@ -241,7 +243,7 @@ class Fit {
       for_near(all, i, [&](const RibVertex& v) { points.push_back({v.place.x, v.place.y}); });
       RibProfile start = out_.profiles[i];
       if (first) {
-        const ProfileFit guess = guess_profile(points, track_.half_width, out_.convex);
+        const ProfileFit guess = guess_profile(points, curve_.half_width, out_.convex);
         if (!guess.found) continue;
         start = guess.profile;
       }
@@ -360,13 +362,13 @@ class Fit {
 
   bool has_flanks() {
     out_.rms = mean_rms();
-    return out_.rms < kRough * std::min(out_.flank, track_.half_width + out_.edge);
+    return out_.rms < kRough * std::min(out_.flank, curve_.half_width + out_.edge);
   }
 
   std::span<const Double3> all_position_, all_normal_;
   std::vector<Double3> position_, normal_;  ///< of those near the track
   std::vector<std::uint32_t> rib_;          ///< that was nearest to each
-  const BlendTrack& track_;
+  const BlendCurve& curve_;
   FishboneOptions options_;
   Fishbone& out_;
   std::vector<ProfileFit> fits_;
@@ -418,9 +420,9 @@ double Fishbone::mean_arc() const {
 }
 
 std::vector<RibVertex> place_vertices(const Fishbone& bone, std::span<const Double3> position,
-                                      std::span<const Double3> normal, double reach, double off) {
-  const NearRibs near(bone.planes, Placing::limit(bone, reach, off));
-  const Placing placing(bone, reach, off);
+                                      std::span<const Double3> normal, double radius, double off) {
+  const NearRibs near(bone.planes, Placing::limit(bone, radius, off));
+  const Placing placing(bone, radius, off);
   std::vector<RibVertex> out;
   for (std::uint32_t v = 0; v < position.size(); ++v) {
     const std::int64_t i = near.nearest(position[v]);
@@ -433,8 +435,8 @@ std::vector<RibVertex> place_vertices(const Fishbone& bone, std::span<const Doub
 }
 
 FishboneOutcome fit_fishbone(std::span<const Double3> position, std::span<const Double3> normal,
-                             const BlendTrack& track, const FishboneOptions& options, Fishbone& out) {
-  return Fit(position, normal, track, options, out).run();
+                             const BlendCurve& curve, const FishboneOptions& options, Fishbone& out) {
+  return Fit(position, normal, curve, options, out).run();
 }
 
 }  // namespace tessera

@@ -49,12 +49,12 @@ struct FishboneOptions {
 };
 
 /// Vertices near a fishbone with their places, by rib, then by vertex.
-/// \param position, normal  of the mesh; \param reach  beside the arc  \param off  of the profile, at the most
+/// \param position, normal  of the mesh; \param radius  beside the arc  \param off  of the profile, at the most
 std::vector<RibVertex> place_vertices(const Fishbone& bone, std::span<const Double3> position,
-                                      std::span<const Double3> normal, double reach, double off);
+                                      std::span<const Double3> normal, double radius, double off);
 
 /// \param position, normal  of the vertices of the mesh near the track; normals unit or zero
 FishboneOutcome fit_fishbone(std::span<const Double3> position, std::span<const Double3> normal,
-                             const BlendTrack& track, const FishboneOptions& options, Fishbone& out);
+                             const BlendCurve& curve, const FishboneOptions& options, Fishbone& out);
 
 }  // namespace tessera

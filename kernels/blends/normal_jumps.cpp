@@ -22,15 +22,15 @@ struct Jump {
 };
 
 /// Half the mean square difference of nearest neighbours.
-/// \param way_along, way_across  what a way counts
-double noise_of(const std::vector<Jump>& jumps, double way_along, double way_across) {
+/// \param line_along, line_across  what a way counts
+double noise_of(const std::vector<Jump>& jumps, double line_along, double line_across) {
   const std::size_t n = jumps.size();
   double sum = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
     double square = std::numeric_limits<double>::infinity(), angle = jumps[i].angle;
     const auto look = [&](std::size_t j) {
-      const double a = way_along * (jumps[j].along - jumps[i].along);
-      const double b = way_across * (jumps[j].across - jumps[i].across);
+      const double a = line_along * (jumps[j].along - jumps[i].along);
+      const double b = line_across * (jumps[j].across - jumps[i].across);
       if (a * a >= square) return false;
       if (a * a + b * b < square) square = a * a + b * b, angle = jumps[j].angle;
       return true;
@@ -45,14 +45,14 @@ double noise_of(const std::vector<Jump>& jumps, double way_along, double way_acr
 }
 
 /// \param jumps  ascending along the spine
-JumpSum sum_of(const std::vector<Jump>& jumps, double way_along, double way_across) {
+JumpSum sum_of(const std::vector<Jump>& jumps, double line_along, double line_across) {
   JumpSum s;
   s.edges = jumps.size();
   if (jumps.empty()) return s;
   const double n = static_cast<double>(jumps.size());
   for (const Jump& j : jumps) s.mean += j.angle / n;
   for (const Jump& j : jumps) s.variance += (j.angle - s.mean) * (j.angle - s.mean) / n;
-  s.noise = noise_of(jumps, way_along, way_across);
+  s.noise = noise_of(jumps, line_along, line_across);
   return s;
 }
 
@@ -95,9 +95,9 @@ NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position
     const RibProfile p = bone.profile_at(v.place.rib);
     if (v.beside.zone != RibZone::kArc || std::fabs(v.beside.run) > 0.5 * kInner * p.arc_length()) continue;
     const Side &a = sides[at[v.vertex]], &b = sides[at[v.vertex] + 1];
-    const Double3 way = unit_or_zero(position[a.high] - position[a.low]);
+    const Double3 direction = unit_or_zero(position[a.high] - position[a.low]);
     const auto rib = static_cast<std::size_t>(v.place.rib) % bone.planes.size();
-    const double cosine = std::fabs(dot(way, bone.planes[rib].along));
+    const double cosine = std::fabs(dot(direction, bone.planes[rib].along));
     const Jump jump = {v.place.rib * bone.planes.spacing(), v.beside.run,
                        angle_between(face_normal(a.face), face_normal(b.face))};
     const auto leads = [&](std::uint32_t f) {

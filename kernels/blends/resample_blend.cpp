@@ -33,9 +33,9 @@ constexpr double kEdgesApart = 1.3;  ///< local edges that differ by more from w
 
 class Resampler {
  public:
-  Resampler(const MeshBlock& block, BlendTrack track, const BlendOptions& options, double edge, bool follows)
+  Resampler(const MeshBlock& block, BlendCurve curve, const BlendOptions& options, double edge, bool follows)
       : block_(block),
-        track_(std::move(track)),
+        curve_(std::move(curve)),
         options_(options),
         edge_(edge),
         follows_(follows),
@@ -75,13 +75,13 @@ class Resampler {
     bad_.assign(bone_.planes.size(), 0);
     ring_.clear(), old_.clear(), added_.clear();
     pieces_ = {};
-    const double reach = flank_beyond(bone_, options_, spacing_) + (1.0 + kClear) * spacing_;
-    near_ = place(reach + 2.0 * edge_);
+    const double max_distance = flank_beyond(bone_, options_, spacing_) + (1.0 + kClear) * spacing_;
+    near_ = place(max_distance + 2.0 * edge_);
     grid_ = make_blend_grid(bone_, near_, options_, spacing_, follows_);
     describe();
     if (grid_.sharp && options_.edit == BlendEdit::kNone) return BlendOutcome::kSharp;
     // Again, as far as faces that begin under the grid can reach.
-    near_ = place(reach + longest_edge_near());
+    near_ = place(max_distance + longest_edge_near());
     if (const BlendOutcome o = clear(); o != BlendOutcome::kChanged) return o;
     if (const BlendOutcome o = stitch(); o != BlendOutcome::kChanged) return o;
     if (folds()) return BlendOutcome::kFolds;
@@ -131,16 +131,17 @@ class Resampler {
       for (const std::uint32_t v : f) normal_[v] = normal_[v] + n;
     }
     for (Double3& n : normal_) n = unit_or_zero(n);
-    dress_track();
+    dress_curve();
   }
   /// Where a track by hand has no normals it takes those of the vertices around.
-  void dress_track() {
-    const double reach = track_.half_width + edge_;
-    for (std::size_t i = 0; i < track_.normal.size(); ++i) {
-      Double3& n = track_.normal[i];
+  void dress_curve() {
+    const double max_distance = curve_.half_width + edge_;
+    for (std::size_t i = 0; i < curve_.normal.size(); ++i) {
+      Double3& n = curve_.normal[i];
       if (dot(n, n) > 0.0) continue;
       for (std::size_t v = 0; v < normal_.size(); ++v)
-        if (squared_distance(block_.position[v], track_.centre[i]) < reach * reach) n = n + normal_[v];
+        if (squared_distance(block_.position[v], curve_.centre[i]) < max_distance * max_distance)
+          n = n + normal_[v];
       n = unit_or_zero(n);
     }
   }
@@ -154,10 +155,10 @@ class Resampler {
     for (int again = 0; again < 2; ++again) {
       spacing_ = options_.spacing > 0.0 ? options_.spacing : edge_;
       FishboneOptions o{spacing_, edge_, 0.0, flank};
-      FishboneOutcome found = fit_fishbone(block_.position, normal_, track_, o, bone_);
+      FishboneOutcome found = fit_fishbone(block_.position, normal_, curve_, o, bone_);
       if (found == FishboneOutcome::kFound && options_.edit != BlendEdit::kNone) {
         o.min_flank = flank_beyond(bone_, options_, spacing_) + spacing_;
-        found = fit_fishbone(block_.position, normal_, track_, o, bone_);
+        found = fit_fishbone(block_.position, normal_, curve_, o, bone_);
       }
       const bool shrank = found == FishboneOutcome::kFound && again > 0 &&
                           bone_.planes.length() < kShrunk * coarser.planes.length();
@@ -181,8 +182,8 @@ class Resampler {
   }
 
   double off() const { return kOffEdges * edge_ + 0.5 * bone_.mean_arc(); }
-  std::vector<RibVertex> place(double reach) const {
-    return place_vertices(bone_, block_.position, normal_, reach, off());
+  std::vector<RibVertex> place(double max_distance) const {
+    return place_vertices(bone_, block_.position, normal_, max_distance, off());
   }
 
   double local_edge() const {
@@ -290,7 +291,7 @@ class Resampler {
       for (std::size_t f = 0; f < ring.size(); ++f)
         for (const std::uint32_t v : block_.faces[f]) ring[f] |= near[v];
     }
-    const Double3 origin = track_.centre[0];
+    const Double3 origin = curve_.centre[0];
     std::vector<std::uint32_t> place(block_.key.size(), kNone);
     for (std::uint32_t f = 0; f < ring.size(); ++f) {
       if (!ring[f] || removed_[f]) continue;
@@ -440,11 +441,11 @@ class Resampler {
     CertificateOptions o;
     o.tolerance = options_.tolerance;
     if (edited) o.tolerance = std::max(o.tolerance, 2.0 * (bone_.mean_arc() + spacing_ + options_.radius));
-    o.reach = kRoomy * o.tolerance;
+    o.max_distance = kRoomy * o.tolerance;
     o.area_unit = std::max(1e-300, edge_ * edge_ * 1e-6);
     o.samples = 0;
     const DeviationPair pair =
-        certify_pair({position, now}, {block_.position, old}, nullptr, track_.centre[0], o);
+        certify_pair({position, now}, {block_.position, old}, nullptr, curve_.centre[0], o);
     out_.report.distance = std::max(pair.there.upper, pair.back.upper);
     if (edited || out_.report.distance <= options_.tolerance) return true;
     for (std::size_t f = 0; f < now.size(); ++f)
@@ -493,9 +494,9 @@ class Resampler {
 
   /// New vertices take the colour of the nearest corner of the face under them.
   void colour(const std::vector<Face>& was) {
-    const ClosestFaces there(block_.position, was, track_.centre[0]);
+    const ClosestFaces there(block_.position, was, curve_.centre[0]);
     for (const Double3& p : grid_.node) {
-      const auto hit = there.closest(p - track_.centre[0], 1e300, ClosestFaces::kNone);
+      const auto hit = there.closest(p - curve_.centre[0], 1e300, ClosestFaces::kNone);
       const Face& f = was[there.face(hit.slot)];
       std::uint32_t nearest = f[0];
       for (const std::uint32_t v : f)
@@ -506,7 +507,7 @@ class Resampler {
   }
 
   const MeshBlock& block_;
-  BlendTrack track_;
+  BlendCurve curve_;
   const BlendOptions& options_;
   double edge_, spacing_ = 0.0;
   bool follows_;                       ///< the surface beside arcs and straight flanks
@@ -554,13 +555,13 @@ std::string_view sentence_of(BlendOutcome outcome) {
   return "";
 }
 
-double blend_reach(const BlendTrack& track, const BlendOptions& options, double edge) {
-  return 4.0 * track.half_width + 4.0 * options.radius + 16.0 * edge;
+double blend_halo(const BlendCurve& curve, const BlendOptions& options, double edge) {
+  return 4.0 * curve.half_width + 4.0 * options.radius + 16.0 * edge;
 }
 
-ResampledBlend resample_blend(const MeshBlock& block, const BlendTrack& track, const BlendOptions& options,
+ResampledBlend resample_blend(const MeshBlock& block, const BlendCurve& curve, const BlendOptions& options,
                               double edge) {
-  return Resampler(block, track, options, edge, options.edit != BlendEdit::kNone).run();
+  return Resampler(block, curve, options, edge, options.edit != BlendEdit::kNone).run();
 }
 
 std::uint64_t resample_blend_bytes(std::uint64_t vertices, std::uint64_t faces) {

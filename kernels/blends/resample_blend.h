@@ -25,7 +25,7 @@ enum class BlendEdit : std::uint8_t {
 /// A knot of a profile: where the curve is, and which way it goes, in a frame in which the arc begins at (0, 0) and ends
 /// at (1, 0), with y out of the surface. Cubic after Hermite between knots.
 struct ProfileKnot {
-  Double2 at{}, way{};
+  Double2 at{}, tangent{};
 };
 
 struct BlendOptions {
@@ -75,13 +75,13 @@ struct ResampledBlend {
 };
 
 /// How far around a track its block must reach.
-double blend_reach(const BlendTrack& track, const BlendOptions& options, double edge);
+double blend_halo(const BlendCurve& curve, const BlendOptions& options, double edge);
 
 /// \param block  canonical, the surface near the track
 /// \param edge   mean edge of the mesh, > 0
 /// \post  where the blend is changed: without the removed faces and with the added ones the block is a manifold where it
 ///        was one, its borders are the same, and no vertex that was there moves
-ResampledBlend resample_blend(const MeshBlock& block, const BlendTrack& track, const BlendOptions& options,
+ResampledBlend resample_blend(const MeshBlock& block, const BlendCurve& curve, const BlendOptions& options,
                               double edge);
 
 /// Upper bound of what it allocates.

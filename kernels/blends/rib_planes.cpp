@@ -97,13 +97,13 @@ RibPlace RibPlanes::between(std::size_t rib, const Double3& p) const {
     return a.origin * (s * s * (1.0 + 2.0 * t)) + b.origin * (t * t * (1.0 + 2.0 * s)) +
            (a.along * (s * s * t) - b.along * (t * t * s)) * chord;
   };
-  const auto gap = [&](double t) {
+  const auto signed_height = [&](double t) {
     return dot(p - origin(t), unit_or_zero(a.along * (1.0 - t) + b.along * t));
   };
-  double low = 0.0, high = 1.0, at_low = gap(0.0), at_high = gap(1.0), t = 0.0;
+  double low = 0.0, high = 1.0, at_low = signed_height(0.0), at_high = signed_height(1.0), t = 0.0;
   for (int k = 0; k < kSecants && at_low != at_high; ++k) {
     t = std::clamp(low + (high - low) * (at_low / (at_low - at_high)), low, high);
-    const double here = gap(t);
+    const double here = signed_height(t);
     if (std::fabs(here) <= kOnPlane * chord) break;
     if (here > 0.0) {
       low = t, at_low = here, at_high *= k % 2 ? 0.5 : 1.0;

@@ -177,8 +177,8 @@ Double2 RibProfile::on_arc(double share) const {
 }
 Double2 RibProfile::on_flank(std::size_t side, double from_corner) const {
   const Double2 c = corner(), t = tangent_at(angle[side]);
-  const double way = side == 0 ? -from_corner : from_corner;
-  return {c[0] + way * t[0], c[1] + way * t[1]};
+  const double signed_length = side == 0 ? -from_corner : from_corner;
+  return {c[0] + signed_length * t[0], c[1] + signed_length * t[1]};
 }
 
 ProfilePlace place_beside(const RibProfile& q, const Double2& p) {

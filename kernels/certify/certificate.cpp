@@ -61,7 +61,7 @@ class Certifier {
         reference_(reference),
         options_(options),
         core_(core),
-        reach_square_(options.reach * options.reach),
+        max_square_(options.max_distance * options.max_distance),
         hit_(surface.position.size()) {
     for (std::size_t k = 0; k < 3; ++k) {
       low_[k] = core ? core->low[k] - reference.origin()[k] : -kInfinite;
@@ -138,7 +138,7 @@ class Certifier {
   /// Closest triangle within reach; a point of the core that has none is beyond.
   ClosestFaces::Hit query(const Double3& p, std::uint32_t hint) {
     if (report_.queries++ % kQueriesPerCheck == 0 && options_.check_stop) options_.check_stop();
-    return reference_.closest(p, reach_square_, hint);
+    return reference_.closest(p, max_square_, hint);
   }
 
   /// Closest triangles of all corners: hints for the pieces, and a first idea of the largest distance.
@@ -155,7 +155,7 @@ class Certifier {
         const ClosestFaces::Hit hit = query(p, hint);
         hit_[v] = hit.slot;
         if (hit.slot != kNone) hint = hit.slot;
-        if (in_core(p)) found(hit.slot == kNone ? options_.reach : std::sqrt(hit.square), p);
+        if (in_core(p)) found(hit.slot == kNone ? options_.max_distance : std::sqrt(hit.square), p);
       }
     }
   }
@@ -257,7 +257,7 @@ class Certifier {
 
   void give_up(const Piece& piece, const Double3& where) {
     report_.beyond = true;
-    found(options_.reach, where);
+    found(options_.max_distance, where);
     bound_ = kInfinite;
     count(piece);
   }
@@ -354,7 +354,7 @@ class Certifier {
   const ClosestFaces& reference_;
   const CertificateOptions& options_;
   const Box3* core_;
-  const double reach_square_;
+  const double max_square_;
   std::vector<std::uint32_t> hit_;  ///< per vertex: slot of the closest triangle
   std::vector<Piece> stack_;
   DeviationReport report_;
@@ -396,7 +396,7 @@ void DeviationReport::merge(const DeviationReport& other) {
 DeviationReport certify_deviation(const SurfaceFaces& surface, const Box3* core,
                                   const ClosestFaces& reference, const CertificateOptions& options,
                                   std::vector<float>* face_bound) {
-  assert(options.tolerance > 0.0 && options.reach >= options.tolerance && options.tightness > 1.0);
+  assert(options.tolerance > 0.0 && options.max_distance >= options.tolerance && options.tightness > 1.0);
   assert(options.area_unit > 0.0);
   return Certifier(surface, core, reference, options).run(face_bound);
 }

@@ -48,7 +48,7 @@ struct Box3 {
 struct CertificateOptions {
   double tolerance = 0.0;  ///< scan units, > 0
   /// >= tolerance: the other surface is complete within it; larger distances are "beyond".
-  double reach = 0.0;
+  double max_distance = 0.0;
   double tightness = 1.03;  ///< > 1
   double enough = 0.0;      ///< >= 0: bounds up to here need not be tight
   double area_unit = 0.0;   ///< > 0: areas in the histogram are integers in it (lengths, of its root)
@@ -85,7 +85,7 @@ struct SurfaceFaces {
 
 /// \param surface    what is measured
 /// \param core       only what lies in this box (all of it: nullptr); boxes that tile space count every point once
-/// \param reference  what is measured against; complete within `reach` of the measured part. May be empty
+/// \param reference  what is measured against; complete within `max_distance` of the measured part. May be empty
 /// \param face_bound m bounds, rounded up, one per face (infinite: beyond), or nullptr
 /// \post  the result depends on the arguments alone
 /// \cost  about 1 us per face and overlap; 20 bytes per vertex, 4 per face

@@ -54,8 +54,8 @@ DeviationReport certify_some(const SurfaceFaces& surface, const std::vector<std:
         box.low[k] = std::max(box.low[k], core->low[k]);
         box.high[k] = std::min(box.high[k], core->high[k]);
       }
-      box.low[k] -= options.reach * (1.0 + 0x1p-20);
-      box.high[k] += options.reach * (1.0 + 0x1p-20);
+      box.low[k] -= options.max_distance * (1.0 + 0x1p-20);
+      box.high[k] += options.max_distance * (1.0 + 0x1p-20);
     }
     mask.mark(box.low, box.high);
   }
@@ -173,16 +173,17 @@ DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const B
   }
   if (coarse.faces.size() * kFewer > fine.faces.size()) {
     // A face lies over several of the other surface: each surface is the coarse one once.
-    const auto one_way = [&](const SurfaceFaces& from, const SurfaceFaces& to, std::vector<float>& bound) {
+    const auto one_sided = [&](const SurfaceFaces& from, const SurfaceFaces& to, std::vector<float>& bound) {
       OverlaySide side =
-          prove_by_overlay(from, to, core, kPairMargin * options.reach, origin, options, false).coarse;
+          prove_by_overlay(from, to, core, kPairMargin * options.max_distance, origin, options, false).coarse;
       return finish(from, to, std::move(side), bound);
     };
-    out.there = one_way(a, b, out.there_bound);
-    out.back = one_way(b, a, out.back_bound);
+    out.there = one_sided(a, b, out.there_bound);
+    out.back = one_sided(b, a, out.back_bound);
     return out;
   }
-  OverlayProof proof = prove_by_overlay(coarse, fine, core, kPairMargin * options.reach, origin, options);
+  OverlayProof proof =
+      prove_by_overlay(coarse, fine, core, kPairMargin * options.max_distance, origin, options);
   out.there = finish(a, b, std::move(swapped ? proof.fine : proof.coarse), out.there_bound);
   out.back = finish(b, a, std::move(swapped ? proof.coarse : proof.fine), out.back_bound);
   return out;
@@ -194,7 +195,7 @@ RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const 
   const double pixel = raster_pixel(a, b, options.tolerance);
   CertificateOptions yes_or_no = options;
   yes_or_no.enough = yes_or_no.tolerance = options.tolerance * (1.0 - kProofMargin);
-  const auto one_way = [&](const SurfaceFaces& from, const SurfaceFaces& to) {
+  const auto one_sided = [&](const SurfaceFaces& from, const SurfaceFaces& to) {
     RasterFilterReport report;
     std::vector<std::uint32_t> doubts =
         raster_doubts(from, core, to, origin, options.tolerance, pixel, &report);
@@ -206,7 +207,7 @@ RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const 
       std::vector<Face> faces;
       for (const std::uint32_t f : doubts) faces.push_back(from.faces[f]);
       const OverlaySide side = prove_by_overlay({from.position, faces}, to, &core,
-                                                kPairMargin * options.reach, origin, yes_or_no, false)
+                                                kPairMargin * options.max_distance, origin, yes_or_no, false)
                                    .coarse;
       std::size_t left = 0;
       for (std::size_t i = 0; i < doubts.size(); ++i)
@@ -217,8 +218,8 @@ RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const 
     std::vector<float> bound;
     return certify_some(from, doubts, to, &core, origin, yes_or_no, bound).faces_over == 0;
   };
-  const bool there = one_way(a, b);
-  proof.proven = there && one_way(b, a);
+  const bool there = one_sided(a, b);
+  proof.proven = there && one_sided(b, a);
   return proof;
 }
 

@@ -27,7 +27,7 @@ double fraction(double v) {
 
 /// In [0, 1), of a number (Steele, Lea, Flood 2014): where in its stratum a point lies, so that no period of the faces
 /// is met.
-double scatter(std::uint64_t i) {
+double jitter(std::uint64_t i) {
   std::uint64_t x = (i + 1) * 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
   x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
@@ -120,7 +120,7 @@ SurfaceSamples spread_samples(const SurfaceFaces& surface, const Box3* core, std
   std::size_t f = 0, on = 0;
   SampledPart part;
   for (std::size_t i = 0; i < count; ++i) {
-    const double at = stratum * (static_cast<double>(i) + scatter(i));
+    const double at = stratum * (static_cast<double>(i) + jitter(i));
     while (f + 1 < area.size() && before + area[f] <= at) before += area[f++];
     // The sum's rounding may lead beyond the last face that has an area.
     if (area[f] > 0.0 && (f != on || part.corners == 0))
@@ -147,11 +147,11 @@ void measure_samples(const SurfaceSamples& samples, bool segments, const Closest
   constexpr std::size_t kPerCheck = 256;
   for (std::size_t i = 0; i < samples.at.size(); ++i) {
     if (i % kPerCheck == 0 && options.check_stop) options.check_stop();
-    const ClosestFaces::Hit hit =
-        reference.closest(samples.at[i] - reference.origin(), options.reach * options.reach * kWider, hint);
+    const ClosestFaces::Hit hit = reference.closest(
+        samples.at[i] - reference.origin(), options.max_distance * options.max_distance * kWider, hint);
     const bool found = hit.slot != ClosestFaces::kNone;
     if (found) hint = hit.slot;
-    const double distance = found ? std::sqrt(hit.square) : options.reach;
+    const double distance = found ? std::sqrt(hit.square) : options.max_distance;
     squares += distance * distance;
     std::size_t bin = found ? kDeviationBins : kDeviationBins + 1;
     if (found && distance <= options.tolerance)
@@ -178,7 +178,7 @@ void measure_samples(const SurfaceFaces& surface, const SurfaceFaces& other, con
   if (samples.at.empty()) return;
   std::vector<double> radius;
   for (const std::uint32_t f : samples.face)
-    radius.push_back(kWider * std::min(options.reach, static_cast<double>(bound[f])));
+    radius.push_back(kWider * std::min(options.max_distance, static_cast<double>(bound[f])));
   const BoxMask mask = mask_around(samples, radius);
   std::vector<SampledFace> near;
   for (const SampledFace& f : other.faces) {

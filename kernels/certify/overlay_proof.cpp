@@ -206,7 +206,7 @@ class Overlay {
       const Flat p[3] = {place(v[0]).at, place(v[1]).at, place(v[2]).at};
       const double up = turn(p[0], p[1], p[2]) < 0.0 ? -1.0 : 1.0;
       double minimum = 0.0;
-      std::uint32_t way = kNoFace;
+      std::uint32_t side = kNoFace;
       bool safe = true;
       for (std::uint32_t i = 0; i < 3; ++i) {
         const Flat &a = p[i], &b = p[i == 2 ? 0 : i + 1];
@@ -214,12 +214,12 @@ class Overlay {
         const double inside = up * turn(a, b, to);
         safe = safe && inside > 4.0 * grown_ * size;
         if (size > 0.0 && inside / size < minimum && across_fine_[f][i] >> 2 != came)
-          minimum = inside / size, way = i;
+          minimum = inside / size, side = i;
       }
       if (safe) return f;
-      if (way == kNoFace) return kNoFace;
+      if (side == kNoFace) return kNoFace;
       came = f;
-      f = across_fine_[f][way] == kNoFace ? kNoFace : across_fine_[f][way] >> 2;
+      f = across_fine_[f][side] == kNoFace ? kNoFace : across_fine_[f][side] >> 2;
     }
     return kNoFace;
   }

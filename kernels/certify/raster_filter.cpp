@@ -209,7 +209,7 @@ class Image {
   std::size_t layers() const { return layers_.size(); }
 
   /// Is what the triangle has over the core within `limit` of the reference? \param p  its corners in the frame
-  bool settles(const Double3* p, double limit, double core_low, double core_high) const {
+  bool decides(const Double3* p, double limit, double core_low, double core_high) const {
     Slope s;
     if (!slope_of(frame_, p, s)) return false;
     return each_pixel(frame_, p, [&](const Part& part) {
@@ -417,7 +417,7 @@ std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3
     if (axis[f] < 3) wanted[maximum] = true;
   }
   const std::size_t faces = surface.faces.size() + reference.faces.size();
-  std::vector<std::uint8_t> settled(surface.faces.size());
+  std::vector<std::uint8_t> decided(surface.faces.size());
   if (limit > 0.0 && !reference.faces.empty()) {
     const std::vector<Across> across = pair_edges(reference);
     std::vector<Double3> at;
@@ -441,14 +441,14 @@ std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3
                               frame.place(surface.position[v[2]])};
         work += touched(frame, p);
         if (work > max_touched) break;  // the others stay in doubt
-        settled[f] = image.settles(p, limit, low, high);
+        decided[f] = image.decides(p, limit, low, high);
       }
     }
   }
   for (std::uint32_t f = 0; f < surface.faces.size(); ++f) {
     if (axis[f] == 4) continue;
-    if (settled[f] != 0)
-      ++counts.settled;
+    if (decided[f] != 0)
+      ++counts.decided;
     else
       doubts.push_back(f);
   }

@@ -31,7 +31,7 @@ namespace tessera {
 
 struct RasterFilterReport {
   std::uint64_t faces = 0;    ///< of the surface that meet the core
-  std::uint64_t settled = 0;  ///< of these
+  std::uint64_t decided = 0;  ///< of these
   std::uint64_t layers = 0;   ///< drawn, over all pixels
 };
 

@@ -71,10 +71,10 @@ double plane_area_in_cube(const Double3& point, const Double3& normal, double ed
   for (double& c : u) c /= size;
   const Double3 v = cross(normal, u);
   Polygon polygon;
-  const double reach = 4.0 * edge;  // more than the diagonal, whatever point of the cube it is
+  const double extent = 4.0 * edge;  // more than the diagonal, whatever point of the cube it is
   for (const auto& [s, t] : {std::pair{-1.0, -1.0}, {1.0, -1.0}, {1.0, 1.0}, {-1.0, 1.0}}) {
     Double3& corner = polygon.corner[polygon.size++];
-    for (std::size_t c = 0; c < 3; ++c) corner[c] = point[c] + reach * (s * u[c] + t * v[c]);
+    for (std::size_t c = 0; c < 3; ++c) corner[c] = point[c] + extent * (s * u[c] + t * v[c]);
   }
   for (std::size_t c = 0; c < 3; ++c) {
     clip(polygon, c, -1.0, 0.0);

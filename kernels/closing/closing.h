@@ -39,7 +39,7 @@ struct ClosingLeaf {
 inline constexpr float kFlowSteps = 60.0f;
 
 /// Signs of the nodes of a leaf that need no evaluation.
-struct SettledSigns {
+struct FixedSigns {
   Int3 origin = {0, 0, 0};  ///< as in BandSigns
   LeafWords known{};        ///< of the closing field, or forced
   LeafWords forced{};
@@ -93,12 +93,12 @@ std::uint64_t take_back_unfinished(std::map<std::uint64_t, std::vector<ClosingLe
 /// \param signs   of the leaves that hold nodes [0, 64] of the brick
 /// \param known   its closing cells so far
 /// \param near_points  data around the brick, for the limit: quanta; complete within the limit or empty
-/// \param settled  signs that stand, of leaves that hold nodes [0, 64] of the brick
+/// \param fixed  signs that stand, of leaves that hold nodes [0, 64] of the brick
 /// \pre  `field` holds what nodes [0, 64] of the brick need
 GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
                         std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
                         const SignSource& field, std::span<const Int3> near_points,
-                        const ClosingOptions& options, std::span<const SettledSigns> settled = {});
+                        const ClosingOptions& options, std::span<const FixedSigns> fixed = {});
 
 /// Adds closing cells to the band of a block: values of the closing field at their nodes and roots on their
 /// edges.

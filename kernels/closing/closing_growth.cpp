@@ -38,7 +38,7 @@ bool before(const Int3& a, const Int3& b) {
 /// What is known of the nodes of one brick, [0, 64] on each axis.
 class BrickNodes {
  public:
-  BrickNodes(const Int3& corner, std::span<const BandSigns> signs, std::span<const SettledSigns> settled,
+  BrickNodes(const Int3& corner, std::span<const BandSigns> signs, std::span<const FixedSigns> fixed,
              const SignSource& field, std::span<const Int3> near_points, const ClosingOptions& options)
       : corner_(corner),
         field_(field),
@@ -47,9 +47,9 @@ class BrickNodes {
         node_(std::size_t{kNodes} * kNodes * kNodes, 0),
         evaluated_(std::size_t{kLeaves} * kLeaves * kLeaves * kLeafCells, false),
         layers_(options.limit > 0.0f ? kLeafCells : kLayers) {
-    for (const SettledSigns& s : settled) enter(s.origin, s.known, s.inside, kKnown);
+    for (const FixedSigns& s : fixed) enter(s.origin, s.known, s.inside, kKnown);
     for (const BandSigns& s : signs) enter(s.origin, s.valid, s.inside, kKnown | kLocal);
-    for (const SettledSigns& s : settled) enter(s.origin, s.forced, s.inside, kKnown);
+    for (const FixedSigns& s : fixed) enter(s.origin, s.forced, s.inside, kKnown);
   }
 
   /// Signs of the closing field.
@@ -165,13 +165,13 @@ class BrickNodes {
 
   void mark_far(const Int3& leaf, const std::vector<std::size_t>& slots, const std::vector<Int3>& queries) {
     const double limit = double{options_.limit} * kQuantaPerCell;
-    const double reach = limit + 7.0 * kQuantaPerCell;  // more than half the diagonal of a leaf
+    const double radius = limit + 7.0 * kQuantaPerCell;  // more than half the diagonal of a leaf
     Int3 middle;
     for (std::size_t a = 0; a < 3; ++a)
       middle[a] = (corner_[a] + leaf[a] * kLeafCells + kLeafCells / 2) * kQuantaPerCell;
     std::vector<Int3> points;
     for (const Int3& p : near_points_)
-      if (squared_distance(p, middle) <= reach * reach) points.push_back(p);
+      if (squared_distance(p, middle) <= radius * radius) points.push_back(p);
     for (std::size_t i = 0; i < queries.size(); ++i) {
       const bool near = std::any_of(points.begin(), points.end(), [&](const Int3& p) {
         return squared_distance(p, queries[i]) <= limit * limit;
@@ -304,8 +304,8 @@ std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& br
 GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
                         std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
                         const SignSource& field, std::span<const Int3> near_points,
-                        const ClosingOptions& options, std::span<const SettledSigns> settled) {
-  BrickNodes nodes(corner, signs, settled, field, near_points, options);
+                        const ClosingOptions& options, std::span<const FixedSigns> fixed) {
+  BrickNodes nodes(corner, signs, fixed, field, near_points, options);
   CellBits cells;
   const auto relative = [&](const Int3& c) {
     return Int3{c[0] - corner[0], c[1] - corner[1], c[2] - corner[2]};

@@ -9,11 +9,11 @@ namespace tessera {
 namespace {
 
 /// Reach of the binomial kernel of eighth order, whose standard deviation is 1.4 cells.
-constexpr int kBlurReach = 4;
+constexpr int kBlurRadius = 4;
 /// Distance from a plane at which the blur of its signs has a value, per value, near the plane: sqrt(pi / 2) deviations.
 constexpr float kCellsPerBlur = 1.77f;
 /// How far unknown nodes look for a sign, and how far from the closing cells signs may change: nodes.
-constexpr int kFillReach = 8, kFlowReach = 4, kLooseReach = 1;
+constexpr int kFillHalo = 8, kFlowRadius = 4, kLooseRadius = 1;
 /// Blurred sign from which a node changes to it: more than the lattice makes of a plane, so that none moves.
 constexpr float kSure = 0.15f;
 /// Distance of the winding number from its level from which it confirms a local sign.
@@ -133,7 +133,7 @@ void fill_unknown(const SignMap& region, const Int3& brick, Block<std::int8_t>& 
   });
   const auto size = static_cast<std::ptrdiff_t>(signs.values().size());
   std::vector<std::int8_t> found(unknown.size());
-  for (int sweep = 0; sweep < kFillReach && !unknown.empty(); ++sweep) {
+  for (int sweep = 0; sweep < kFillHalo && !unknown.empty(); ++sweep) {
     for (std::size_t u = 0; u < unknown.size(); ++u) {
       int sum = 0;
       for (std::size_t axis = 0; axis < 3; ++axis)
@@ -217,20 +217,20 @@ void enter_field_signs(const SignMap& signs, SignMap& region) {
 }
 
 SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const Int3& brick) {
-  Block<std::int8_t> signs = signs_around<std::int8_t>(region, brick, kFillReach);
+  Block<std::int8_t> signs = signs_around<std::int8_t>(region, brick, kFillHalo);
   fill_unknown(region, brick, signs);
-  Block<std::uint8_t> reach(brick, kFillReach, 0);
+  Block<std::uint8_t> around(brick, kFillHalo, 0);
   for_bricks_around(brick, [&](std::uint64_t key) {
     const auto found = cells.find(key);
     if (found == cells.end()) return;
     for (const ClosingLeaf& leaf : found->second)
-      reach.for_leaf(leaf.origin, [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
-        if (leaf.cells[z] & bit) reach[slot] = 1;
+      around.for_leaf(leaf.origin, [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+        if (leaf.cells[z] & bit) around[slot] = 1;
       });
   });
-  Block<std::uint8_t> loose = reach;
-  widen(reach, -kFlowReach, kFlowReach + 1);
-  widen(loose, -kLooseReach, kLooseReach + 1);
+  Block<std::uint8_t> loose = around;
+  widen(around, -kFlowRadius, kFlowRadius + 1);
+  widen(loose, -kLooseRadius, kLooseRadius + 1);
   const auto [begin, end] = leaves_of(region, brick_key(brick));
   SignChange out(begin, end);
   for (auto& entry : out) {
@@ -239,7 +239,7 @@ SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const In
       if (!signs[slot]) return;
       leaf.known[z] |= bit;
       if (signs[slot] < 0) leaf.inside[z] |= bit;
-      if (leaf.local[z] & bit ? loose[slot] : reach[slot]) leaf.free[z] |= bit;
+      if (leaf.local[z] & bit ? loose[slot] : around[slot]) leaf.free[z] |= bit;
     });
     leaf.original = leaf.inside;
   }
@@ -259,7 +259,7 @@ std::vector<Int3> loose_nodes(const SignChange& leaves) {
   return out;
 }
 
-void settle_local(std::span<const float> winding, float level, SignChange& leaves) {
+void fix_local(std::span<const float> winding, float level, SignChange& leaves) {
   std::size_t next = 0;
   for (auto& [key, leaf] : leaves)
     for (std::size_t z = 0; z < 8; ++z)
@@ -271,7 +271,7 @@ void settle_local(std::span<const float> winding, float level, SignChange& leave
 }
 
 SignChange flow_signs(const SignMap& region, const Int3& brick) {
-  Block<float> block = signs_around<float>(region, brick, kBlurReach);
+  Block<float> block = signs_around<float>(region, brick, kBlurRadius);
   blur(block);
   const auto [begin, end] = leaves_of(region, brick_key(brick));
   SignChange out(begin, end);
@@ -286,13 +286,13 @@ SignChange flow_signs(const SignMap& region, const Int3& brick) {
   return out;
 }
 
-std::vector<SettledSigns> settled_around(const SignMap& signs, const Int3& brick) {
-  std::vector<SettledSigns> out;
+std::vector<FixedSigns> fixed_around(const SignMap& signs, const Int3& brick) {
+  std::vector<FixedSigns> out;
   for (int d = 0; d < 8; ++d) {
     const auto [begin, end] =
         leaves_of(signs, brick_key({brick[0] + (d & 1), brick[1] + (d >> 1 & 1), brick[2] + (d >> 2)}));
     for (auto l = begin; l != end; ++l) {
-      SettledSigns s;
+      FixedSigns s;
       s.origin = leaf_origin(l->first);
       bool near = true;
       for (std::size_t a = 0; a < 3; ++a) near &= s.origin[a] <= (brick[a] + 1) * kBrickCells;
@@ -329,7 +329,7 @@ std::vector<ClosingLeaf> flow_values(const SignMap& signs, const Int3& brick) {
   std::vector<ClosingLeaf> out;
   const auto [begin, end] = leaves_of(signs, brick_key(brick));
   if (begin == end) return out;
-  Block<std::uint8_t> near(brick, kBlurReach, 0);
+  Block<std::uint8_t> near(brick, kBlurRadius, 0);
   bool any = false;
   for_bricks_around(brick, [&](std::uint64_t key) {
     const auto [first, last] = leaves_of(signs, key);
@@ -345,7 +345,7 @@ std::vector<ClosingLeaf> flow_values(const SignMap& signs, const Int3& brick) {
   });
   if (!any) return out;
   widen(near, -1, 1);
-  Block<float> block = signs_around<float>(signs, brick, kBlurReach);
+  Block<float> block = signs_around<float>(signs, brick, kBlurRadius);
   blur(block);
   for (auto l = begin; l != end; ++l) {
     ClosingLeaf leaf{leaf_origin(l->first), {}, {}, {}, {}, {}};

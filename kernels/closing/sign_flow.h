@@ -51,17 +51,17 @@ void enter_field_signs(const SignMap& signs, SignMap& region);
 /// The leaves of one brick with the signs of unknown nodes taken from around them, and with the nodes that are free.
 SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const Int3& brick);
 
-/// The local nodes among the free ones of prepared leaves, quanta, in the order of settle_local().
+/// The local nodes among the free ones of prepared leaves, quanta, in the order of fix_local().
 std::vector<Int3> loose_nodes(const SignChange& leaves);
 /// Takes those from the free ones whose sign the winding number is sure of, too: what scans show stays, however thin.
 /// \param winding  at the loose nodes
-void settle_local(std::span<const float> winding, float level, SignChange& leaves);
+void fix_local(std::span<const float> winding, float level, SignChange& leaves);
 
 /// The leaves of one brick after one round.
 SignChange flow_signs(const SignMap& region, const Int3& brick);
 
 /// What grow_closing() need not ask for in a brick.
-std::vector<SettledSigns> settled_around(const SignMap& signs, const Int3& brick);
+std::vector<FixedSigns> fixed_around(const SignMap& signs, const Int3& brick);
 /// Cells with a forced node, for closing to start from.
 std::vector<Int3> forced_cells(const SignMap& signs);
 /// The leaves of one brick with forced nodes or beside them, with values and without cells, ascending.

@@ -20,18 +20,20 @@ constexpr double turn(const Flat& a, const Flat& b, const Flat& c) {
   return cross_2d(b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
 }
 
-/// Adds to `gap` the height of p over a, b, c. \return false where p lies outside of the triangle
-bool height_over(const Flat& p, const Flat& a, const Flat& b, const Flat& c, double rounding, double& gap) {
+/// Adds to `deviation` the height of p over a, b, c. \return false where p lies outside of the triangle
+bool height_over(const Flat& p, const Flat& a, const Flat& b, const Flat& c, double rounding,
+                 double& deviation) {
   const double wa = turn(p, b, c), wb = turn(p, c, a), wc = turn(p, a, b), sum = wa + wb + wc;
   if (wa < rounding || wb < rounding || wc < rounding || !(sum > 0.0)) return false;
-  gap = std::fmax(gap, std::fabs((wa * a.z + wb * b.z + wc * c.z) / sum - p.z));
+  deviation = std::fmax(deviation, std::fabs((wa * a.z + wb * b.z + wc * c.z) / sum - p.z));
   return true;
 }
 
 }  // namespace
 
-bool fan_gap(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, double& gap, FanFoot* foot) {
-  gap = 0.0;
+bool fan_deviation(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, double& deviation,
+                   FanFoot* foot) {
+  deviation = 0.0;
   const std::size_t size = loop.size;
   if (size < 3) return true;  // the side vanishes; its apex already lies on the edge that stays
   Double3 area{0, 0, 0};
@@ -68,7 +70,7 @@ bool fan_gap(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, do
       if (to < rounding || from < rounding) continue;
       const double full = cross_2d(x[i], y[i], x[i + 1], y[i + 1]);
       const double height = std::fabs(az - (z[i] * from + z[i + 1] * to) / full);
-      gap = height > gap ? height : gap;
+      deviation = height > deviation ? height : deviation;
       inside = true;
       if (foot) *foot = {i, from / full, to / full};
     }
@@ -110,12 +112,13 @@ bool fan_gap(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, do
   }
   alignas(32) std::array<double, kLanes> lane;
   _mm256_store_pd(lane.data(), maximum);
-  for (const double height : lane) gap = height > gap ? height : gap;
+  for (const double height : lane) deviation = height > deviation ? height : deviation;
   return true;
 }
 
-bool edge_gap(const RimLoop& loop, const Double3& u, const Double3& v, std::size_t first, double& gap) {
-  gap = 0.0;
+bool edge_deviation(const RimLoop& loop, const Double3& u, const Double3& v, std::size_t first,
+                    double& deviation) {
+  deviation = 0.0;
   const std::size_t size = loop.size;
   const auto after = [&](std::size_t i) { return i + 1 < size ? i + 1 : 1; };
   Double3 area{0, 0, 0};
@@ -146,11 +149,11 @@ bool edge_gap(const RimLoop& loop, const Double3& u, const Double3& v, std::size
   for (std::size_t i = 1; i < size; ++i) {
     const std::size_t j = after(i);
     for (std::size_t c = 0; c < 2; ++c)
-      found[c] = height_over(centre[c], zero, rim[i], rim[j], rounding, gap) || found[c];
-    found[2] = height_over(zero, centre[i > first], rim[i], rim[j], rounding, gap) || found[2];
+      found[c] = height_over(centre[c], zero, rim[i], rim[j], rounding, deviation) || found[c];
+    found[2] = height_over(zero, centre[i > first], rim[i], rim[j], rounding, deviation) || found[2];
   }
-  found[2] = height_over(zero, centre[0], centre[1], left, rounding, gap) || found[2];
-  found[2] = height_over(zero, centre[0], right, centre[1], rounding, gap) || found[2];
+  found[2] = height_over(zero, centre[0], centre[1], left, rounding, deviation) || found[2];
+  found[2] = height_over(zero, centre[0], right, centre[1], rounding, deviation) || found[2];
   if (!found[0] || !found[1] || !found[2]) return false;
   const auto cross_spokes = [&](const Flat& a, const Flat& b) {
     constexpr double kSlack = 1e-9;
@@ -160,7 +163,7 @@ bool edge_gap(const RimLoop& loop, const Double3& u, const Double3& v, std::size
       const double t = -cross_2d(a.x, a.y, rim[j].x, rim[j].y) * per, s = -side * per;
       if (t > -kSlack && t < 1.0 + kSlack && s > -kSlack && s < 1.0 + kSlack) {
         const double height = std::fabs(a.z + t * dz - s * rim[j].z);
-        gap = height > gap ? height : gap;
+        deviation = height > deviation ? height : deviation;
       }
     }
   };

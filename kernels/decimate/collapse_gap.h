@@ -31,15 +31,16 @@ struct FanFoot {
 
 /// \param apex       the removed vertex, or where the side ends on a crease or border its foot there, relative too
 /// \param flat_edge  i: the apex lies on the edge from at[i] to at[i + 1]; kNoFlatEdge: inside
-/// \param[out] gap   every point of either fan lies within it of the other fan
+/// \param[out] deviation   every point of either fan lies within it of the other fan
 /// \return false where one of the fans is no graph over the loop's polygon: the collapse would fold
-bool fan_gap(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, double& gap,
-             FanFoot* foot = nullptr);
+bool fan_deviation(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, double& deviation,
+                   FanFoot* foot = nullptr);
 
 /// The same for two neighbouring stars that become one fan around a new place.
 /// \param loop   at[0] = 0 the new place, then the rim of both stars, counter-clockwise
 /// \param u, v   the old centres, relative to the new place
 /// \param first  u has the faces at the rim edges 1 .. first, v those after it; at[1] and at[first + 1] see both
-bool edge_gap(const RimLoop& loop, const Double3& u, const Double3& v, std::size_t first, double& gap);
+bool edge_deviation(const RimLoop& loop, const Double3& u, const Double3& v, std::size_t first,
+                    double& deviation);
 
 }  // namespace tessera

@@ -77,7 +77,7 @@ CollapseFace face_of(const MeshBlock& block, std::size_t f, std::size_t first) {
                     flags & kFaceSynthetic ? unsigned{kStateSynthetic} : 0u,
                     {kNoCorner, kNoCorner, kNoCorner},
                     block.face_bound.empty() ? 0.0f : block.face_bound[f]};
-  if (flags & kFaceSettled) face.state |= kStateSettled;
+  if (flags & kFaceDone) face.state |= kStateDone;
   if ((flags & kBordersAndCreases) == 0) return face;
   for (std::size_t i = 0; i < 3; ++i) {
     const std::size_t from = first + i < 3 ? first + i : first + i - 3;

@@ -41,7 +41,7 @@ enum FaceState : std::uint32_t {
   kStateCrease = 8,  ///< << 0, 1, 2
   kStateSynthetic = 64,
   kStateDead = 128,
-  kStateSettled = 256,  ///< kFaceSettled
+  kStateDone = 256,  ///< kFaceDone
 };
 
 /// Bits of CollapseMesh::state.
@@ -125,9 +125,9 @@ class CollapseMesh {
   // The edge opposite a corner.
   bool border_edge(std::uint32_t c) const { return (faces_[c >> 2].state & (kStateBorder << (c & 3u))) != 0; }
   bool crease_edge(std::uint32_t c) const { return (faces_[c >> 2].state & (kStateCrease << (c & 3u))) != 0; }
-  bool settled(std::size_t f) const { return (faces_[f].state & kStateSettled) != 0; }
-  void settle(std::size_t f) { faces_[f].state |= kStateSettled; }
-  void unsettle(std::size_t f) { faces_[f].state &= ~unsigned{kStateSettled}; }
+  bool done(std::size_t f) const { return (faces_[f].state & kStateDone) != 0; }
+  void mark_done(std::size_t f) { faces_[f].state |= kStateDone; }
+  void unsettle(std::size_t f) { faces_[f].state &= ~unsigned{kStateDone}; }
   void mark_crease(std::uint32_t c) { faces_[c >> 2].state |= kStateCrease << (c & 3u); }
   void unmark_crease(std::uint32_t c) { faces_[c >> 2].state &= ~(unsigned{kStateCrease} << (c & 3u)); }
 

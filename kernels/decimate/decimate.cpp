@@ -60,7 +60,7 @@ void write_back(const CollapseMesh& mesh, MeshBlock& b) {
   for (const CollapseFace& f : mesh.faces()) {
     if (f.state & kStateDead) continue;
     unsigned flags = f.state & kStateSynthetic ? unsigned{kFaceSynthetic} : 0u;
-    if (f.state & kStateSettled) flags |= kFaceSettled;
+    if (f.state & kStateDone) flags |= kFaceDone;
     if (f.state & kStateBorder << 0) flags |= kFaceBorder12;
     if (f.state & kStateBorder << 1) flags |= kFaceBorder20;
     if (f.state & kStateBorder << 2) flags |= kFaceBorder01;
@@ -83,12 +83,12 @@ void DecimateOptions::validate() const {
   need(noise >= 0.0 && std::isfinite(noise), "noise", "a length of 0 or more");
   need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
   need(max_normal_turn_deg >= 0.0 && max_normal_turn_deg <= 180.0, "max_normal_turn_deg", "in [0, 180]");
-  need(min_roundness >= 0.0 && min_roundness < 1.0, "min_roundness", "in [0, 1)");
+  need(min_mean_ratio >= 0.0 && min_mean_ratio < 1.0, "min_roundness", "in [0, 1)");
   need(colour_weight >= 0.0 && std::isfinite(colour_weight), "colour_weight", "a length of 0 or more");
 }
 
 DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options,
-                        std::span<const std::uint64_t> held) {
+                        std::span<const std::uint64_t> pinned) {
   options.validate();
   check_sizes(block, "block");
   DecimateReport report;
@@ -110,7 +110,7 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
   // What an earlier job settled, it did within its own tolerance: a level below, of tiles.
   if (itself)
     for (std::uint8_t& flags : block.face_flags)
-      flags = static_cast<std::uint8_t>(flags & ~unsigned{kFaceSettled});
+      flags = static_cast<std::uint8_t>(flags & ~unsigned{kFaceDone});
   // Sweeps go by places; where there are none, sorting gains nothing.
   const bool fresh = std::all_of(block.face_bound.begin(), block.face_bound.end(),
                                  [](float bound) { return !(bound > 0.0f); });
@@ -135,8 +135,8 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
     const CollapseMesh& original = apart ? *apart : mesh;
     if (!apart) sharp = sharp_vertices(mesh, options.feature_angle_deg);
     mark_features(mesh, block, sharp, reference_vertex, options.feature_angle_deg);
-    for (std::uint32_t v = 0; v < mesh.vertices() && !held.empty(); ++v)
-      if (std::binary_search(held.begin(), held.end(), block.key[mesh.block_vertex(v)]))
+    for (std::uint32_t v = 0; v < mesh.vertices() && !pinned.empty(); ++v)
+      if (std::binary_search(pinned.begin(), pinned.end(), block.key[mesh.block_vertex(v)]))
         mesh.add_state(v, kVertexLocked);
     for (std::uint32_t v = 0; v < mesh.vertices(); ++v)
       report.locked_vertices += (mesh.state(v) & kVertexLocked) != 0;

@@ -19,7 +19,7 @@ enum class DecimatePriority : std::uint8_t {
   kProbabilistic,    ///< the same with uncertain planes: well posed everywhere, rounder triangles
   kSampleDistance,   ///< one-sided distance from the original samples to the new faces
   kNormalDeviation,  ///< largest turn of a new face against the original normals that it stands for
-  kRoundness,        ///< worst triangle first out
+  kMeanRatio,        ///< worst triangle first out
   kEdgeLength,       ///< shortest edge first
 };
 
@@ -50,7 +50,7 @@ struct DecimateOptions {
   /// its corners explains the turn: noise turns slivers.
   double max_normal_turn_deg = 0.0;
   /// Smallest 4 sqrt(3) area / (sum of squared edges), unless it was worse before.
-  double min_roundness = 0.02;
+  double min_mean_ratio = 0.02;
   double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth; 0 = ignored
 
   void validate() const;  ///< throws UsageError naming the field
@@ -85,8 +85,8 @@ struct DecimateReport {
 ///                   first pass, which takes less time and memory than a copy; else keys ascend. Not looked
 ///                   at when tolerance is 0. Where it was moved before, its face_bound says how far each face may
 ///                   be from what it was, both ways: that counts, and bounds are to what it was.
-/// \param held       keys, ascending, of vertices that are neither moved nor removed
-/// Faces with kFaceSettled are where an earlier pass had complete stars and could do no more: this one begins elsewhere, and
+/// \param pinned       keys, ascending, of vertices that are neither moved nor removed
+/// Faces with kFaceDone are where an earlier pass had complete stars and could do no more: this one begins elsewhere, and
 /// comes there when something near changes. A first pass, whose block is its own reference, begins everywhere.
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold,
@@ -95,7 +95,7 @@ struct DecimateReport {
 /// \throws InputError  an edge with more than two faces or with two faces of the same direction, sizes that differ
 /// \throws UsageError  from options.validate()
 DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options,
-                        std::span<const std::uint64_t> held = {});
+                        std::span<const std::uint64_t> pinned = {});
 
 /// Upper bound of what decimate() allocates above its arguments; reference_faces = 0 where the block is its own.
 /// 184 bytes per face of the block, 112 per face of the reference.

@@ -26,9 +26,10 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
              options.placement == DecimatePlacement::kEndpoint && !(options.colour_weight > 0.0)),
       quadric_(mesh.vertices()),
       mark_(mesh.vertices(), 0),
-      lanes_(options.tolerance > 0.0 ? options.tolerance : 1.0, options.min_roundness),
+      lanes_(options.tolerance > 0.0 ? options.tolerance : 1.0, options.min_mean_ratio),
       reference_vertex_(std::move(reference_vertex)) {
-  if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference, options.max_normal_turn_deg > 0.0);
+  if (options.tolerance > 0.0)
+    reference_deviation_ = ReferenceDeviation(reference, options.max_normal_turn_deg > 0.0);
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
   if (options.max_normal_turn_deg > 0.0) min_cosine_ = cosine_of_degrees(options.max_normal_turn_deg);
   accumulate_quadrics();
@@ -91,7 +92,7 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
   const std::size_t k = star.faces, size = star.ring_size();
   const Double3 pu = mesh_.at(u), pv = mesh_.at(star.ring[at_ring]);
   // Squares compare as well as what they are of, and need no roots.
-  const double minimum = options_.min_roundness * options_.min_roundness / 12.0;
+  const double minimum = options_.min_mean_ratio * options_.min_mean_ratio / 12.0;
   bool thin = false;
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
@@ -110,8 +111,8 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
     const Double3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
-    worst_old = std::fmin(worst_old, roundness(pu, a, b));
-    if (i != at_ring && j != at_ring) worst_new = std::fmin(worst_new, roundness(pv, a, b));
+    worst_old = std::fmin(worst_old, mean_ratio(pu, a, b));
+    if (i != at_ring && j != at_ring) worst_new = std::fmin(worst_new, mean_ratio(pv, a, b));
   }
   return worst_new < worst_old ? Refusal::kShape : Refusal::kNone;
 }
@@ -120,11 +121,11 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
   moves_ = false;
   if (!linked(star, at_ring)) return Refusal::kLink;
   if (in_lanes_ && options_.tolerance > 0.0 && min_cosine_ <= -1.0 && (mesh_.state(u) & kVertexCrease) == 0) {
-    double gap = 0.0;
-    const StarLanes::Answer answer = lanes_.judge(at_ring, gap);
+    double deviation = 0.0;
+    const StarLanes::Answer answer = lanes_.judge(at_ring, deviation);
     if (answer == StarLanes::Answer::kRefused) return Refusal::kFold;
     if (answer == StarLanes::Answer::kGood) {
-      new_bound_ = rounded_up(largest_bound(star) + gap);
+      new_bound_ = rounded_up(largest_bound(star) + deviation);
       if (static_cast<double>(new_bound_) <= options_.tolerance) return Refusal::kNone;
       lay_rim(star, at_ring);
       return ask_reference(u, star, at_ring, false, 0.0);
@@ -136,7 +137,7 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
   }
   const Refusal faces = check_faces(u, star, at_ring);
   if (faces != Refusal::kNone) return faces;
-  return check_gap(u, star, at_ring);
+  return check_deviation(u, star, at_ring);
 }
 
 /// The collapse that was found legal, with its new bound.
@@ -180,9 +181,9 @@ void Decimator::seed_queue(bool woken) {
   for (std::uint32_t u = first_; u < end_; ++u) {
     if ((woken && !woken_[u]) || (mesh_.state(u) & kVertexKept)) continue;
     if (!gather(u, star)) continue;
-    bool settled = true;
-    for (std::size_t i = 0; i < star.faces; ++i) settled = settled && mesh_.settled(star.corner[i] >> 2);
-    if (settled) continue;
+    bool done = true;
+    for (std::size_t i = 0; i < star.faces; ++i) done = done && mesh_.done(star.corner[i] >> 2);
+    if (done) continue;
     if (const std::size_t n = list_candidates(u, star, list); n > 0)
       queue_.push(u, cost_class(next_candidate(list, 0, n).cost, kCostClasses));
   }
@@ -190,17 +191,17 @@ void Decimator::seed_queue(bool woken) {
 
 /// All that is left has been tried. At locked corners another block may do more. What is a crease after a first pass is
 /// asked anew of the mesh as that left it; later passes change too little for that.
-void Decimator::settle_faces(bool later) {
+void Decimator::mark_done_faces(bool later) {
   const unsigned open = later ? kVertexLocked : kVertexLocked | kVertexFixed | kVertexCrease;
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     const std::uint32_t* v = mesh_.face(f).vertex;
-    if (((mesh_.state(v[0]) | mesh_.state(v[1]) | mesh_.state(v[2])) & open) == 0) mesh_.settle(f);
+    if (((mesh_.state(v[0]) | mesh_.state(v[1]) | mesh_.state(v[2])) & open) == 0) mesh_.mark_done(f);
   }
 }
 
 void Decimator::run(DecimateReport& report) {
   const bool later = std::any_of(mesh_.faces().begin(), mesh_.faces().end(),
-                                 [](const CollapseFace& f) { return (f.state & kStateSettled) != 0; });
+                                 [](const CollapseFace& f) { return (f.state & kStateDone) != 0; });
   const bool swept = sweeps();
   if (swept) sweep_all(report);
   const auto n = static_cast<std::uint32_t>(mesh_.vertices());
@@ -217,10 +218,10 @@ void Decimator::run(DecimateReport& report) {
   first_ = 0, end_ = n;
   seed_queue(parts);
   empty_queue(report);
-  if (report.stop == DecimateStop::kNoLegalCollapse) settle_faces(later);
+  if (report.stop == DecimateStop::kNoLegalCollapse) mark_done_faces(later);
   report.exact_tests = exact_tests_;
   report.exact_accepted = exact_accepted_;
-  report.reference_faces_walked = reference_gap_.walked();
+  report.reference_faces_walked = reference_deviation_.walked();
 }
 
 /// Collapses until no candidate of the vertices first_ to end_ is left.

@@ -24,12 +24,12 @@
 namespace tessera {
 
 /// 4 sqrt(3) area / (sum of squared edges): 1 for the equilateral triangle, 0 for none.
-inline double roundness(double twice_area, double squared_edges) {
+inline double mean_ratio(double twice_area, double squared_edges) {
   return squared_edges > 0.0 ? 2.0 * 1.7320508075688772 * twice_area / squared_edges : 0.0;
 }
-inline double roundness(const Double3& a, const Double3& b, const Double3& c) {
+inline double mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
   const Double3 u = b - a, v = c - a, w = c - b;
-  return roundness(norm(cross(u, v)), dot(u, u) + dot(v, v) + dot(w, w));
+  return mean_ratio(norm(cross(u, v)), dot(u, u) + dot(v, v) + dot(w, w));
 }
 
 /// What a halfedge collapse costs by quadrics: the error of q, which goes to `to`, and of what is there already.
@@ -97,7 +97,7 @@ class Decimator {
   void compact(std::vector<float>& minimum);
   void seed_queue(bool woken);
   void empty_queue(DecimateReport& report);
-  void settle_faces(bool later);
+  void mark_done_faces(bool later);
   /// cost() where it is but a quadric, without the calls.
   double plain_cost(const Quadric& q, const Double3& from, std::uint32_t v) const {
     const CollapseVertex& to = mesh_.node(v);
@@ -132,8 +132,9 @@ class Decimator {
   Double3 as_stored(const Double3& p) const;
   bool check_optimal(std::uint32_t u, const Star& star, std::size_t at);
   void move_vertex(std::uint32_t u, std::uint32_t v);
-  Refusal check_gap(std::uint32_t u, const Star& star, std::size_t at);
-  Refusal ask_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum, double line_gap);
+  Refusal check_deviation(std::uint32_t u, const Star& star, std::size_t at);
+  Refusal ask_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum,
+                        double line_deviation);
   void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                  RimLoop& loop) const;
   void add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const;
@@ -165,7 +166,7 @@ class Decimator {
   Double3 target_{};
   bool moves_ = false;
   double min_cosine_ = -1.0;
-  ReferenceGap reference_gap_, coarse_gap_;
+  ReferenceDeviation reference_deviation_, coarse_deviation_;
   std::vector<std::uint32_t> reference_vertex_;
   /// Per vertex: the vertex of the reference, of the coarse one that last refused its removal.
   std::vector<std::uint32_t> witness_, coarse_witness_;

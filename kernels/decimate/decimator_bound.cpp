@@ -56,7 +56,7 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
   const std::size_t size = star.ring_size();
   const Double3 pu = mesh_.at(u), pv = mesh_.at(v);
   const std::uint8_t state = mesh_.state(u);
-  double gap = 0.0;
+  double deviation = 0.0;
   sides_ = 0;
   flat_edge_[0] = kNoFlatEdge;
   if (state & (kVertexBorder | kVertexCrease)) {
@@ -83,43 +83,43 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
     }
     for (std::size_t s = 0; s < sides_; ++s) {
       double side = 0.0;
-      if (!fan_gap(loops_[s], foot, flat_edge_[s], side)) return false;
-      gap = std::fmax(gap, side);
+      if (!fan_deviation(loops_[s], foot, flat_edge_[s], side)) return false;
+      deviation = std::fmax(deviation, side);
     }
-    gap += norm(from - foot);
+    deviation += norm(from - foot);
     foot_ = {star.ring[far], v, v, std::clamp(dot(from, edge) / size2, 0.0, 1.0), 0.0};
   } else {
     lay_rim(star, at_ring);
     FanFoot foot;
-    if (!fan_gap(loops_[0], pu - pv, kNoFlatEdge, gap, &foot)) return false;
+    if (!fan_deviation(loops_[0], pu - pv, kNoFlatEdge, deviation, &foot)) return false;
     const auto ring_at = [&](std::size_t i) { return star.ring[(at_ring + i) % size]; };
     foot_ = {ring_at(foot.sector), ring_at(foot.sector + 1), v, foot.first, foot.second};
   }
-  new_bound_ = rounded_up(largest_bound(star) + gap * (1.0 + 1e-12));
+  new_bound_ = rounded_up(largest_bound(star) + deviation * (1.0 + 1e-12));
   return true;
 }
 
 /// Asks the mesh as the sweeps left it, whose vertices are some of the reference. Where it ends it may be coarse too.
 Decimator::Doubt Decimator::ask_coarse(std::uint32_t u, const Star& star, std::size_t at_ring) {
   if (coarse_witness_.empty() || loops_[0].borders != 0) return Doubt::kOpen;
-  ReferenceGap::Query query;
+  ReferenceDeviation::Query query;
   query.origin = mesh_.at(star.ring[at_ring]);
   query.seed = u;
   query.limit = options_.tolerance;
   query.cross_creases = true;
   query.witness = coarse_witness_[u];
-  double gap = 0.0;
-  const ReferenceGap::Answer answer = coarse_gap_.measure(loops_[0], query, gap);
-  if (answer == ReferenceGap::Answer::kWithin) {
-    new_bound_ = rounded_up(gap);
+  double deviation = 0.0;
+  const ReferenceDeviation::Answer answer = coarse_deviation_.measure(loops_[0], query, deviation);
+  if (answer == ReferenceDeviation::Answer::kWithin) {
+    new_bound_ = rounded_up(deviation);
     return Doubt::kWithin;
   }
-  if (coarse_gap_.failed_at() == kNoCorner) return Doubt::kOpen;
-  coarse_witness_[u] = coarse_gap_.failed_at();
+  if (coarse_deviation_.failed_at() == kNoCorner) return Doubt::kOpen;
+  coarse_witness_[u] = coarse_deviation_.failed_at();
   return Doubt::kBeyond;
 }
 
-Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::size_t at_ring) {
+Decimator::Refusal Decimator::check_deviation(std::uint32_t u, const Star& star, std::size_t at_ring) {
   if (!bound_by_sum(u, star, at_ring)) return Refusal::kFold;
   if (!(options_.tolerance > 0.0)) return Refusal::kNone;
   const bool short_sum = static_cast<double>(new_bound_) <= options_.tolerance;
@@ -131,8 +131,8 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
     const std::uint32_t v = reference_vertex_[star.ring[at_ring]], q = reference_vertex_[foot_.a];
     const bool known = reference_vertex_[u] != kNoCorner && v != kNoCorner && q != kNoCorner;
     if (known && (crease || !short_sum) &&
-        !reference_gap_.measure_line(reference_vertex_[u], v, q, options_.tolerance * (crease ? 0.5 : 1.0),
-                                     exact))
+        !reference_deviation_.measure_line(reference_vertex_[u], v, q,
+                                           options_.tolerance * (crease ? 0.5 : 1.0), exact))
       return Refusal::kTolerance;
     if (!known && !short_sum) return Refusal::kTolerance;
   }
@@ -140,11 +140,11 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
   return ask_reference(u, star, at_ring, short_sum, exact);
 }
 
-/// \param short_sum  the sum of bounds is within the tolerance \param line_gap  of the line that u lies on
+/// \param short_sum  the sum of bounds is within the tolerance \param line_deviation  of the line that u lies on
 Decimator::Refusal Decimator::ask_reference(std::uint32_t u, const Star& star, std::size_t at_ring,
-                                            bool short_sum, double line_gap) {
+                                            bool short_sum, double line_deviation) {
   const bool on_line = (mesh_.state(u) & (kVertexBorder | kVertexCrease)) != 0;
-  double exact = line_gap;
+  double exact = line_deviation;
   // Sums of bounds grow faster than the distance itself: ask the reference.
   if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
   ++exact_tests_;
@@ -154,7 +154,7 @@ Decimator::Refusal Decimator::ask_reference(std::uint32_t u, const Star& star, s
     return doubt == Doubt::kWithin ? Refusal::kNone : Refusal::kTolerance;
   }
   for (std::size_t s = 0; s < sides_; ++s) {
-    ReferenceGap::Query query;
+    ReferenceDeviation::Query query;
     query.origin = mesh_.at(star.ring[at_ring]);
     query.free_corners = options_.placement == DecimatePlacement::kOptimal;
     query.seed = reference_vertex_[u];
@@ -164,14 +164,14 @@ Decimator::Refusal Decimator::ask_reference(std::uint32_t u, const Star& star, s
     query.cross_creases = !on_line;
     query.witness = witness_[u];
     double side = 0.0;
-    ReferenceGap::Answer answer = reference_gap_.measure(loops_[s], query, side);
-    if (answer == ReferenceGap::Answer::kFolded && query.cross_creases && loops_[s].ends != 0) {
+    ReferenceDeviation::Answer answer = reference_deviation_.measure(loops_[s], query, side);
+    if (answer == ReferenceDeviation::Answer::kFolded && query.cross_creases && loops_[s].ends != 0) {
       query.cross_creases = false;  // over an edge that is too sharp
-      answer = reference_gap_.measure(loops_[s], query, side);
+      answer = reference_deviation_.measure(loops_[s], query, side);
     }
-    if (reference_gap_.failed_at() != kNoCorner) witness_[u] = reference_gap_.failed_at();
-    if (answer == ReferenceGap::Answer::kTurned) return Refusal::kNormal;
-    if (answer != ReferenceGap::Answer::kWithin) return Refusal::kTolerance;
+    if (reference_deviation_.failed_at() != kNoCorner) witness_[u] = reference_deviation_.failed_at();
+    if (answer == ReferenceDeviation::Answer::kTurned) return Refusal::kNormal;
+    if (answer != ReferenceDeviation::Answer::kWithin) return Refusal::kTolerance;
     exact = std::fmax(exact, side);
   }
   ++exact_accepted_;

@@ -77,7 +77,7 @@ double Decimator::cost(std::uint32_t u, const Quadric& q, const Star& star, std:
     case DecimatePriority::kNormalDeviation:
       cost = normal_cost(u, star, at_ring);
       break;
-    case DecimatePriority::kRoundness:
+    case DecimatePriority::kMeanRatio:
       cost = worst_shape(star, at_ring) * edge2;
       break;
     case DecimatePriority::kEdgeLength:
@@ -118,7 +118,7 @@ double Decimator::worst_shape(const Star& star, std::size_t at_ring) const {
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
     if (i != at_ring && j != at_ring)
-      worst = std::fmin(worst, roundness(pv, mesh_.at(star.ring[i]), mesh_.at(star.ring[j])));
+      worst = std::fmin(worst, mean_ratio(pv, mesh_.at(star.ring[i]), mesh_.at(star.ring[j])));
   }
   return 1.0 - worst;
 }

@@ -10,8 +10,8 @@ namespace tessera {
 
 /// Both ends are free inside the surface, and the reference is known there.
 bool Decimator::may_move(std::uint32_t u, std::uint32_t v) const {
-  constexpr unsigned kHeld = kVertexKept | kVertexBorder | kVertexCrease | kVertexOpen | kVertexPinched;
-  return ((mesh_.state(u) | mesh_.state(v)) & kHeld) == 0;
+  constexpr unsigned kPinned = kVertexKept | kVertexBorder | kVertexCrease | kVertexOpen | kVertexPinched;
+  return ((mesh_.state(u) | mesh_.state(v)) & kPinned) == 0;
 }
 
 /// The minimum of the quadric, or the middle of the edge where it is not well determined or far off.
@@ -51,7 +51,7 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
     const Double3 old_normal = cross(a - centre, b - centre), new_normal = cross(a - p, b - p);
     const double old_area = norm(old_normal), new_area = norm(new_normal);
     if (!(new_area > 0.0) || dot(old_normal, new_normal) < 0.2 * old_area * new_area) return false;
-    if (roundness(p, a, b) < options_.min_roundness) return false;
+    if (mean_ratio(p, a, b) < options_.min_mean_ratio) return false;
     const std::uint64_t bit = std::uint64_t{1} << loop.size;
     if (mesh_.crease_edge(s.corner[i])) loop.creases |= bit;
     if (mesh_.border_edge(s.corner[i])) loop.borders |= bit;
@@ -70,19 +70,19 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
   }
   const auto distance2 = [&](std::uint32_t w) { return dot(mesh_.at(w) - p, mesh_.at(w) - p); };
   const bool near_u = distance2(u) < distance2(v);
-  double gap = 0.0;
-  if (min_cosine_ <= -1.0 && edge_gap(loop, mesh_.at(u) - p, mesh_.at(v) - p, k - 2, gap)) {
+  double deviation = 0.0;
+  if (min_cosine_ <= -1.0 && edge_deviation(loop, mesh_.at(u) - p, mesh_.at(v) - p, k - 2, deviation)) {
     double bound = 0.0;
     for (const Star* s : {&star, static_cast<const Star*>(&other_star_)})
       for (std::size_t i = 0; i < s->faces; ++i)
         bound = std::fmax(bound, static_cast<double>(mesh_.face(s->corner[i] >> 2).bound));
-    new_bound_ = rounded_up(bound + gap * (1.0 + 1e-12));
+    new_bound_ = rounded_up(bound + deviation * (1.0 + 1e-12));
     if (static_cast<double>(new_bound_) <= options_.tolerance) {
       if (near_u) reference_vertex_[v] = reference_vertex_[u];
       return true;
     }
   }
-  ReferenceGap::Query query;
+  ReferenceDeviation::Query query;
   query.origin = p;
   query.limit = options_.tolerance;
   query.min_cosine = min_cosine_;
@@ -91,9 +91,9 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
     query.seed = reference_vertex_[w];
     if (query.seed == kNoCorner) continue;
     ++exact_tests_;
-    if (reference_gap_.measure(loop, query, gap) != ReferenceGap::Answer::kWithin) continue;
+    if (reference_deviation_.measure(loop, query, deviation) != ReferenceDeviation::Answer::kWithin) continue;
     ++exact_accepted_;
-    new_bound_ = rounded_up(gap);
+    new_bound_ = rounded_up(deviation);
     reference_vertex_[v] = query.seed;
     return static_cast<double>(new_bound_) <= options_.tolerance;
   }

@@ -41,7 +41,7 @@ void Decimator::sweep_all(DecimateReport& report) {
     removed = report.collapses;
   }
   if (mesh_.vertices() * kMinGain > before) return;
-  coarse_gap_ = ReferenceGap(mesh_);
+  coarse_deviation_ = ReferenceDeviation(mesh_);
   coarse_witness_.assign(mesh_.vertices(), kNoCorner);
 }
 
@@ -95,11 +95,11 @@ bool Decimator::check_cheap(std::uint32_t u, const Star& star, std::size_t at_ri
   if (!linked(star, at_ring)) return false;
   const double maximum = kMaxBound * options_.tolerance;
   if (in_lanes_) {
-    double gap = 0.0;
-    const StarLanes::Answer answer = lanes_.judge(at_ring, gap);
+    double deviation = 0.0;
+    const StarLanes::Answer answer = lanes_.judge(at_ring, deviation);
     if (answer == StarLanes::Answer::kRefused) return false;
     if (answer == StarLanes::Answer::kGood) {
-      new_bound_ = rounded_up(largest_bound(star) + gap);
+      new_bound_ = rounded_up(largest_bound(star) + deviation);
       return static_cast<double>(new_bound_) <= maximum;
     }
   }

@@ -42,7 +42,7 @@ constexpr T smaller(T a, T b) {
 
 }  // namespace
 
-ReferenceGap::ReferenceGap(const CollapseMesh& reference, bool normals) {
+ReferenceDeviation::ReferenceDeviation(const CollapseMesh& reference, bool normals) {
   faces_.resize(reference.faces().size());
   for (std::size_t f = 0; f < faces_.size(); ++f) {
     const CollapseFace& from = reference.face(f);
@@ -71,7 +71,7 @@ ReferenceGap::ReferenceGap(const CollapseMesh& reference, bool normals) {
   }
 }
 
-bool ReferenceGap::set_polygon(const RimLoop& loop, bool inner_centre) {
+bool ReferenceDeviation::set_polygon(const RimLoop& loop, bool inner_centre) {
   size_ = loop.size;
   if (size_ < (inner_centre ? 4u : 3u) || size_ >= kPadded) return false;
   closes_to_ = inner_centre ? 1 : 0;
@@ -130,7 +130,7 @@ bool ReferenceGap::set_polygon(const RimLoop& loop, bool inner_centre) {
   return true;
 }
 
-inline void ReferenceGap::classify(Point& p) const {
+inline void ReferenceDeviation::classify(Point& p) const {
   const __m256 px = _mm256_set1_ps(p.x), py = _mm256_set1_ps(p.y), zero = _mm256_setzero_ps();
   p.spokes = p.rims = 0;
   for (std::size_t g = 0; g < groups_; ++g) {
@@ -151,7 +151,7 @@ inline void ReferenceGap::classify(Point& p) const {
 }
 
 /// \return false above the limit
-inline bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
+inline bool ReferenceDeviation::place(std::uint32_t vertex, std::uint32_t& slot) {
   Vertex& v = vertices_[vertex];
   if (v.stamp == stamp_) {
     slot = v.slot;
@@ -174,16 +174,16 @@ inline bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
   classify(p);
   if (p.inside) {
     const std::size_t i = p.sector;
-    p.gap = std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y);
-    gap_ = larger(gap_, p.gap);
+    p.deviation = std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y);
+    deviation_ = larger(deviation_, p.deviation);
   } else if ((lines_ & ~p.rims) != 0) {
     p.inside = beyond_line(p);
   }
-  return gap_ <= limit_;
+  return deviation_ <= limit_;
 }
 
 /// Whether p lies beyond a line of the rim, beside it: then its distance to the line counts.
-bool ReferenceGap::beyond_line(Point& p) {
+bool ReferenceDeviation::beyond_line(Point& p) {
   bool beyond = false;
   float nearest = 0.0f;
   for (std::uint64_t cut = lines_ & ~p.rims; cut != 0; cut &= cut - 1) {
@@ -197,15 +197,15 @@ bool ReferenceGap::beyond_line(Point& p) {
     beyond = true;
   }
   if (beyond) {
-    p.gap = nearest;
-    gap_ = larger(gap_, nearest);
+    p.deviation = nearest;
+    deviation_ = larger(deviation_, nearest);
   }
   return beyond;
 }
 
 /// A vertex of a line of the reference: its distance to the nearest line of the rim counts.
 /// \param own  bound of the triangle at the line
-bool ReferenceGap::near_line(const Point& p, float own) {
+bool ReferenceDeviation::near_line(const Point& p, float own) {
   float nearest2 = limit_ * limit_ * 4.0f + 1.0f;
   for (std::uint64_t bits = lines_; bits != 0; bits &= bits - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(bits));
@@ -220,12 +220,12 @@ bool ReferenceGap::near_line(const Point& p, float own) {
     const float ux = p.x - x_[j], uy = p.y - y_[j], uz = p.z - z_[j];
     nearest2 = smaller(nearest2, ux * ux + uy * uy + uz * uz);
   }
-  gap_ = larger(gap_, std::sqrt(nearest2) + own);
-  return gap_ <= limit_;
+  deviation_ = larger(deviation_, std::sqrt(nearest2) + own);
+  return deviation_ <= limit_;
 }
 
 /// Whether the triangle turns too far against one of the new faces that it lies over.
-bool ReferenceGap::turned(const Face& face, const Point* const* corner) const {
+bool ReferenceDeviation::turned(const Face& face, const Point* const* corner) const {
   const Point p[3] = {*corner[0], *corner[1], *corner[2]};
   const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, az = p[1].z - p[0].z;
   const float bx = p[2].x - p[0].x, by = p[2].y - p[0].y, bz = p[2].z - p[0].z;
@@ -269,7 +269,7 @@ bool ReferenceGap::turned(const Face& face, const Point* const* corner) const {
 }
 
 /// Whether the segment, with both ends outside, meets the inside of the polygon.
-bool ReferenceGap::meets_polygon(const Point& a, const Point& b) const {
+bool ReferenceDeviation::meets_polygon(const Point& a, const Point& b) const {
   for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
     const std::size_t k = following(j);
@@ -285,14 +285,14 @@ bool ReferenceGap::meets_polygon(const Point& a, const Point& b) const {
 
 /// Crossings of the segment with spokes and rim edges. \return false above the limit
 /// \param own  bound of the triangles beside it
-bool ReferenceGap::cross_edges(const Point& a, const Point& b, float own) {
+bool ReferenceDeviation::cross_edges(const Point& a, const Point& b, float own) {
   const float dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z;
   const auto cross = [&](float px, float py, float pz, float ux, float uy, float uz) {
     // a + t d = p + s u
     const float turn = cross2(dx, dy, ux, uy);
     const float t = cross2(px - a.x, py - a.y, ux, uy) / turn, s = cross2(px - a.x, py - a.y, dx, dy) / turn;
     if (s >= 0.0f && s <= 1.0f && t >= 0.0f && t <= 1.0f)
-      gap_ = larger(gap_, std::fabs(a.z + t * dz - pz - s * uz) + own);
+      deviation_ = larger(deviation_, std::fabs(a.z + t * dz - pz - s * uz) + own);
   };
   for (std::uint64_t cut = (a.spokes ^ b.spokes) & inner_spokes_; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
@@ -302,11 +302,11 @@ bool ReferenceGap::cross_edges(const Point& a, const Point& b, float own) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
     cross(x_[j], y_[j], z_[j], edge_x_[j], edge_y_[j], edge_z_[j]);
   }
-  return gap_ <= limit_;
+  return deviation_ <= limit_;
 }
 
 /// Measures the corners of the star that lie above the triangle. \return false above the limit
-bool ReferenceGap::corners_above(const Point* const* corner) {
+bool ReferenceDeviation::corners_above(const Point* const* corner) {
   const Point p[3] = {*corner[0], *corner[1], *corner[2]};
   const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, bx = p[2].x - p[0].x, by = p[2].y - p[0].y;
   const float full = cross2(ax, ay, bx, by), margin = -1e-5f * std::fabs(full);
@@ -316,14 +316,15 @@ bool ReferenceGap::corners_above(const Point* const* corner) {
     const float s = cross2(dx, dy, bx, by), t = cross2(ax, ay, dx, dy);
     if (s < margin || t < margin || s + t > full - margin) continue;
     covered_ |= std::uint64_t{1} << j;
-    gap_ = larger(gap_, std::fabs(p[0].z + (s * (p[1].z - p[0].z) + t * (p[2].z - p[0].z)) / full - z_[j]));
+    deviation_ = larger(deviation_,
+                        std::fabs(p[0].z + (s * (p[1].z - p[0].z) + t * (p[2].z - p[0].z)) / full - z_[j]));
   }
-  return gap_ <= limit_;
+  return deviation_ <= limit_;
 }
 
 /// The triangles at the seed: all, or with a flat edge those of the side, that is of the fan between two
 /// lines that lies more to the left of the flat edge.
-bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
+bool ReferenceDeviation::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
   const std::uint32_t first = corner_[seed];
   std::uint32_t c = first;
   std::size_t best_from = 0, best_to = 0, from = 0;
@@ -379,7 +380,7 @@ bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
 
 /// The other end of a line at `at` than that to `from`, or where from is kNoCorner the first one.
 /// \return false where not exactly two lines meet
-bool ReferenceGap::next_on_line(std::uint32_t at, std::uint32_t from, std::uint32_t& next) const {
+bool ReferenceDeviation::next_on_line(std::uint32_t at, std::uint32_t from, std::uint32_t& next) const {
   std::size_t lines = 0;
   bool came = from == kNoCorner;
   const auto visit = [&](std::uint32_t w) {
@@ -403,8 +404,8 @@ bool ReferenceGap::next_on_line(std::uint32_t at, std::uint32_t from, std::uint3
   return lines == 2 && came;
 }
 
-bool ReferenceGap::measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit,
-                                double& gap) const {
+bool ReferenceDeviation::measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit,
+                                      double& deviation) const {
   constexpr int kMaxSteps = 100000;
   const Double3 start = vertices_[v].at, edge = vertices_[q].at - start;
   const double size2 = dot(edge, edge);
@@ -416,27 +417,28 @@ bool ReferenceGap::measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t 
     return worst2 <= limit * limit;
   };
   if (!add(u)) return false;
-  std::uint32_t one = kNoCorner, other = kNoCorner, reached[2];
+  std::uint32_t one = kNoCorner, other = kNoCorner, end[2];
   if (!next_on_line(u, kNoCorner, one) || !next_on_line(u, one, other)) return false;
-  for (std::size_t way = 0; way < 2; ++way) {
-    std::uint32_t before = u, at = way == 0 ? one : other;
+  for (std::size_t side = 0; side < 2; ++side) {
+    std::uint32_t before = u, at = side == 0 ? one : other;
     for (int step = 0; at != v && at != q; ++step) {
       std::uint32_t next = kNoCorner;
       if (step == kMaxSteps || at == u || !add(at) || !next_on_line(at, before, next)) return false;
       before = at;
       at = next;
     }
-    reached[way] = at;
+    end[side] = at;
   }
-  gap = std::sqrt(worst2) * (1.0 + 0x1p-40);
-  return reached[0] != reached[1];
+  deviation = std::sqrt(worst2) * (1.0 + 0x1p-40);
+  return end[0] != end[1];
 }
 
-ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& query, double& gap) {
+ReferenceDeviation::Answer ReferenceDeviation::measure(const RimLoop& loop, const Query& query,
+                                                       double& deviation) {
   if (!set_polygon(loop, query.inner_centre)) return Answer::kBeyond;
   origin_ = query.origin;
   const float slack = 16.0f * 0x1p-24f * radius_;
-  gap_ = 0.0f;
+  deviation_ = 0.0f;
   limit_ = static_cast<float>(query.limit) * (1.0f - 0x1p-22f) - slack;
   min_cosine_ = static_cast<float>(query.min_cosine);
   lines_ = loop.borders | (query.cross_creases ? 0u : loop.creases);
@@ -454,7 +456,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
       failed_at_ = query.witness;
       return Answer::kBeyond;
     }
-    gap_ = 0.0f;
+    deviation_ = 0.0f;
     points_.clear();
   }
   // Stamps: even on the stack, odd done.
@@ -486,8 +488,9 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
       return Answer::kFolded;
     const float own = unpacked(f.lines);
     if (own > 0.0f) {
-      gap_ = larger(gap_, own + larger(p[0]->gap, larger(p[1]->gap, p[2]->gap)));
-      if (gap_ > limit_) return Answer::kBeyond;
+      deviation_ =
+          larger(deviation_, own + larger(p[0]->deviation, larger(p[1]->deviation, p[2]->deviation)));
+      if (deviation_ > limit_) return Answer::kBeyond;
     }
     if (query.free_corners && !corners_above(p)) return Answer::kBeyond;
     if (min_cosine_ > -1.0f && turned(f, p)) return Answer::kTurned;
@@ -522,7 +525,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
     }
   }
   if (query.free_corners && covered_ != all_) return Answer::kBeyond;
-  gap = static_cast<double>(gap_) * (1.0 + 0x1p-22) + static_cast<double>(slack);
+  deviation = static_cast<double>(deviation_) * (1.0 + 0x1p-22) + static_cast<double>(slack);
   return Answer::kWithin;
 }
 

@@ -27,16 +27,16 @@
 
 namespace tessera {
 
-class ReferenceGap {
+class ReferenceDeviation {
  public:
-  ReferenceGap() = default;
+  ReferenceDeviation() = default;
   /// \param normals  for queries with a min_cosine
-  explicit ReferenceGap(const CollapseMesh& reference, bool normals = false);
+  explicit ReferenceDeviation(const CollapseMesh& reference, bool normals = false);
 
   struct Query {
     Double3 origin{};        ///< of the loop: position of the vertex that takes over
     std::uint32_t seed = 0;  ///< reference vertex inside the polygon or, with a flat edge, on the line there
-    std::size_t flat_edge = kNoFlatEdge;  ///< as fan_gap()
+    std::size_t flat_edge = kNoFlatEdge;  ///< as fan_deviation()
     double limit = 0.0;                   ///< give up above it
     bool cross_creases = false;           ///< walk across creases of the reference as across any edge
     bool inner_centre = false;            ///< at[0] is no part of the rim but the centre of a closed fan
@@ -50,17 +50,17 @@ class ReferenceGap {
 
   /// \param loop  closed rim of the star or of a side of it, relative to the vertex that takes over (at[0] =
   /// 0);
-  /// \param[out] gap  every point of the new star and of the reference below it lies within it of the other
+  /// \param[out] deviation  every point of the new star and of the reference below it lies within it of the other
   /// \return kBeyond where the gap exceeds the limit, kFolded where the reference is no graph over the polygon
-  Answer measure(const RimLoop& loop, const Query& query, double& gap);
+  Answer measure(const RimLoop& loop, const Query& query, double& deviation);
 
   /// The reference vertex at which the last measure() gave up, kNoCorner where it was at none.
   std::uint32_t failed_at() const { return failed_at_; }
 
   /// Follows the line of the reference that runs through u both ways to v and to q, where two lines end or meet too.
-  /// \param[out] gap  every point of the line and of the straight edge from v to q lies within it of the other
+  /// \param[out] deviation  every point of the line and of the straight edge from v to q lies within it of the other
   /// \return false where the gap exceeds the limit or the line does not lead there
-  bool measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit, double& gap) const;
+  bool measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit, double& deviation) const;
 
   std::uint64_t walked() const { return walked_; }  ///< triangles looked at so far
 
@@ -74,7 +74,7 @@ class ReferenceGap {
   };
   struct Point {
     float x, y, z;
-    float gap;                   ///< to the polygon's graph or, beyond a line of the rim, to that; 0 outside
+    float deviation;             ///< to the polygon's graph or, beyond a line of the rim, to that; 0 outside
     bool inside;                 ///< of the polygon, or between a line of the rim and that of the reference
     std::uint8_t sector;         ///< of the polygon, 0 outside
     std::uint64_t spokes, rims;  ///< bit j: left of spoke j, of rim edge j
@@ -128,7 +128,7 @@ class ReferenceGap {
   Double3 ex_{}, ey_{}, n_{}, origin_{};
   /// Columns: what x, y and z add to the coordinates in the plane.
   alignas(16) std::array<float, 12> frame_{};
-  float gap_ = 0.0f, limit_ = 0.0f, radius_ = 0.0f;
+  float deviation_ = 0.0f, limit_ = 0.0f, radius_ = 0.0f;
 };
 
 }  // namespace tessera

@@ -11,7 +11,7 @@ constexpr std::size_t kMinFaces = 4, kLanes = 8;
 constexpr float kMinSize = 0x1p-10f, kMaxSize = 0x1p+12f;
 constexpr float kUnsure = 0x1p-18f;  ///< of the polygon's area: what is smaller may be rounding
 constexpr float kSlack = 0x1p-20f;
-constexpr float kMinGap =
+constexpr float kMinDeviation =
     0x1p-14f;  ///< of the largest coordinate: what is flatter is flat to doubles, perhaps
 
 struct alignas(32) LaneTables {
@@ -75,10 +75,10 @@ int bits_of(__m256 mask) {
 
 }  // namespace
 
-StarLanes::StarLanes(double unit, double min_roundness)
+StarLanes::StarLanes(double unit, double min_mean_ratio)
     : unit_(unit),
       per_unit_(static_cast<float>(1.0 / unit)),
-      min_(static_cast<float>(min_roundness * min_roundness / 12.0)),
+      min_(static_cast<float>(min_mean_ratio * min_mean_ratio / 12.0)),
       unit4_(unit * unit * unit * unit) {}
 
 bool StarLanes::load(const CollapseMesh& mesh, std::uint32_t u, const Star& star) {
@@ -143,7 +143,7 @@ StarLanes::Cheapest StarLanes::cheapest(const Quadric& q, const Double3& from) c
           found == 0 ? 0 : static_cast<std::size_t>(__builtin_ctz(found))};
 }
 
-StarLanes::Answer StarLanes::judge(std::size_t at, double& gap) const {
+StarLanes::Answer StarLanes::judge(std::size_t at, double& deviation) const {
   const std::size_t k = size_;
   const int all = (1 << k) - 1, fresh = (all >> 1) & ~1;  // old faces; new ones: 1 to k - 2
   const __m256i turned = indices(kTables.rotated[k][at]), next = indices(kTables.next[k]);
@@ -240,8 +240,9 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& gap) const {
     maximum = _mm256_max_ps(maximum, _mm256_and_ps(meet, absolute(up)));
   }
   const float highest = largest_of(maximum);
-  if (highest < kMinGap * largest_) return Answer::kDoubt;
-  gap = (static_cast<double>(highest) * (1.0 + 0x1p-20) + 0x1p-19 * static_cast<double>(largest_)) * unit_;
+  if (highest < kMinDeviation * largest_) return Answer::kDoubt;
+  deviation =
+      (static_cast<double>(highest) * (1.0 + 0x1p-20) + 0x1p-19 * static_cast<double>(largest_)) * unit_;
   return Answer::kGood;
 }
 

@@ -2,7 +2,7 @@
 /// A closed star of four to eight faces in the lanes of vector registers: what its collapses cost, and how far one of
 /// them moves the surface, all faces at once.
 ///
-/// The same tests as Decimator::check_faces() and fan_gap() (collapse_gap.h), in floats relative to the centre and in
+/// The same tests as Decimator::check_faces() and fan_deviation() (collapse_gap.h), in floats relative to the centre and in
 /// units of the tolerance. What comes within rounding of a decision is left to those.
 ///
 /// Rounding. With R the largest coordinate of the star relative to its centre and u = 2^-24, a height over the polygon
@@ -28,8 +28,8 @@ class StarLanes {
   };
 
   /// \param unit           length in whose terms all is computed: the tolerance, > 0
-  /// \param min_roundness  DecimateOptions::min_roundness
-  StarLanes(double unit, double min_roundness);
+  /// \param min_mean_ratio  DecimateOptions::min_mean_ratio
+  StarLanes(double unit, double min_mean_ratio);
 
   /// \return false where the star is open or has too few or too many faces, or its size is out of proportion to the unit
   bool load(const CollapseMesh& mesh, std::uint32_t u, const Star& star);
@@ -41,8 +41,8 @@ class StarLanes {
   Cheapest cheapest(const Quadric& q, const Double3& from) const;
 
   /// Is the collapse of the centre into ring vertex `at` neither a fold nor thin?
-  /// \param[out] gap  where it is kGood: every point of the star before or after lies within it of the other
-  Answer judge(std::size_t at, double& gap) const;
+  /// \param[out] deviation  where it is kGood: every point of the star before or after lies within it of the other
+  Answer judge(std::size_t at, double& deviation) const;
 
  private:
   __m256 cost_lanes(const Quadric& q, const Double3& from) const;

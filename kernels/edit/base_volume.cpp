@@ -73,14 +73,14 @@ std::vector<Double3> volume_widening(const EditBasis& basis, std::span<const Dou
     c[2] += (dot(u, mixed) + dot(p, vw)) / 6.0;
     c[3] += dot(u, vw) / 6.0;
   }
-  double reach = 0.0;
-  for (std::size_t v = 0; v < n; ++v) reach = std::max(reach, norm(posed[v] - posed[0]));
+  double extent = 0.0;
+  for (std::size_t v = 0; v < n; ++v) extent = std::max(extent, norm(posed[v] - posed[0]));
   const auto missing = [&](double s) { return wanted - (c[0] + s * (c[1] + s * (c[2] + s * c[3]))); };
   double s = 0.0, m = missing(0.0);
   for (int step = 0; step < kSteps && m != 0.0; ++step) {
     const double slope = c[1] + s * (2.0 * c[2] + s * 3.0 * c[3]);
     const double to = s + m / slope;
-    if (!std::isfinite(to) || std::fabs(to) > reach) break;
+    if (!std::isfinite(to) || std::fabs(to) > extent) break;
     s = to;
     m = missing(s);
   }

@@ -40,7 +40,7 @@ struct Loose {
 Loose find_loose(const Laplacian& metric, const EditRegions& regions) {
   const std::size_t n = regions.role.size();
   UnionFind pieces(n);
-  std::vector<std::uint8_t> held(n, 0);
+  std::vector<std::uint8_t> pinned(n, 0);
   const SparseMatrix& l = metric.stiffness;
   const auto joined = [&](auto&& use) {
     for (std::int32_t v = 0; v < l.rows; ++v) {
@@ -55,12 +55,12 @@ Loose find_loose(const Laplacian& metric, const EditRegions& regions) {
   });
   joined([&](std::int32_t v, std::int32_t w) {
     if (regions.role[static_cast<std::size_t>(w)] != kSupportVertex)
-      held[pieces.find(static_cast<std::uint32_t>(v))] = 1;
+      pinned[pieces.find(static_cast<std::uint32_t>(v))] = 1;
   });
   Loose out;
   std::vector<std::size_t> number(n, 0);  // from 1
   for (std::uint32_t v = 0; v < n; ++v) {
-    if (regions.role[v] != kSupportVertex || held[pieces.find(v)]) continue;
+    if (regions.role[v] != kSupportVertex || pinned[pieces.find(v)]) continue;
     std::size_t& at = number[pieces.find(v)];
     if (at == 0) {
       out.pieces.emplace_back();
@@ -82,11 +82,11 @@ Loose find_loose(const Laplacian& metric, const EditRegions& regions) {
 }
 
 /// The held vertex nearest to each piece, of several the one met first.
-std::vector<std::uint32_t> nearest_held(const Loose& loose, std::span<const Double3> position,
-                                        std::span<const std::uint8_t> held) {
+std::vector<std::uint32_t> nearest_pinned(const Loose& loose, std::span<const Double3> position,
+                                          std::span<const std::uint8_t> pinned) {
   std::vector<std::array<std::uint32_t, 3>> points;
-  for (std::uint32_t v = 0; v < held.size(); ++v)
-    if (held[v]) points.push_back({v, v, v});
+  for (std::uint32_t v = 0; v < pinned.size(); ++v)
+    if (pinned[v]) points.push_back({v, v, v});
   const ClosestFaces closest(position, points, position[points[0][0]]);
   std::vector<std::uint32_t> out;
   for (const auto& piece : loose.pieces) {
@@ -114,7 +114,7 @@ void follow(const EditBasis& basis, std::span<const Double3> position, std::span
     for (std::size_t h = 0; h < basis.centre.size(); ++h) {
       const double share = at[first + 4 * h + 3];
       for (std::size_t c = 0; c < 3; ++c)
-        row[first + 4 * h + c] = share * (p[c] - basis.centre[h][c]) / basis.reach[h];
+        row[first + 4 * h + c] = share * (p[c] - basis.centre[h][c]) / basis.radius[h];
       row[first + 4 * h + 3] = share;
     }
   };
@@ -137,7 +137,7 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
   basis.role = regions.role;
   basis.target = regions.target;
   basis.centre.assign(handles, Double3{});
-  basis.reach.assign(handles, 0.0);
+  basis.radius.assign(handles, 0.0);
   std::vector<std::uint8_t> free(n);
   std::vector<std::size_t> members(handles, 0);
   std::vector<Double3> low(handles, {1e300, 1e300, 1e300}), high(handles, {-1e300, -1e300, -1e300});
@@ -156,8 +156,8 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
       throw InputError("the handle '" + regions.handles[h] +
                        "' has no vertex: no vertex lies in its region, or later regions took them");
     basis.centre[h] = (low[h] + high[h]) * 0.5;
-    basis.reach[h] = std::max(0.5 * norm(high[h] - low[h]), 1e-300);
-    if (members[h] == 1) basis.reach[h] = 1.0;
+    basis.radius[h] = std::max(0.5 * norm(high[h] - low[h]), 1e-300);
+    if (members[h] == 1) basis.radius[h] = 1.0;
   }
   if (std::count(free.begin(), free.end(), 1) == 0)
     throw InputError("the support has no vertex: no vertex lies in it, or later regions took them all");
@@ -194,16 +194,16 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
     if (role < 0) continue;
     const auto h = static_cast<std::size_t>(role);
     for (std::size_t c = 0; c < 3; ++c)
-      values[v * w + first + 4 * h + c] = (position[v][c] - basis.centre[h][c]) / basis.reach[h];
+      values[v * w + first + 4 * h + c] = (position[v][c] - basis.centre[h][c]) / basis.radius[h];
     values[v * w + first + 4 * h + 3] = 1.0;
   }
   model.solve(values, static_cast<int>(w));
   basis.active = model.free_vertices();
   if (!loose.pieces.empty() && regions.loose == LoosePieces::kFollow) {
-    std::vector<std::uint8_t> held(n, 1);
+    std::vector<std::uint8_t> pinned(n, 1);
     for (const auto& piece : loose.pieces)
-      for (const std::uint32_t v : piece) held[v] = 0;
-    const std::vector<std::uint32_t> near = nearest_held(loose, position, held);
+      for (const std::uint32_t v : piece) pinned[v] = 0;
+    const std::vector<std::uint32_t> near = nearest_pinned(loose, position, pinned);
     for (std::size_t k = 0; k < near.size(); ++k) {
       follow(basis, position, loose.pieces[k], near[k], values);
       basis.active.insert(basis.active.end(), loose.pieces[k].begin(), loose.pieces[k].end());
@@ -237,13 +237,13 @@ std::vector<Double3> solution(const EditBasis& basis, std::span<const Double3> p
   std::vector<std::array<Double3, 4>> frame(handles);  // axes and origin, moved
   for (std::size_t h = 0; h < handles; ++h) {
     for (std::size_t a = 0; a < 3; ++a)
-      for (std::size_t c = 0; c < 3; ++c) frame[h][a][c] = basis.reach[h] * pose[h].matrix[3 * c + a];
+      for (std::size_t c = 0; c < 3; ++c) frame[h][a][c] = basis.radius[h] * pose[h].matrix[3 * c + a];
     frame[h][3] = pose[h].apply(basis.centre[h]);
   }
-  const std::size_t held = rests ? 0 : first - 3;
+  const std::size_t pinned = rests ? 0 : first - 3;
   for (std::size_t k = 0; k < basis.active.size(); ++k) {
     const double* row = basis.columns.data() + k * w;
-    Double3 p = {row[held], row[held + 1], row[held + 2]};
+    Double3 p = {row[pinned], row[pinned + 1], row[pinned + 2]};
     for (std::size_t h = 0; h < handles; ++h)
       for (std::size_t a = 0; a < 4; ++a) p = p + frame[h][a] * row[first + 4 * h + a];
     out[static_cast<std::size_t>(basis.active[k])] = p;
@@ -265,16 +265,16 @@ std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3
 
 std::vector<Rotation> pose_rotations(const EditBasis& basis, std::span<const Placement> pose) {
   // All of it may go far: where nothing is held only differences between handles turn anything.
-  bool held = false;
-  for (const std::int32_t role : basis.role) held = held || role == kFixedVertex || role == kTargetVertex;
+  bool pinned = false;
+  for (const std::int32_t role : basis.role) pinned = pinned || role == kFixedVertex || role == kTargetVertex;
   std::vector<FrameMotion> motion(pose.size());
   for (std::size_t h = 0; h < pose.size(); ++h) {
     for (std::size_t a = 0; a < 3; ++a)
       for (std::size_t c = 0; c < 3; ++c)
-        motion[h][a][c] = basis.reach[h] * (pose[h].matrix[3 * c + a] - (a == c ? 1.0 : 0.0));
+        motion[h][a][c] = basis.radius[h] * (pose[h].matrix[3 * c + a] - (a == c ? 1.0 : 0.0));
     motion[h][3] = pose[h].apply(basis.centre[h]) - basis.centre[h];
   }
-  if (!held && !pose.empty()) {
+  if (!pinned && !pose.empty()) {
     const Double3 far = motion[0][3];
     for (FrameMotion& m : motion) m[3] = m[3] - far;
   }

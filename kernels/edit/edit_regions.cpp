@@ -26,7 +26,7 @@ std::uint32_t nearest_vertex(std::span<const Double3> position, const Double3& p
   return best;
 }
 
-struct Way {
+struct PathEdge {
   std::uint32_t to;
   double length;
 };
@@ -56,12 +56,12 @@ std::vector<FaceEdge> sorted_sides(Faces faces) {
 }
 
 /// Edges, and across each edge of two faces the way from corner to corner when both are unfolded into a plane.
-Lists<Way> ways(std::span<const Double3> position, Faces faces) {
+Lists<PathEdge> path_edges(std::span<const Double3> position, Faces faces) {
   const std::vector<FaceEdge> sides = sorted_sides(faces);
-  return make_lists<Way>(position.size(), [&](const auto& put) {
+  return make_lists<PathEdge>(position.size(), [&](const auto& put) {
     const auto both = [&](std::uint32_t a, std::uint32_t b, double length) {
-      put(a, Way{b, length});
-      put(b, Way{a, length});
+      put(a, PathEdge{b, length});
+      put(b, PathEdge{a, length});
     };
     for (std::size_t i = 0; i < sides.size(); ++i) {
       const FaceEdge& s = sides[i];
@@ -94,7 +94,7 @@ bool inside(const EditRegion& r, const Double3& p) {
       return p[0] >= r.low[0] && p[1] >= r.low[1] && p[2] >= r.low[2] && p[0] <= r.high[0] &&
              p[1] <= r.high[1] && p[2] <= r.high[2];
     case RegionShape::kSphere:
-      return squared_distance(p, r.point) <= r.reach * r.reach;
+      return squared_distance(p, r.point) <= r.radius * r.radius;
     case RegionShape::kHalfSpace:
       return dot(p - r.point, r.normal) <= 0.0;
     default:
@@ -118,7 +118,7 @@ std::string described(const EditRegion& r, std::size_t number) {
 
 std::vector<double> surface_distance(std::span<const Double3> position, Faces faces,
                                      std::span<const Double3> sources) {
-  const Lists<Way> way = ways(position, faces);
+  const Lists<PathEdge> edges = path_edges(position, faces);
   std::vector<double> distance(position.size(), kInfinite);
   using Item = std::pair<double, std::uint32_t>;
   std::priority_queue<Item, std::vector<Item>, std::greater<>> queue;
@@ -131,7 +131,7 @@ std::vector<double> surface_distance(std::span<const Double3> position, Faces fa
     const auto [d, v] = queue.top();
     queue.pop();
     if (d > distance[v]) continue;
-    for (const Way& w : way[v])
+    for (const PathEdge& w : edges[v])
       if (d + w.length < distance[w.to]) {
         distance[w.to] = d + w.length;
         queue.emplace(distance[w.to], w.to);
@@ -203,7 +203,7 @@ EditRegions resolve_regions(std::span<const EditRegion> regions, const EditSurfa
     } else if (r.shape == RegionShape::kGeodesic) {
       const std::vector<double> distance = surface_distance(position, surface.faces, r.points);
       for (std::size_t v = 0; v < position.size(); ++v)
-        if (distance[v] <= r.reach) take(v);
+        if (distance[v] <= r.radius) take(v);
     } else if (r.shape == RegionShape::kPatch) {
       const std::vector<std::uint8_t> in = crease_patch(surface.sharp.empty() ? position : surface.sharp,
                                                         surface.faces, r.points, r.crease_deg);

@@ -30,7 +30,7 @@ struct EditRegion {
   Double3 low = {0, 0, 0}, high = {0, 0, 0};  ///< box, closed
   Double3 point = {0, 0, 0};                  ///< sphere: centre; half-space: a point of its plane
   Double3 normal = {0, 0, 1};                 ///< half-space: out of what is taken, any length
-  double reach = 0.0;            ///< sphere: radius; geodesic: largest distance along the surface
+  double radius = 0.0;           ///< sphere: radius; geodesic: largest distance along the surface
   std::vector<Double3> points;   ///< geodesic, patch: sources; points: the nearest vertex of each
   std::vector<Double3> targets;  ///< points of a handle without a map: where each goes; or empty
   std::array<int, 3> colour{};   ///< painted: red, green, blue

@@ -170,7 +170,7 @@ NormalDisplacement DisplacementEncoder::encode(const Double3& p, double diagonal
   std::uint32_t face = nearest;
   double u = 0.0, v = 0.0;
   start(u, v);
-  const auto settle = [&](NormalDisplacement& d, Double3& left) {
+  const auto set_height = [&](NormalDisplacement& d, Double3& left) {
     d.u = units(u);
     d.v = std::min(units(v), static_cast<std::uint16_t>(65535 - d.u));
     Double3 n;
@@ -185,14 +185,14 @@ NormalDisplacement DisplacementEncoder::encode(const Double3& p, double diagonal
   Double3 left;
   rest = {};
   if (walk(p, face, u, v)) {
-    settle(d, left);
+    set_height(d, left);
     // A normal that leads far away leads to another sheet: as far as thrice the distance is plausible.
-    const double reach = 3.0 * std::sqrt(hit.square) + 10.0 * kLeft * diagonal;
-    if (norm(left) <= kLeft * diagonal && std::fabs(d.height) <= reach) return d;
+    const double max_height = 3.0 * std::sqrt(hit.square) + 10.0 * kLeft * diagonal;
+    if (norm(left) <= kLeft * diagonal && std::fabs(d.height) <= max_height) return d;
   }
   face = nearest;
   start(u, v);
-  const Double3 n = settle(d, left);
+  const Double3 n = set_height(d, left);
   if (norm(left) <= kLeft * diagonal) return d;
   const auto& f = base_->faces()[face];
   if (norm(n) > 0.0) {

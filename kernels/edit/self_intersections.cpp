@@ -150,30 +150,30 @@ class Nearness {
         seen_(faces.size(), 0) {}
 
   bool near(std::uint32_t one, std::uint32_t other) {
-    if (reached_.empty() || reached_.front() != one) reach(one);
+    if (gathered_.empty() || gathered_.front() != one) gather(one);
     return seen_[other] == round_;
   }
 
  private:
-  void reach(std::uint32_t one) {
+  void gather(std::uint32_t one) {
     ++round_;
-    reached_.assign(1, one);
+    gathered_.assign(1, one);
     seen_[one] = round_;
     std::size_t begin = 0;
     for (int ring = 0; ring < kNearRings; ++ring)
-      for (const std::size_t end = reached_.size(); begin < end; ++begin)
-        for (const std::uint32_t v : faces_[reached_[begin]])
+      for (const std::size_t end = gathered_.size(); begin < end; ++begin)
+        for (const std::uint32_t v : faces_[gathered_[begin]])
           for (const std::uint32_t f : around_[v]) {
             if (seen_[f] == round_) continue;
-            if (reached_.size() == kMaxNear) return;
+            if (gathered_.size() == kMaxNear) return;
             seen_[f] = round_;
-            reached_.push_back(f);
+            gathered_.push_back(f);
           }
   }
 
   std::span<const Face> faces_;
   Lists<std::uint32_t> around_;
-  std::vector<std::uint32_t> seen_, reached_;
+  std::vector<std::uint32_t> seen_, gathered_;
   std::uint32_t round_ = 0;
 };
 

@@ -168,9 +168,9 @@ LaneMask polar_rotations(Matrices& r) {
       r[k] = next;
     }
     left |= ~(determinant > kWellTurned);
-    const LaneMask settled = change < kTurned * kTurned;
-    if (all(left | settled)) return left;
-    if (step + 1 == kPolarSteps) left |= ~settled;
+    const LaneMask converged = change < kTurned * kTurned;
+    if (all(left | converged)) return left;
+    if (step + 1 == kPolarSteps) left |= ~converged;
   }
   return left;
 }

@@ -30,7 +30,7 @@ CellLoops loops_of_cell(const DirectedField& field, const Int3& cell) {
 }  // namespace
 
 Float3 BorderShift::gone(const Corner& c, float share) {
-  return {c.point[0] + share * c.way[0], c.point[1] + share * c.way[1], c.point[2] + share * c.way[2]};
+  return {c.point[0] + share * c.shift[0], c.point[1] + share * c.shift[1], c.point[2] + share * c.shift[2]};
 }
 
 /// Least signed area of a face whose corners go any part of `share`: it is affine in each corner's way alone, so it is
@@ -75,8 +75,8 @@ bool BorderShift::triangulate(const std::uint8_t* edge, const std::uint32_t* roo
       corner.point[static_cast<std::size_t>(a)] = static_cast<float>(edge_offset(e, a));
     corner.point[static_cast<std::size_t>(e >> 2)] = field_.roots[root[i]].t;
     corner.point = corner.point + field_.roots[root[i]].beside();
-    corner.way = wanted(root[i]);
-    moves = moves || corner.way != Float3{0, 0, 0};
+    corner.shift = wanted(root[i]);
+    moves = moves || corner.shift != Float3{0, 0, 0};
     samples.point[i] = gone(corner, 1.0f);
     for (std::size_t a = 0; a < 3; ++a) normal_[a] += field_.roots[root[i]].normal[a];
   }
@@ -88,8 +88,8 @@ bool BorderShift::triangulate(const std::uint8_t* edge, const std::uint32_t* roo
 }
 
 Float3 BorderShift::of_vertex(const Int3& node, std::size_t axis, std::uint32_t root) {
-  Float3 way = wanted(root);
-  if (way == Float3{0, 0, 0}) return way;
+  Float3 shift = wanted(root);
+  if (shift == Float3{0, 0, 0}) return shift;
   const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
   float share = 1.0f;
   for (unsigned side = 0; side < 4; ++side) {
@@ -99,8 +99,8 @@ Float3 BorderShift::of_vertex(const Int3& node, std::size_t axis, std::uint32_t 
     if (!band_.takes_part(cell)) continue;
     share = std::min(share, share_in_cell(cell, static_cast<std::uint8_t>(4 * axis + side)));
   }
-  for (float& c : way) c *= share;
-  return way;
+  for (float& c : shift) c *= share;
+  return shift;
 }
 
 /// Share of its way that the vertex on an edge of a cell may go.

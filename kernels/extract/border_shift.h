@@ -24,7 +24,7 @@ class BorderShift {
  private:
   /// A corner of a loop and the way that the border wants it to go.
   struct Corner {
-    Float3 point, way;
+    Float3 point, shift;
   };
   Float3 wanted(std::uint32_t root) const;
   float share_in_cell(const Int3& cell, std::uint8_t edge);

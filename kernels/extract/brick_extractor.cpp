@@ -91,7 +91,7 @@ Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
   if (extended) emit_feature_segments();
   if (!patch_.synthetic.empty()) patch_.synthetic.resize(patch_.faces.size(), 0);
   if (!patch_.border.empty()) patch_.border.resize(patch_.faces.size(), 0);
-  settle_foreign();
+  resolve_foreign();
   std::sort(patch_.exported.begin(), patch_.exported.end());
   if ((any_alpha_ >> 24) == 0) patch_.rgba.clear();
   return std::move(patch_);
@@ -139,8 +139,8 @@ void BrickExtractor::emit_edge_vertices() {
           p[axis] += root.t;
           p = p + root.beside();
           if (m.leaf->moving[axis][z] & bit) {
-            const Float3 way = border_.of_vertex(node, axis, index);
-            for (std::size_t a = 0; a < 3; ++a) p[a] += way[a];
+            const Float3 shift = border_.of_vertex(node, axis, index);
+            for (std::size_t a = 0; a < 3; ++a) p[a] += shift[a];
           }
           const VertexClass kind = (m.border[axis][z] & bit) ? VertexClass::kBorder : VertexClass::kSmooth;
           if (!is_own) {
@@ -397,7 +397,7 @@ std::uint32_t BrickExtractor::add_centre(const Int3& cell, int number, const Flo
 }
 
 /// Lists the vertices of other bricks that faces name, and gives the faces their final indices.
-void BrickExtractor::settle_foreign() {
+void BrickExtractor::resolve_foreign() {
   std::vector<std::uint32_t> faces;
   std::vector<std::pair<VertexKey, std::uint32_t>> named;
   std::vector<std::uint32_t> rank(foreign_key_.size(), kNoVertex);

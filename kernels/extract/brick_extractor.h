@@ -101,7 +101,7 @@ class BrickExtractor {
     patch_.border.resize(patch_.faces.size(), 0);
     patch_.border.back() = static_cast<std::uint8_t>(border);
   }
-  void settle_foreign();
+  void resolve_foreign();
   VertexKey key(const Int3& at, int type) const;
   Float3 point_in_cell(int edge, std::uint32_t root) const;
 

@@ -23,8 +23,8 @@ constexpr double kCornerMargin = 0.5;
 /// Part of the heights of roots over the other side's planes that may have the wrong sign.
 constexpr float kSideDoubt = 0.25f;
 /// How far a sample may leave its cell: wedges poke out of theirs, noise throws samples out.
-constexpr float kExactReach = 1.0f;
-constexpr float kNoisyReach = 0.25f;
+constexpr float kExactMargin = 1.0f;
+constexpr float kNoisyMargin = 0.25f;
 constexpr int kHalvings = 4;
 /// Smallest height of a triangle: coordinates in a brick are floats below 64, exact to 2^-18.
 constexpr float kMinHeight = 1.0f / 2048;
@@ -37,10 +37,10 @@ bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, cons
   if (!(dot(loop.normal[i], loop.normal[j]) < thresholds.cone_cos)) return false;
   const Float3 zero = {0, 0, 0};
   const Float3 crease = triangle_normal(zero, loop.normal[i], loop.normal[j]);
-  const Float3 way = (loop.point[i] + loop.point[j]) * 0.5f - centre;
+  const Float3 delta = (loop.point[i] + loop.point[j]) * 0.5f - centre;
   const float length2 = dot(crease, crease);
   if (!(length2 > kMinSine * kMinSine)) return false;
-  const float along = dot(way, crease) / length2;
+  const float along = dot(delta, crease) / length2;
   if (!thresholds.in_faces || along * along * length2 > kMinHeight * kMinHeight) {
     const Float3 beside = centre + crease * along;
     return dot(triangle_normal(centre, loop.point[i], beside), loop.normal[i]) > 0.0f &&
@@ -56,9 +56,9 @@ bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, cons
 }
 
 bool fan_is_sound(const LoopSamples& loop, const Float3& centre, const FeatureThresholds& thresholds) {
-  const float reach = thresholds.exact ? kExactReach : kNoisyReach;
+  const float margin = thresholds.exact ? kExactMargin : kNoisyMargin;
   for (float c : centre)
-    if (!(c >= -reach && c <= 1.0f + reach)) return false;
+    if (!(c >= -margin && c <= 1.0f + margin)) return false;
   const auto size = static_cast<std::size_t>(loop.size);
   for (std::size_t i = 0; i < size; ++i) {
     const std::size_t j = i + 1 == size ? 0 : i + 1;

@@ -3,11 +3,11 @@
 namespace tessera {
 namespace {
 
-constexpr int kReach = 2 * kBandClosing + kBandLayers;  // nodes
-constexpr int kWide = kLeafCells + 2 * kReach;          // rows gathered around a leaf
-static_assert(kReach <= kLeafCells && kWide <= 32);
+constexpr int kBandRadius = 2 * kBandClosing + kBandLayers;  // nodes
+constexpr int kWide = kLeafCells + 2 * kBandRadius;          // rows gathered around a leaf
+static_assert(kBandRadius <= kLeafCells && kWide <= 32);
 
-/// Bits of nodes -kReach .. 7 + kReach around one leaf: bit x + kReach of row [z + kReach][y + kReach].
+/// Bits of nodes -kBandRadius .. 7 + kBandRadius around one leaf: bit x + kBandRadius of row [z + kBandRadius][y + kBandRadius].
 using Box = std::array<std::array<std::uint32_t, kWide>, kWide>;
 
 /// Shrinks or grows along every axis; rows outside the box count as empty for growing, and the caller never
@@ -40,13 +40,13 @@ void morph(Box& box, int by) {
 /// Copies the marks of one neighbour leaf at offset (di, dj, dk) into the box.
 void paste(const std::array<std::uint64_t, 8>& words, int di, int dj, int dk, Box& box) {
   for (int z = 0; z < kLeafCells; ++z) {
-    const int row_z = z + kLeafCells * dk + kReach;
+    const int row_z = z + kLeafCells * dk + kBandRadius;
     if (row_z < 0 || row_z >= kWide || !words[static_cast<std::size_t>(z)]) continue;
     for (int y = 0; y < kLeafCells; ++y) {
-      const int row_y = y + kLeafCells * dj + kReach;
+      const int row_y = y + kLeafCells * dj + kBandRadius;
       if (row_y < 0 || row_y >= kWide) continue;
       const std::uint64_t bits = words[static_cast<std::size_t>(z)] >> (8 * y) & 0xff;
-      const int shift = kLeafCells * di + kReach;
+      const int shift = kLeafCells * di + kBandRadius;
       box[static_cast<std::size_t>(row_z)][static_cast<std::size_t>(row_y)] |=
           static_cast<std::uint32_t>(shift >= 0 ? bits << shift : bits >> -shift) & ((1u << kWide) - 1u);
     }
@@ -113,7 +113,8 @@ std::vector<BandNodes> choose_band(const PointLeaves& leaves, const NodeFilter& 
         for (std::size_t z = 0; z < 8; ++z) {
           std::uint64_t word = 0;
           for (std::size_t y = 0; y < 8; ++y)
-            word |= static_cast<std::uint64_t>(box[z + kReach][y + kReach] >> kReach & 0xff) << (8 * y);
+            word |= static_cast<std::uint64_t>(box[z + kBandRadius][y + kBandRadius] >> kBandRadius & 0xff)
+                    << (8 * y);
           out.nodes[z] = word & inside[z];
           any |= out.nodes[z];
         }

@@ -18,7 +18,7 @@ namespace tessera {
 inline constexpr int kBandClosing = 2;  ///< nodes by which marks are dilated and eroded again
 inline constexpr int kBandLayers = 2;   ///< layers of nodes added around the closed marks
 /// How far from a node a point can put it into the band, in cells.
-inline constexpr int kBandReach = 2 * kBandClosing + kBandLayers + 1;
+inline constexpr int kBandHalo = 2 * kBandClosing + kBandLayers + 1;
 
 struct BandNodes {
   std::uint32_t leaf = 0;                ///< index into the dense table

@@ -60,16 +60,16 @@ SurfaceValue value_of(float density, const Float3& towards) {
 
 /// Nodes of a row that lie under the surface of oriented samples: the air around a body says nothing of what is there.
 std::uint32_t under_surface(const SampleList& coarse, std::size_t y, std::size_t z, RowSamples& row) {
-  const RowReach reach = {.y0 = static_cast<float>(y),
-                          .z0 = static_cast<float>(z),
-                          .low_x = -kUnderRadius,
-                          .high_x = 7.0f + kUnderRadius,
-                          .r2 = kUnderRadius * kUnderRadius};
+  const RowSupport support = {.y0 = static_cast<float>(y),
+                              .z0 = static_cast<float>(z),
+                              .low_x = -kUnderRadius,
+                              .high_x = 7.0f + kUnderRadius,
+                              .r2 = kUnderRadius * kUnderRadius};
   NodeSums sums;
   clear(sums);
   for (std::size_t next = 0; next < coarse.size;) {
-    fill_row(coarse, reach, &next, row);
-    accumulate<true>(row, reach.r2, 1.0f / reach.r2, sums);
+    fill_row(coarse, support, &next, row);
+    accumulate<true>(row, support.r2, 1.0f / support.r2, sums);
   }
   const __m256 inside = _mm256_cmp_ps(sums.pn, _mm256_setzero_ps(), _CMP_GT_OQ);
   const __m256i enough = _mm256_cmpgt_epi32(sums.hits, _mm256_set1_epi32(kUnderHits - 1));
@@ -94,7 +94,7 @@ void drop_sheets(const std::array<std::uint64_t, 8>& gone, LeafFit& fit, std::ve
 
 }  // namespace
 
-PointBlock strewn_points(const PointBlock& points) {
+PointBlock volumetric_points(const PointBlock& points) {
   PointBlock out;
   out.origin = points.origin;
   out.cells = points.cells;
@@ -111,16 +111,16 @@ PointBlock strewn_points(const PointBlock& points) {
   return out;
 }
 
-void add_body_leaves(const PointLeaves& strewn, std::vector<BandNodes>& band) {
-  std::vector<std::uint8_t> near(strewn.range.size(), 0);
-  for (int k = -1; k < strewn.dims[2] - 1; ++k)
-    for (int j = -1; j < strewn.dims[1] - 1; ++j)
-      for (int i = -1; i < strewn.dims[0] - 1; ++i) {
-        const PointLeaves::Range& range = strewn.range[strewn.at(i, j, k)];
+void add_body_leaves(const PointLeaves& volumetric, std::vector<BandNodes>& band) {
+  std::vector<std::uint8_t> near(volumetric.range.size(), 0);
+  for (int k = -1; k < volumetric.dims[2] - 1; ++k)
+    for (int j = -1; j < volumetric.dims[1] - 1; ++j)
+      for (int i = -1; i < volumetric.dims[0] - 1; ++i) {
+        const PointLeaves::Range& range = volumetric.range[volumetric.at(i, j, k)];
         if (range.begin == range.end) continue;
         for (int d = 0; d < 27; ++d) {
           const Int3 at = {i + d % 3 - 1, j + d / 3 % 3 - 1, k + d / 9 - 1};
-          if (strewn.holds(at[0], at[1], at[2])) near[strewn.at(at[0], at[1], at[2])] = 1;
+          if (volumetric.holds(at[0], at[1], at[2])) near[volumetric.at(at[0], at[1], at[2])] = 1;
         }
       }
   for (const BandNodes& b : band) near[b.leaf] = 0;
@@ -132,7 +132,7 @@ void add_body_leaves(const PointLeaves& strewn, std::vector<BandNodes>& band) {
 void join_bodies(const BodyPoints& points, const Int3& leaf, const std::array<std::uint64_t, 8>& nodes,
                  BodyScratch& scratch, LeafFit& fit, LeafRim& rim, std::vector<Sheets>& sheets) {
   constexpr float kLow = -kBodyRadius, kHigh = 7.0f + kBodyRadius;
-  gather_all(points.strewn, points.strewn_leaves, leaf[0], leaf[1], leaf[2],
+  gather_all(points.volumetric, points.volumetric_leaves, leaf[0], leaf[1], leaf[2],
              {{kLow, kLow, kLow}, {kHigh, kHigh, kHigh}}, scratch.samples);
   if (scratch.samples.size == 0) return;
   constexpr float kUnderLow = -kUnderRadius, kUnderHigh = 7.0f + kUnderRadius;
@@ -145,14 +145,14 @@ void join_bodies(const BodyPoints& points, const Int3& leaf, const std::array<st
     for (std::size_t y = 0; y < 8; ++y) {
       const auto wanted = static_cast<std::uint32_t>(nodes[z] >> (8 * y) & 0xff);
       if (!wanted) continue;
-      const RowReach reach = {.y0 = static_cast<float>(y),
-                              .z0 = static_cast<float>(z),
-                              .low_x = kLow,
-                              .high_x = kHigh,
-                              .r2 = kBodyRadius * kBodyRadius};
+      const RowSupport support = {.y0 = static_cast<float>(y),
+                                  .z0 = static_cast<float>(z),
+                                  .low_x = kLow,
+                                  .high_x = kHigh,
+                                  .r2 = kBodyRadius * kBodyRadius};
       Density density;
       for (std::size_t next = 0; next < scratch.slab.size;) {
-        fill_row(scratch.slab, reach, &next, scratch.row);
+        fill_row(scratch.slab, support, &next, scratch.row);
         add_density(scratch.row, density);
       }
       alignas(32) std::array<float, kLanes> sum, gx, gy, gz;

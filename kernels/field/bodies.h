@@ -18,16 +18,16 @@ namespace tessera {
 inline constexpr float kBodyRadius = 4.0f;
 
 /// The points of a block that have no normal, one of each cell: the first in canonical order.
-PointBlock strewn_points(const PointBlock& points);
+PointBlock volumetric_points(const PointBlock& points);
 
 /// Adds the leaves that strewn points reach to the band, without any nodes; it stays in table order.
-/// \param strewn  index of strewn_points
-void add_body_leaves(const PointLeaves& strewn, std::vector<BandNodes>& band);
+/// \param volumetric  index of volumetric_points
+void add_body_leaves(const PointLeaves& volumetric, std::vector<BandNodes>& band);
 
 /// The points of a block that tell of bodies. \param coarse  mean normals of the oriented ones (average_normals)
 struct BodyPoints {
-  const PointBlock& strewn;
-  const PointLeaves& strewn_leaves;
+  const PointBlock& volumetric;
+  const PointLeaves& volumetric_leaves;
   const PointBlock& coarse;
   const PointLeaves& coarse_leaves;
 };

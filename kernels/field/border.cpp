@@ -28,7 +28,7 @@ bool has_rims(const LeafFit& fit) {
 }
 
 /// Way from a root onto the border along its tangent plane.
-Float3 way(const EdgeRoot& root, float depth, const Float3& inward) {
+Float3 border_shift(const EdgeRoot& root, float depth, const Float3& inward) {
   Float3 d;
   const float along = dot(inward, root.normal);
   for (std::size_t c = 0; c < 3; ++c) d[c] = inward[c] - along * root.normal[c];
@@ -77,7 +77,7 @@ bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& ri
         Float3 inward;
         for (std::size_t c = 0; c < 3; ++c)
           inward[c] = (1.0f - root.t) * from.inward[c] + root.t * to.inward[c];
-        field.moves.push_back({index, way(root, depth, inward)});
+        field.moves.push_back({index, border_shift(root, depth, inward)});
       }
     }
   }

@@ -52,7 +52,7 @@ bool look_up(const CoarserFits& coarser, const Int3& node, CoarserNode& out) {
     }
     if (again) continue;
     place = std::min(place, coarser.places.depth(at));
-    if (place < -kRimReach) return false;
+    if (place < -kRimMargin) return false;
     const LeafFit* fit = coarser.band.at(at);
     const std::size_t i = place_of(at);
     if (!fit || !has(fit->valid, i)) return false;
@@ -154,9 +154,9 @@ void fill_from_coarser(const CoarserFits& coarser, const Int3& origin, const Int
       const Int3 node = {origin[0] + kLeafCells * leaf[0] + static_cast<int>(b & 7),
                          origin[1] + kLeafCells * leaf[1] + static_cast<int>(b >> 3),
                          origin[2] + kLeafCells * leaf[2] + static_cast<int>(z)};
-      if (!look_up(coarser, node, found) || found.depth < -kRimReach) continue;
+      if (!look_up(coarser, node, found) || found.depth < -kRimMargin) continue;
       const bool valid = (fit.valid[z] & bit) != 0;
-      const float depth = valid ? rim.depth[i] : -kRimReach;
+      const float depth = valid ? rim.depth[i] : -kRimMargin;
       if (depth >= found.depth) continue;
       Float3 own = {fit.gradient[0][i], fit.gradient[1][i], fit.gradient[2][i]};
       if (!valid) {

@@ -28,7 +28,7 @@ float cosine_to_90(double degrees) {
 }
 
 /// Box of the samples that reach a leaf's band nodes.
-SampleBox reach_of(const std::array<std::uint64_t, 8>& nodes, float radius) {
+SampleBox support_box(const std::array<std::uint64_t, 8>& nodes, float radius) {
   std::uint64_t plane = 0;
   int low_z = 7, high_z = 0;
   for (int z = 0; z < 8; ++z) {
@@ -58,11 +58,11 @@ void bridge_leaf(const PointBlock& points, const PointLeaves& leaves, const Poin
   for (std::size_t z = 0; z < 8; ++z) any |= nodes[z] = fit.few[z] | fit.beyond[z];
   if (!any) return;
   SampleList& samples = scratch.wide_samples;
-  gather_samples(coarse_points, coarse_leaves, leaf[0], leaf[1], leaf[2], reach_of(nodes, kMaxRadius),
+  gather_samples(coarse_points, coarse_leaves, leaf[0], leaf[1], leaf[2], support_box(nodes, kMaxRadius),
                  samples);
   if (!choose_gaps(samples, options, scratch, fit)) return;
   for (std::size_t z = 0; z < 8; ++z) nodes[z] = fit.gap[0][z] | fit.gap[1][z] | fit.gap[2][z];
-  gather_samples(points, leaves, leaf[0], leaf[1], leaf[2], reach_of(nodes, kMaxRadius), samples);
+  gather_samples(points, leaves, leaf[0], leaf[1], leaf[2], support_box(nodes, kMaxRadius), samples);
   bridge_gaps(samples, options, scratch, fit);
 }
 
@@ -72,7 +72,7 @@ void smooth_leaf(const PointBlock& points, const PointLeaves& leaves, const Int3
   std::uint64_t any = 0;
   for (const std::uint64_t word : scratch.rough) any |= word;
   if (!any) return;
-  gather_samples(points, leaves, leaf[0], leaf[1], leaf[2], reach_of(scratch.rough, rough_radius(options)),
+  gather_samples(points, leaves, leaf[0], leaf[1], leaf[2], support_box(scratch.rough, rough_radius(options)),
                  scratch.wide_samples);
   smooth_rough(scratch.wide_samples, options, scratch, fit);
 }
@@ -80,7 +80,7 @@ void smooth_leaf(const PointBlock& points, const PointLeaves& leaves, const Int3
 }  // namespace
 
 int field_halo_cells(const FieldOptions& options) {
-  return std::max(kBandReach + 1,
+  return std::max(kBandHalo + 1,
                   static_cast<int>(std::ceil(std::max(support_radius(options), kMaxRadius))) + 2);
 }
 
@@ -91,11 +91,11 @@ BandFits fit_band(const PointBlock& points, const PointLeaves& leaves, const Fie
   const PointBlock coarse_points = average_normals(points);
   const PointLeaves coarse_leaves = index_leaves(coarse_points, false);
   std::vector<BandNodes> band = choose_band(leaves, wanted);
-  const PointBlock strewn = options.bodies ? strewn_points(points) : PointBlock();
-  PointLeaves strewn_leaves;
-  if (strewn.size() > 0) {
-    strewn_leaves = index_leaves(strewn, false);
-    add_body_leaves(strewn_leaves, band);
+  const PointBlock volumetric = options.bodies ? volumetric_points(points) : PointBlock();
+  PointLeaves volumetric_leaves;
+  if (volumetric.size() > 0) {
+    volumetric_leaves = index_leaves(volumetric, false);
+    add_body_leaves(volumetric_leaves, band);
   }
   if (coarser) add_coarser_leaves(*coarser, points.origin, points.cells, band);
   BodyScratch body_scratch;
@@ -129,18 +129,18 @@ BandFits fit_band(const PointBlock& points, const PointLeaves& leaves, const Fie
     }
     LeafFit& fit = out.fits.emplace_back();
     if (nodes.nodes != BandNodes().nodes) {
-      const SampleBox reach = reach_of(nodes.nodes, fit_options.radius);
-      gather_samples(points, leaves, i, j, k, reach, samples);
-      gather_samples(coarse_points, coarse_leaves, i, j, k, reach, coarse);
+      const SampleBox support = support_box(nodes.nodes, fit_options.radius);
+      gather_samples(points, leaves, i, j, k, support, samples);
+      gather_samples(coarse_points, coarse_leaves, i, j, k, support, coarse);
     }
     fit_nodes(samples, coarse, nodes.nodes, fit_options, scratch, fit, out.sheets);
     smooth_leaf(points, leaves, {i, j, k}, fit_options, scratch, fit);
     // Where the surface will be closed, gaps are the closing field's.
     if (!options.firm_rim)
       bridge_leaf(points, leaves, coarse_points, coarse_leaves, {i, j, k}, fit_options, scratch, fit);
-    if (strewn.size() > 0)
-      join_bodies({strewn, strewn_leaves, coarse_points, coarse_leaves}, {i, j, k}, inside, body_scratch, fit,
-                  scratch.rim, out.sheets);
+    if (volumetric.size() > 0)
+      join_bodies({volumetric, volumetric_leaves, coarse_points, coarse_leaves}, {i, j, k}, inside,
+                  body_scratch, fit, scratch.rim, out.sheets);
     if (coarser) fill_from_coarser(*coarser, points.origin, {i, j, k}, inside, fit, scratch.rim, out.sheets);
     keep_rims(scratch.rim, fit, out.rims);
     std::uint64_t any = 0;

@@ -168,7 +168,7 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
       bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kSurroundedDepth), _CMP_LT_OQ)));
   flags->near = bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kRimDepth), _CMP_LT_OQ)));
   if (!flags->near) return;
-  flags->near &= bits(_mm256_cmp_ps(depth, _mm256_set1_ps(-kRimReach), _CMP_GE_OQ));
+  flags->near &= bits(_mm256_cmp_ps(depth, _mm256_set1_ps(-kRimMargin), _CMP_GE_OQ));
   flags->valid |= flags->near;
   _mm256_store_ps(out_rim.depth.data() + at, depth);
   _mm256_store_ps(out_rim.inward[0].data() + at, fx);
@@ -249,14 +249,14 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, const NodeFitOptions&
     foot2 += foot[c] * foot[c];
   }
   const float spread = std::sqrt(std::max(0.0f, sheets.spread2));
-  const bool reaches =
+  const bool supported =
       norm(off) <= kCreaseRimRatio * spread + kCreaseRimSlack && foot2 <= kLargestFoot * kLargestFoot;
-  if (options.firm_rim) return reaches;
+  if (options.firm_rim) return supported;
   // At a crease the centroid lies under the foot point: along the surface, a crease is no border.
   off = sheets.along(off - s.normal * tessera::dot(off, s.normal), foot, kAtCrease);
   for (std::size_t c = 0; c < 3; ++c) out_rim.inward[c][at] = off[c];
   out_rim.depth[at] = (std::max(kRimRatio * spread, kRimFloor * options.radius) - norm(off)) / kRimSlope;
-  return reaches && out_rim.depth[at] >= -kRimReach;
+  return supported && out_rim.depth[at] >= -kRimMargin;
 }
 
 }  // namespace
@@ -264,14 +264,14 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, const NodeFitOptions&
 namespace {
 
 /// The samples within the radius of node `x` of the row, to scratch.local.
-void gather_local(std::uint32_t x, const RowReach& reach, bool row_is_whole, NodeFitScratch& scratch) {
+void gather_local(std::uint32_t x, const RowSupport& support, bool row_is_whole, NodeFitScratch& scratch) {
   scratch.local.clear();
   if (row_is_whole) {
-    append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
+    append_local(scratch.row, static_cast<float>(x), support.r2, scratch.local);
   } else {
     for (std::size_t next = 0; next < scratch.slab.size;) {
-      fill_row(scratch.slab, reach, &next, scratch.row);
-      append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
+      fill_row(scratch.slab, support, &next, scratch.row);
+      append_local(scratch.row, static_cast<float>(x), support.r2, scratch.local);
     }
   }
 }
@@ -289,7 +289,7 @@ std::optional<SmoothFit> smooth_fit(const Spheres& row, std::uint32_t x) {
 
 /// Tries sheets at the bent nodes of a row; updates their values and flags. \param split  nodes that have sheets
 void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& coarse, std::size_t at,
-                 const NodeFitOptions& options, NodeFitScratch& scratch, const RowReach& reach,
+                 const NodeFitOptions& options, NodeFitScratch& scratch, const RowSupport& support,
                  bool row_is_whole, LeafFit& out, std::vector<Sheets>& sheets, RowFlags* flags,
                  std::uint32_t* split, std::uint32_t* creased) {
   for (std::uint32_t left = bent; left; left &= left - 1) {
@@ -298,15 +298,15 @@ void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& c
     if (options.noisy) {
       scratch.coarse_local.clear();
       for (std::size_t next = 0; next < coarse.size;) {
-        fill_row(coarse, reach, &next, scratch.coarse_row);
-        append_local(scratch.coarse_row, static_cast<float>(x), reach.r2, scratch.coarse_local);
+        fill_row(coarse, support, &next, scratch.coarse_row);
+        append_local(scratch.coarse_row, static_cast<float>(x), support.r2, scratch.coarse_local);
       }
       scratch.coarse_local.pad();
       make_unit(scratch.coarse_local);
       seeds = seed_normals(scratch.coarse_local, options.sheets.cos_seed);
       if (seeds.count < 2) continue;
     }
-    gather_local(x, reach, row_is_whole, scratch);
+    gather_local(x, support, row_is_whole, scratch);
     scratch.local.pad();
     if (!options.noisy) seeds = seed_normals(scratch.local, options.sheets.cos_feature);
     const std::optional<SmoothFit> smooth = smooth_fit(spheres, x);
@@ -329,15 +329,15 @@ void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& c
 
 /// Fits those of the nodes anew whose samples lie in layers; updates their values and valid bits.
 void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& options, NodeFitScratch& scratch,
-                 const RowReach& reach, bool row_is_whole, LeafFit& out, RowFlags* flags) {
+                 const RowSupport& support, bool row_is_whole, LeafFit& out, RowFlags* flags) {
   NodeSums sums;
   clear(sums);
   if (row_is_whole) {
-    accumulate<true>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
+    accumulate<true>(scratch.row, support.r2, 1.0f / support.r2, sums);
   } else {
     for (std::size_t next = 0; next < scratch.slab.size;) {
-      fill_row(scratch.slab, reach, &next, scratch.row);
-      accumulate<true>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
+      fill_row(scratch.slab, support, &next, scratch.row);
+      accumulate<true>(scratch.row, support.r2, 1.0f / support.r2, sums);
     }
   }
   const std::uint32_t layered = layered_nodes(sums, kLayered * options.radius, kLayeredNormal) & hints;
@@ -370,7 +370,7 @@ std::uint32_t rough_nodes(const Spheres& spheres) {
 }
 
 /// A row of nodes with the radius that they have at a level of growth: 1, 1.5, 2 radii.
-RowReach reach_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r) {
+RowSupport support_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r) {
   return {.y0 = static_cast<float>(y),
           .z0 = static_cast<float>(z),
           .low_x = static_cast<float>(std::countr_zero(nodes)) - r,
@@ -378,12 +378,12 @@ RowReach reach_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r
           .r2 = r * r};
 }
 /// Sums of the samples that a row of nodes reaches. \return how often `row` was filled: 1 if it holds them all
-int sum_row(const SampleList& samples, const RowReach& reach, RowSamples& row, NodeSums& sums) {
+int sum_row(const SampleList& samples, const RowSupport& support, RowSamples& row, NodeSums& sums) {
   clear(sums);
   int fills = 0;
   for (std::size_t next = 0; next < samples.size; ++fills) {
-    fill_row(samples, reach, &next, row);
-    accumulate<false>(row, reach.r2, 1.0f / reach.r2, sums);
+    fill_row(samples, support, &next, row);
+    accumulate<false>(row, support.r2, 1.0f / support.r2, sums);
   }
   return fills;
 }
@@ -406,9 +406,9 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
     for (std::size_t y = 0; y < 8; ++y) {
       const auto active = static_cast<std::uint32_t>(nodes[z] >> (8 * y) & 0xff);
       if (!active) continue;
-      const RowReach reach = reach_of_row(active, y, z, r);
+      const RowSupport support = support_of_row(active, y, z, r);
       NodeSums sums;
-      const int fills = sum_row(scratch.slab, reach, scratch.row, sums);
+      const int fills = sum_row(scratch.slab, support, scratch.row, sums);
       std::uint32_t split = 0, creased = 0;
       RowFlags flags;
       Spheres spheres;
@@ -417,17 +417,17 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
       if (flags.bent) {
         std::uint32_t hints = 0;
         for (std::size_t next = 0; next < coarse.size;) {
-          fill_row(coarse, reach, &next, scratch.coarse_row);
-          hints |= crease_hints(scratch.coarse_row, spheres, reach.r2,
+          fill_row(coarse, support, &next, scratch.coarse_row);
+          hints |= crease_hints(scratch.coarse_row, spheres, support.r2,
                                 (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle,
                                 options.noisy);
         }
-        fit_creases(flags.bent & hints, spheres, coarse, at, options, scratch, reach, fills == 1, out, sheets,
-                    &flags, &split, &creased);
+        fit_creases(flags.bent & hints, spheres, coarse, at, options, scratch, support, fills == 1, out,
+                    sheets, &flags, &split, &creased);
       }
       const std::uint32_t hints =
           layered_nodes(sums, kLayeredHint * r, 0.5f * kLayeredNormal) & active & ~split;
-      if (hints) join_layers(hints, at, options, scratch, reach, fills == 1, out, &flags);
+      if (hints) join_layers(hints, at, options, scratch, support, fills == 1, out, &flags);
       if (options.noisy) {
         _mm256_store_ps(scratch.roughness.data() + at, spheres.residual);
         const std::uint32_t rough = rough_nodes(spheres) & flags.valid & ~split;
@@ -457,7 +457,7 @@ void smooth_rough(const SampleList& samples, const NodeFitOptions& options, Node
       const auto nodes = static_cast<std::uint32_t>(scratch.rough[z] >> (8 * y) & 0xff);
       if (!nodes) continue;
       NodeSums sums;
-      sum_row(scratch.slab, reach_of_row(nodes, y, z, r), scratch.row, sums);
+      sum_row(scratch.slab, support_of_row(nodes, y, z, r), scratch.row, sums);
       RowFlags flags;
       Spheres spheres;
       LeafFit& wide = scratch.wide;
@@ -488,9 +488,9 @@ bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFi
         const float r = grown_radius(level, options);
         if (!nodes) continue;
         if (r > kMaxRadius) break;
-        const RowReach reach = reach_of_row(nodes, y, z, r);
+        const RowSupport support = support_of_row(nodes, y, z, r);
         NodeSums s;
-        sum_row(coarse, reach, scratch.coarse_row, s);
+        sum_row(coarse, support, scratch.coarse_row, s);
         const auto near = static_cast<std::uint32_t>(_mm256_movemask_ps(near_plane(s)));
         const bool last = level + 1 == fit.gap.size() || grown_radius(level + 1, options) > kMaxRadius;
         const __m256i minimum = _mm256_set1_epi32((last ? kMinBlocks : kGapBlocks) - 1);
@@ -517,9 +517,9 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
       for (std::size_t y = 0; y < 8; ++y) {
         const auto nodes = static_cast<std::uint32_t>(fit.gap[level][z] >> (8 * y) & 0xff);
         if (!nodes) continue;
-        const RowReach reach = reach_of_row(nodes, y, z, r);
+        const RowSupport support = support_of_row(nodes, y, z, r);
         NodeSums sums;
-        const int fills = sum_row(scratch.slab, reach, scratch.row, sums);
+        const int fills = sum_row(scratch.slab, support, scratch.row, sums);
         RowFlags flags;
         Spheres spheres;
         const std::size_t at = 8 * y + 64 * z;
@@ -528,7 +528,7 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
         for (std::uint32_t left = flags.valid | flags.beyond; left; left &= left - 1) {
           const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
           const std::size_t i = at + x;
-          gather_local(x, reach, fills == 1, scratch);
+          gather_local(x, support, fills == 1, scratch);
           const Float3 gradient = {wide.gradient[0][i], wide.gradient[1][i], wide.gradient[2][i]};
           if (!is_surrounded(scratch.local, wide.value[i], gradient, kThickness * options.radius, within))
             continue;

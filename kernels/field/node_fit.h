@@ -66,7 +66,7 @@ inline constexpr float kLargestValue = 2.0f;
 /// surface can be cut there: cells.
 inline constexpr float kRimDepth = 1.0f;
 inline constexpr float kBorderDepth = 0.5f;  ///< where the border runs
-inline constexpr float kRimReach = 0.8f;
+inline constexpr float kRimMargin = 0.8f;
 
 /// Scratch that a caller keeps between leaves.
 struct NodeFitScratch {

@@ -48,7 +48,7 @@ std::uint32_t mean_colour(const PointBlock& points, const SampleList& samples, c
 
 }  // namespace
 
-void colour_roots(const PointBlock& points, const PointLeaves& leaves, float radius, bool with_strewn,
+void colour_roots(const PointBlock& points, const PointLeaves& leaves, float radius, bool with_volumetric,
                   bool far, DirectedField& field) {
   SampleList samples;
   for (const BandLeaf& leaf : field.leaves) {
@@ -57,8 +57,9 @@ void colour_roots(const PointBlock& points, const PointLeaves& leaves, float rad
       for (const std::uint64_t word : axis) any |= word;
     if (!any) continue;
     // Fixed box, whatever the block: roots lie in [0, 8).
-    const float reach = far ? kFarColour : std::max(radius, kColourRadius), low = -reach, high = 8.0f + reach;
-    const auto gather = with_strewn ? gather_all : gather_samples;
+    const float margin = far ? kFarColour : std::max(radius, kColourRadius), low = -margin,
+                high = 8.0f + margin;
+    const auto gather = with_volumetric ? gather_all : gather_samples;
     gather(points, leaves, leaf.origin[0] >> kLeafBits, leaf.origin[1] >> kLeafBits,
            leaf.origin[2] >> kLeafBits, {{low, low, low}, {high, high, high}}, samples);
     for (std::size_t axis = 0; axis < 3; ++axis)

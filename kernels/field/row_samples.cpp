@@ -4,17 +4,17 @@
 
 namespace tessera {
 
-void fill_row(const SampleList& list, const RowReach& reach, std::size_t* next, RowSamples& row) {
-  const __m256 row_y = _mm256_set1_ps(reach.y0), row_z = _mm256_set1_ps(reach.z0),
-               reach2 = _mm256_set1_ps(reach.r2);
-  const __m256 low = _mm256_set1_ps(reach.low_x), high = _mm256_set1_ps(reach.high_x);
+void fill_row(const SampleList& list, const RowSupport& support, std::size_t* next, RowSamples& row) {
+  const __m256 row_y = _mm256_set1_ps(support.y0), row_z = _mm256_set1_ps(support.z0),
+               support2 = _mm256_set1_ps(support.r2);
+  const __m256 low = _mm256_set1_ps(support.low_x), high = _mm256_set1_ps(support.high_x);
   std::size_t size = 0, p = *next;
   for (; p < list.size && size <= kRowSamples - kLanes; p += kLanes) {
     const __m256 x = _mm256_loadu_ps(list.x.data() + p);
     const __m256 y = _mm256_sub_ps(_mm256_loadu_ps(list.y.data() + p), row_y);
     const __m256 z = _mm256_sub_ps(_mm256_loadu_ps(list.z.data() + p), row_z);
     const __m256 yz2 = _mm256_fmadd_ps(y, y, _mm256_mul_ps(z, z));
-    __m256 keep = _mm256_cmp_ps(yz2, reach2, _CMP_LT_OQ);
+    __m256 keep = _mm256_cmp_ps(yz2, support2, _CMP_LT_OQ);
     keep = _mm256_and_ps(keep, _mm256_cmp_ps(x, low, _CMP_GT_OQ));
     keep = _mm256_and_ps(keep, _mm256_cmp_ps(x, high, _CMP_LT_OQ));
     auto mask = static_cast<unsigned>(_mm256_movemask_ps(keep));
@@ -69,13 +69,13 @@ void fill_slab(const SampleList& list, float z0, float radius, SampleList& slab)
 
 void append_local(const RowSamples& row, float x0, float r2, LocalSamples& out) {
   out.reserve(out.size + row.size);
-  const __m256 node_x = _mm256_set1_ps(x0), reach2 = _mm256_set1_ps(r2), one = _mm256_set1_ps(1.0f),
+  const __m256 node_x = _mm256_set1_ps(x0), support2 = _mm256_set1_ps(r2), one = _mm256_set1_ps(1.0f),
                scale = _mm256_set1_ps(1.0f / r2);
   std::size_t size = out.size;
   for (std::size_t p = 0; p < row.size; p += kLanes) {
     const __m256 x = _mm256_sub_ps(_mm256_loadu_ps(&row.x[p]), node_x);
     const __m256 d2 = _mm256_fmadd_ps(x, x, _mm256_loadu_ps(&row.yz2[p]));
-    auto mask = static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(d2, reach2, _CMP_LT_OQ)));
+    auto mask = static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(d2, support2, _CMP_LT_OQ)));
     if (row.size - p < kLanes) mask &= (1u << (row.size - p)) - 1u;
     if (!mask) continue;
     const __m256i front = compress_lanes(mask);

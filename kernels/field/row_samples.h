@@ -19,13 +19,13 @@ struct RowSamples {
 };
 
 /// Where a row's samples lie: y0, z0 of its axis, the range of x, the squared radius about the axis.
-struct RowReach {
+struct RowSupport {
   float y0, z0, low_x, high_x, r2;
 };
 
 /// Keeps the samples of `list` from `*next` on that the row reaches, until the row's arrays are full; `*next`
 /// says where to go on.
-void fill_row(const SampleList& list, const RowReach& reach, std::size_t* next, RowSamples& row);
+void fill_row(const SampleList& list, const RowSupport& support, std::size_t* next, RowSamples& row);
 
 /// Samples within the radius of the plane z = z0. Leaves `point` of the slab alone.
 void fill_slab(const SampleList& list, float z0, float radius, SampleList& slab);

@@ -244,8 +244,8 @@ SurfaceValue value_of_sheet(const Sheet& s, const Float3& p) {
 
 }  // namespace
 
-Float3 Sheets::along(const Float3& way, const Float3& p, float near) const {
-  Float3 left = way;
+Float3 Sheets::along(const Float3& direction, const Float3& p, float near) const {
+  Float3 left = direction;
   std::array<Float3, 3> taken;  // orthonormal
   std::size_t count_taken = 0;
   for (std::size_t k = 0; k < static_cast<std::size_t>(count) && count_taken < 3; ++k) {

@@ -38,8 +38,8 @@ struct Sheets {
   float separation2 = 0.0f;     ///< least squared chord between two normals over their mean squared residual
 
   SurfaceValue at(const Float3& p) const;
-  /// The part of `way` along all sheets that pass within `near` of p: at a crease along that, at a corner nothing.
-  Float3 along(const Float3& way, const Float3& p, float near) const;
+  /// The part of `direction` along all sheets that pass within `near` of p: at a crease along that, at a corner nothing.
+  Float3 along(const Float3& direction, const Float3& p, float near) const;
   /// How many sheets pass within `near` of p.
   int passing(const Float3& p, float near) const;
 };

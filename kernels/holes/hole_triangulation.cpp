@@ -37,10 +37,11 @@ std::vector<Double3> rim_normals(const HoleLoop& loop) {
     const Double3& p = loop.position[i];
     face[i] = cross(p - loop.position[(i + 1) % n], loop.opposite[i] - loop.position[(i + 1) % n]);
   }
-  constexpr std::size_t kReach = 2;
+  constexpr std::size_t kHalfWidth = 2;
   for (std::size_t i = 0; i < n; ++i) {
     Double3 sum{};
-    for (std::size_t k = 0; k <= 2 * kReach; ++k) sum = sum + face[(i + n * kReach + k - kReach) % n];
+    for (std::size_t k = 0; k <= 2 * kHalfWidth; ++k)
+      sum = sum + face[(i + n * kHalfWidth + k - kHalfWidth) % n];
     out[i] = unit_or_zero(sum);
   }
   return out;

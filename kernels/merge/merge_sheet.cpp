@@ -7,7 +7,7 @@ namespace {
 
 /// Between normals of two surfaces that can be the same one: noise turns them, the other side of a wall turns them back.
 constexpr double kSameSide = 0.25;
-/// Of MergeReach::beyond: a border that reaches less far beyond another is not passed.
+/// Of MergeRange::beyond: a border that reaches less far beyond another is not passed.
 constexpr double kPassed = 0.25;
 
 double beside_foot(const Double3& p, const SignedDistance::Foot& foot, const Double3& side) {
@@ -38,12 +38,12 @@ double MergeSheet::own_cover(const Double3& p) const {
   return hit.slot == ClosestFaces::kNone ? 1.0 : std::min(1.0, std::sqrt(hit.square) / fade_);
 }
 
-bool MergeSheet::passes(const Double3& p, const MergeReach& reach, const Double3& normal) const {
-  const SignedDistance::Foot foot = surface_.closest(p, reach.apart * reach.apart);
+bool MergeSheet::passes(const Double3& p, const MergeRange& range, const Double3& normal) const {
+  const SignedDistance::Foot foot = surface_.closest(p, range.apart * range.apart);
   if (foot.face == SignedDistance::kNone) return false;
   const Double3 side = unit_or_zero(foot.side);
   return dot(side, normal) >= kSameSide &&
-         (!foot.border || beside_foot(p, foot, side) <= kPassed * reach.beyond);
+         (!foot.border || beside_foot(p, foot, side) <= kPassed * range.beyond);
 }
 
 MergeBlend::Value MergeBlend::at(const Double3& p, double more) const {
@@ -52,7 +52,7 @@ MergeBlend::Value MergeBlend::at(const Double3& p, double more) const {
   bool any = false;
   for (const MergeSheet* sheet : sheets_) {
     if (!sheet || !(left > 0.0)) continue;
-    const MergeSheet::Place place = sheet->at(p, reach_.apart + more, reach_.beyond);
+    const MergeSheet::Place place = sheet->at(p, range_.apart + more, range_.beyond);
     const double share = left * place.cover;
     left -= share;
     if (!(share > 0.0)) continue;
@@ -76,7 +76,7 @@ std::pair<std::size_t, std::uint32_t> MergeBlend::main_vertex(const Double3& p, 
   double left = 1.0, maximum = 0.0;
   for (std::size_t s = 0; s < sheets_.size(); ++s) {
     if (!sheets_[s] || !(left > 0.0)) continue;
-    const MergeSheet::Place place = sheets_[s]->at(p, reach_.apart + more, reach_.beyond);
+    const MergeSheet::Place place = sheets_[s]->at(p, range_.apart + more, range_.beyond);
     const double share = left * place.cover;
     left -= share;
     if (!(share > maximum)) continue;
@@ -93,7 +93,7 @@ int MergeBlend::owner(const Double3& p, int own, const Double3& normal) const {
     if (!sheets_[s] || !(left > 0.0)) continue;
     const double cover = static_cast<int>(s) == own
                              ? sheets_[s]->own_cover(p)
-                             : sheets_[s]->at(p, reach_.apart, reach_.beyond, &normal).cover;
+                             : sheets_[s]->at(p, range_.apart, range_.beyond, &normal).cover;
     const double share = left * cover;
     left -= share;
     if (!(share > 0.0)) continue;

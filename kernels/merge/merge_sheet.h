@@ -15,7 +15,7 @@
 
 namespace tessera {
 
-struct MergeReach {
+struct MergeRange {
   double apart = 0.0;   ///< how far from each other surfaces may be that are the same one, world units
   double beyond = 0.0;  ///< how far beyond a border that is no joint a mesh still counts
 };
@@ -38,7 +38,7 @@ class MergeSheet {
   /// Cover of a place on the mesh itself.
   double own_cover(const Double3& p) const;
   /// Whether the mesh goes on at a point beyond another one's border.
-  bool passes(const Double3& p, const MergeReach& reach, const Double3& normal) const;
+  bool passes(const Double3& p, const MergeRange& range, const Double3& normal) const;
 
   const SignedDistance& surface() const { return surface_; }
 
@@ -54,8 +54,8 @@ class MergeBlend {
   static constexpr int kMixed = -1;
 
   /// \param sheets  of one origin; null where a mesh is not near; must outlive this
-  MergeBlend(std::span<const MergeSheet* const> sheets, const MergeReach& reach)
-      : sheets_(sheets.begin(), sheets.end()), reach_(reach) {}
+  MergeBlend(std::span<const MergeSheet* const> sheets, const MergeRange& range)
+      : sheets_(sheets.begin(), sheets.end()), range_(range) {}
 
   struct Value {
     double share = 0.0;     ///< of all meshes together; 0: no surface near, the rest says nothing
@@ -63,7 +63,7 @@ class MergeBlend {
     Double3 normal{};       ///< unit or zero
     double beside = 0.0;    ///< least of those that have a share: how far beyond a border
   };
-  /// \param more  beyond MergeReach::apart, how far from the meshes
+  /// \param more  beyond MergeRange::apart, how far from the meshes
   Value at(const Double3& p, double more) const;
   /// The mesh with the largest share, and its vertex there. \pre at() has a share
   std::pair<std::size_t, std::uint32_t> main_vertex(const Double3& p, double more) const;
@@ -72,7 +72,7 @@ class MergeBlend {
 
  private:
   std::vector<const MergeSheet*> sheets_;
-  MergeReach reach_;
+  MergeRange range_;
 };
 
 }  // namespace tessera

@@ -36,7 +36,7 @@ constexpr std::size_t kCrumb = 6;  ///< pieces of fewer faces are no surface
 constexpr int kFillRounds = 3;
 constexpr int kMaxRounds = 40;  ///< of removal; each leaves fewer faces
 
-std::uint64_t way(std::uint32_t from, std::uint32_t to) {
+std::uint64_t half_edge(std::uint32_t from, std::uint32_t to) {
   return std::uint64_t{from} << 32 | to;
 }
 
@@ -92,14 +92,14 @@ class Zipper {
   }
   void link(std::uint32_t f) {
     for (std::size_t k = 0; k < 3; ++k) {
-      half_[way(faces_[f][k], faces_[f][(k + 1) % 3])] = f;
+      half_[half_edge(faces_[f][k], faces_[f][(k + 1) % 3])] = f;
       star_[faces_[f][k]].push_back(f);
     }
   }
   void remove(std::uint32_t f) {
     gone_[f] = 1;
     for (std::size_t k = 0; k < 3; ++k) {
-      half_.erase(way(faces_[f][k], faces_[f][(k + 1) % 3]));
+      half_.erase(half_edge(faces_[f][k], faces_[f][(k + 1) % 3]));
       std::erase(star_[faces_[f][k]], f);
       if (!goes_on(f, k)) continue;
       ++bared_edges_;
@@ -107,7 +107,7 @@ class Zipper {
         bared_[v] = static_cast<std::uint8_t>(std::min(bared_[v] + 1, 250));
     }
   }
-  bool has(std::uint32_t from, std::uint32_t to) const { return half_.count(way(from, to)) != 0; }
+  bool has(std::uint32_t from, std::uint32_t to) const { return half_.count(half_edge(from, to)) != 0; }
 
   /// The edge k of a face has nothing behind it, here or elsewhere, and is to have.
   bool is_open(std::uint32_t f, std::size_t k) const {
@@ -127,11 +127,11 @@ class Zipper {
     const std::vector<std::uint32_t>& star = star_[v];
     if (star.empty()) return 0;
     const auto after = [&](std::uint32_t f) {
-      const auto it = half_.find(way(v, faces_[f][(corner(f, v) + 2) % 3]));
+      const auto it = half_.find(half_edge(v, faces_[f][(corner(f, v) + 2) % 3]));
       return it == half_.end() ? kNone : it->second;
     };
     const auto before = [&](std::uint32_t f) {
-      const auto it = half_.find(way(faces_[f][(corner(f, v) + 1) % 3], v));
+      const auto it = half_.find(half_edge(faces_[f][(corner(f, v) + 1) % 3], v));
       return it == half_.end() ? kNone : it->second;
     };
     std::size_t count = 1;
@@ -194,7 +194,7 @@ class Zipper {
         const Face& f = faces_[piece[i]];
         for (std::size_t k = 0; k < 3; ++k) {
           whole = whole && !fixed_[f[k]];
-          const auto next = half_.find(way(f[(k + 1) % 3], f[k]));
+          const auto next = half_.find(half_edge(f[(k + 1) % 3], f[k]));
           if (next == half_.end() || seen[next->second]) continue;
           seen[next->second] = 1;
           piece.push_back(next->second);
@@ -318,11 +318,11 @@ class Zipper {
     const Double3 along = v - u, n = normal_[e.face];
     const double length = norm(along);
     const Double3 out = unit_or_zero(cross(along, n));
-    const double reach = gap_ + 0.75 * longest_;
+    const double margin = gap_ + 0.75 * longest_;
     Double3 low, high;
     for (std::size_t i = 0; i < 3; ++i) {
-      low[i] = std::min(u[i], v[i]) - reach;
-      high[i] = std::max(u[i], v[i]) + reach;
+      low[i] = std::min(u[i], v[i]) - margin;
+      high[i] = std::max(u[i], v[i]) + margin;
     }
     near_.clear();
     for_cells(low, high, [&](std::uint64_t key) {
@@ -377,7 +377,7 @@ class Zipper {
     if (dot(n, normal_[e.face]) < min_turn_) return false;
     for (std::size_t k = 1; k < 3; ++k) {
       const std::uint32_t from = f[k], to = f[(k + 1) % 3];
-      if (const auto there = half_.find(way(to, from)); there != half_.end()) {
+      if (const auto there = half_.find(half_edge(to, from)); there != half_.end()) {
         if (there->second < given_ && !is_open(there->second, edge_of(there->second, to))) return false;
         if (dot(n, normal_[there->second]) < min_turn_) return false;
         continue;

@@ -183,7 +183,7 @@ class FlatFaceMender {
       replace(e, f, kNone);
       const unsigned bit = border_bit(place(other, e));
       block_.face_flags[other] =
-          static_cast<std::uint8_t>((block_.face_flags[other] | bit) & ~unsigned{kFaceSettled});
+          static_cast<std::uint8_t>((block_.face_flags[other] | bit) & ~unsigned{kFaceDone});
       raise_bound(other, bound(f));
     }
     for (const std::uint32_t v : block_.faces[f]) at_border_[v] = 1;

@@ -20,7 +20,7 @@ enum MeshFaceFlag : std::uint8_t {
   kFaceBorder12 = 2,
   kFaceBorder20 = 4,
   kFaceSynthetic = 8,  ///< closes a hole: no data there
-  kFaceSettled = 16,   ///< a pass of decimation found nothing to do at its corners, with complete stars
+  kFaceDone = 16,      ///< a pass of decimation found nothing to do at its corners, with complete stars
   kFaceCrease01 = 32,  ///< the edge from corner 0 to corner 1 is a crease: for those who carry creases along
   kFaceCrease12 = 64,
   kFaceCrease20 = 128,

@@ -20,7 +20,7 @@ constexpr float kMinLinePixels = 0.3f;
 constexpr double kMaxPointSize = 200.0;   // samples (picture_shaders.h)
 constexpr double kRounding = 2.0;         // pixels, of floats on the way to the screen
 constexpr double kOcclusionShare = 0.07;  // of a view's half width, where no radius is given
-constexpr double kMaxReach = 0.3;         // of a view's height: as far as occlusion looks in perspective
+constexpr double kMaxRadius = 0.3;        // of a view's height: as far as occlusion looks in perspective
 /// A view of 800 x 600 with three samples a side is a band.
 constexpr std::uint64_t kBandSamples = 4'500'000;
 
@@ -40,10 +40,10 @@ float channel(std::uint32_t rgba, int i) {
 /// Pixels around a band whose depths and occlusions the passes over the screen look at (picture_shaders.h): as far as taps of occlusion
 /// reach, and four for the blur, the crease and what is rounded.
 int band_margin(const PictureView& view) {
-  const double maximum = kMaxReach * view.height;
-  const double reach =
+  const double maximum = kMaxRadius * view.height;
+  const double radius =
       view.camera.orthographic ? std::min(0.5 * kOcclusionShare * view.width, maximum) : maximum;
-  return static_cast<int>(std::ceil(std::max(reach, 4.0))) + 4;
+  return static_cast<int>(std::ceil(std::max(radius, 4.0))) + 4;
 }
 
 /// Width and rows that any of the bands fits into, pixels.
@@ -118,7 +118,7 @@ struct Picture::State {
   std::vector<PictureView> views;
   std::array<int, 2> slot{};  ///< size of each
   std::vector<Slot> slots;
-  std::vector<PictureBand> held;  ///< each in the slot of its number
+  std::vector<PictureBand> resident;  ///< each in the slot of its number
   Double3 offset{};
   bool cut_backs = false;
   std::unique_ptr<GlContext> context;
@@ -207,7 +207,7 @@ void Picture::State::use_scene(GLuint program) const {
 
 /// Frame, viewport, scissor and matrices of a band in the scene. The viewport is that of the whole view.
 void Picture::State::use_band(GLuint program, std::size_t k) const {
-  const PictureBand& band = held[k];
+  const PictureBand& band = resident[k];
   const PictureView& view = views[band.view];
   const GLint s = options.supersample;
   gl().BindFramebuffer(GL_FRAMEBUFFER, slots[k].scene_frame);
@@ -223,7 +223,7 @@ void Picture::State::use_band(GLuint program, std::size_t k) const {
 }
 
 void Picture::State::use_screen_band(GLuint program, std::size_t k) const {
-  const PictureBand& band = held[k];
+  const PictureBand& band = resident[k];
   const PictureView& view = views[band.view];
   const Camera& camera = view.camera;
   gl().Viewport(0, -band.drawn_low, view.width, view.height);
@@ -299,11 +299,11 @@ void Picture::begin(std::span<const PictureBand> bands) {
   State& s = *state_;
   const GlFunctions& gl = s.gl();
   s.context->make_current();
-  s.held.assign(bands.begin(), bands.end());
-  while (s.slots.size() < s.held.size()) s.slots.push_back(s.build_slot());
+  s.resident.assign(bands.begin(), bands.end());
+  while (s.slots.size() < s.resident.size()) s.slots.push_back(s.build_slot());
   gl.Disable(GL_SCISSOR_TEST);
   gl.ClearColor(0.0f, 0.0f, 0.0f, 0.0f);
-  for (std::size_t k = 0; k < s.held.size(); ++k) {
+  for (std::size_t k = 0; k < s.resident.size(); ++k) {
     gl.BindFramebuffer(GL_FRAMEBUFFER, s.slots[k].scene_frame);
     gl.Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
   }
@@ -330,8 +330,8 @@ void Picture::triangles(std::span<const PictureVertex> corners, float wire_pixel
   gl.Uniform1i(gl_uniform(gl, program, "shade"), static_cast<int>(s.options.shade));
   gl.Uniform4f(gl_uniform(gl, program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
                channel(kBackFace, 2), 1.0f);
-  for (std::size_t k = 0; k < s.held.size(); ++k) {
-    if (!s.may_show(corners, s.held[k], kRounding)) continue;
+  for (std::size_t k = 0; k < s.resident.size(); ++k) {
+    if (!s.may_show(corners, s.resident[k], kRounding)) continue;
     s.use_band(program, k);
     gl.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(corners.size()));
   }
@@ -349,9 +349,9 @@ void Picture::lines(std::span<const PictureVertex> ends, float pixels, float len
   gl.Uniform1f(gl_uniform(gl, program, "most_half_width"), 0.5f * pixels * samples);
   gl.Uniform1f(gl_uniform(gl, program, "least_half_width"), 0.5f * kMinLinePixels * samples);
   gl.Uniform1f(gl_uniform(gl, program, "edge_length"), length);
-  for (std::size_t k = 0; k < s.held.size(); ++k) {
-    if (!s.may_show(ends, s.held[k], kRounding + double{pixels})) continue;
-    const PictureView& view = s.views[s.held[k].view];
+  for (std::size_t k = 0; k < s.resident.size(); ++k) {
+    if (!s.may_show(ends, s.resident[k], kRounding + double{pixels})) continue;
+    const PictureView& view = s.views[s.resident[k].view];
     s.use_band(program, k);
     gl.Uniform1f(gl_uniform(gl, program, "eye_pixel"),
                  static_cast<float>(2.0 * view.camera.half_height / (view.height * s.options.supersample)));
@@ -376,9 +376,9 @@ void Picture::points(std::span<const PictureVertex> centres, float diameter, flo
   gl.Uniform1i(gl_uniform(gl, program, "mark_back"), mark_back ? 1 : 0);
   gl.Uniform4f(gl_uniform(gl, program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
                channel(kBackFace, 2), 1.0f);
-  for (std::size_t k = 0; k < s.held.size(); ++k) {
-    if (!s.may_show(centres, s.held[k], kRounding + kMaxPointSize)) continue;
-    const PictureView& view = s.views[s.held[k].view];
+  for (std::size_t k = 0; k < s.resident.size(); ++k) {
+    if (!s.may_show(centres, s.resident[k], kRounding + kMaxPointSize)) continue;
+    const PictureView& view = s.views[s.resident[k].view];
     s.use_band(program, k);
     const double per_unit = view.height * s.options.supersample / (2.0 * view.camera.half_height);
     gl.Uniform1f(gl_uniform(gl, program, "diameter_scale"),
@@ -390,7 +390,7 @@ void Picture::points(std::span<const PictureVertex> centres, float diameter, flo
 
 /// Reads the band's rows into their places.
 void Picture::State::read_band(std::size_t k, Image& image) const {
-  const PictureBand& band = held[k];
+  const PictureBand& band = resident[k];
   const PictureView& view = views[band.view];
   const auto row_pixels = static_cast<std::size_t>(view.width);
   std::vector<std::uint8_t> rgba(4 * row_pixels * static_cast<std::size_t>(band.high - band.low));
@@ -419,9 +419,9 @@ void Picture::finish(Image& image) {
     return camera.orthographic ? camera.half_width
                                : camera.half_width * 0.5 * (camera.near_plane + camera.far_plane);
   };
-  for (std::size_t k = 0; k < s.held.size(); ++k) {
+  for (std::size_t k = 0; k < s.resident.size(); ++k) {
     const Slot& slot = s.slots[k];
-    const Camera& camera = s.views[s.held[k].view].camera;
+    const Camera& camera = s.views[s.resident[k].view].camera;
     const std::array<GLuint, 4> textures = {slot.colours, slot.depths, slot.facings, slot.occlusions};
     for (std::size_t i = 0; i < textures.size(); ++i) {
       gl.ActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(i));

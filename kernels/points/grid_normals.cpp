@@ -20,7 +20,7 @@ constexpr double kFlat = 0.004;         ///< bend up to which the largest window
 constexpr double kSmaller = 0.5;        ///< a smaller window must be so much flatter
 constexpr double kMaxPlaneRatio = 0.2;  ///< from here on there is no plane
 
-constexpr int kWidth = 2 * kGridReach + 1;
+constexpr int kWidth = 2 * kGridRadius + 1;
 
 int sign_of(int v) {
   return (v > 0) - (v < 0);
@@ -30,17 +30,17 @@ int sign_of(int v) {
 class Window {
  public:
   Window(std::span<const GridLine* const, kGridLines> lines, std::int64_t cell) {
-    for (int l = -kGridReach; l <= kGridReach; ++l)
-      for (int c = -kGridReach; c <= kGridReach; ++c) {
-        const GridLine* line = lines[static_cast<std::size_t>(l + kGridReach)];
+    for (int l = -kGridRadius; l <= kGridRadius; ++l)
+      for (int c = -kGridRadius; c <= kGridRadius; ++c) {
+        const GridLine* line = lines[static_cast<std::size_t>(l + kGridRadius)];
         at(l, c) = line ? line->find(cell + c) : nullptr;
       }
   }
   const Double3*& at(int l, int c) {
-    return sample_[static_cast<std::size_t>((l + kGridReach) * kWidth + c + kGridReach)];
+    return sample_[static_cast<std::size_t>((l + kGridRadius) * kWidth + c + kGridRadius)];
   }
   const Double3* inside(int l, int c) {
-    return std::abs(l) <= kGridReach && std::abs(c) <= kGridReach ? at(l, c) : nullptr;
+    return std::abs(l) <= kGridRadius && std::abs(c) <= kGridRadius ? at(l, c) : nullptr;
   }
   /// Forgets a cell that is not reached: nothing is reached over it.
   void drop(int l, int c) { at(l, c) = nullptr; }
@@ -119,8 +119,8 @@ void GridLine::put(std::int64_t cell, const Double3& sample) {
 Float3 grid_normal(std::span<const GridLine* const, kGridLines> lines, std::int64_t cell) {
   Window window(lines, cell);
   const Double3 p = *window.at(0, 0);
-  std::array<Sums, kGridReach> sums;
-  for (int ring = 1; ring <= kGridReach; ++ring) {
+  std::array<Sums, kGridRadius> sums;
+  for (int ring = 1; ring <= kGridRadius; ++ring) {
     Sums& s = sums[static_cast<std::size_t>(ring - 1)];
     if (ring > 1) s = sums[static_cast<std::size_t>(ring - 2)];
     for (int l = -ring; l <= ring; ++l)
@@ -137,7 +137,7 @@ Float3 grid_normal(std::span<const GridLine* const, kGridLines> lines, std::int6
       }
   }
   Plane best = fit(sums.back());
-  for (int ring = kGridReach - 1; ring >= 1 && best.bend > kFlat; --ring)
+  for (int ring = kGridRadius - 1; ring >= 1 && best.bend > kFlat; --ring)
     if (const Plane smaller = fit(sums[static_cast<std::size_t>(ring - 1)]);
         smaller.bend < kSmaller * best.bend)
       best = smaller;

@@ -14,9 +14,9 @@
 
 namespace tessera {
 
-inline constexpr int kGridReach = 3;                           ///< lines and cells to either side
-inline constexpr std::size_t kGridLines = 2 * kGridReach + 1;  ///< of a window
-inline constexpr std::size_t kMaxGridCells = 20480;            ///< of a line
+inline constexpr int kGridRadius = 3;                           ///< lines and cells to either side
+inline constexpr std::size_t kGridLines = 2 * kGridRadius + 1;  ///< of a window
+inline constexpr std::size_t kMaxGridCells = 20480;             ///< of a line
 
 /// A row or a column of a scan.
 class GridLine {

@@ -134,7 +134,7 @@ class ShapeFinder {
 
   /// Calls use(point, place, packs) for each of the points, in order; those of a cell share what they may see.
   template <typename Points, typename Use>
-  void for_each_in_reach(const NeighbourList& list, float radius, const Points& which, const Use& use) {
+  void for_each_in_range(const NeighbourList& list, float radius, const Points& which, const Use& use) {
     for (std::size_t i = 0, end = 0; i < which.size(); i = end) {
       constexpr float kFar = std::numeric_limits<float>::infinity();
       Float3 low = {kFar, kFar, kFar}, high = {-kFar, -kFar, -kFar};
@@ -153,7 +153,7 @@ class ShapeFinder {
     which_.clear();
     for (std::uint32_t i = first; i < last; ++i) which_.push_back(i);
     const auto narrow = [](int n) { return static_cast<std::uint16_t>(std::clamp(n - 1, 0, 0xffff)); };
-    for_each_in_reach(filled(all_.narrow, radius_, false), radius_, which_,
+    for_each_in_range(filled(all_.narrow, radius_, false), radius_, which_,
                       [&](std::uint32_t i, const Float3& at, const std::vector<std::uint32_t>& packs) {
                         PointShape& s = shape(i);
                         s.normal = {points_.nx[i], points_.ny[i], points_.nz[i]};
@@ -213,7 +213,7 @@ class ShapeFinder {
       for (std::size_t k = 0; k < used; ++k) use(lane[k].point, lane[k].count, &planes[k]);
       used = 0;
     };
-    for_each_in_reach(list, radius, which,
+    for_each_in_range(list, radius, which,
                       [&](std::uint32_t i, const Float3& at, const std::vector<std::uint32_t>& packs) {
                         const int count = list.sum(packs, at, radius, sums, used);
                         if (count <= kMinNeighbours) {

@@ -14,7 +14,8 @@ constexpr float kMinWeight = 0.15f;  ///< links below this weight say nothing
 constexpr std::int32_t kSmooth =
     kVoteScale * 9 / 10;            ///< links above this weight join surfels without asking further
 constexpr float kSameSheet = 0.7f;  ///< cosine between normals of one surfel
-constexpr float kSheetGap = 0.75f;  ///< cells: a point farther from a surfel's plane belongs to another sheet
+constexpr float kSheetDistance =
+    0.75f;                       ///< cells: a point farther from a surfel's plane belongs to another sheet
 constexpr float kVague = 0.07f;  ///< surface variation from which a fitted plane may stand across the surface
 constexpr float kVagueWeight = 0.25f;  ///< of links that such a surfel takes part in
 constexpr float kNearAxis =
@@ -71,9 +72,9 @@ std::vector<Surfel> make_surfels(const OrientationInput& in, std::vector<std::ui
       const float cosine = norm > 0.0f ? std::fabs(dot(n, s.normal)) / norm : 0.0f;
       const Float3 from = {p[0] - s.position[0] / s.points, p[1] - s.position[1] / s.points,
                            p[2] - s.position[2] / s.points};
-      const float gap = norm > 0.0f ? std::fabs(dot(from, s.normal)) / norm : 0.0f;
-      fits = cosine > kSameSheet && gap < kSheetGap;
-      const float misfit = gap + 2.0f * (1.0f - cosine);
+      const float off_plane = norm > 0.0f ? std::fabs(dot(from, s.normal)) / norm : 0.0f;
+      fits = cosine > kSameSheet && off_plane < kSheetDistance;
+      const float misfit = off_plane + 2.0f * (1.0f - cosine);
       if (fits || misfit < minimum) minimum = misfit, nearest = *slot;
       slot = &sheets[*slot].next;
       ++count;

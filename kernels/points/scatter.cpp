@@ -24,7 +24,7 @@ std::size_t voxel_of(const Float3& p) {
 
 }  // namespace
 
-std::vector<std::uint8_t> find_scatter(const ScatterInput& in) {
+std::vector<std::uint8_t> find_volumetric(const VolumetricInput& in) {
   struct Sum {
     float rough = 0.0f, points = 0.0f;
   };

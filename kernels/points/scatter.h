@@ -11,7 +11,7 @@
 namespace tessera {
 
 /// The points of a brick. Positions in cells relative to the brick.
-struct ScatterInput {
+struct VolumetricInput {
   std::span<const Float3> position;
   std::span<const float> roughness;      ///< PointShape::roughness
   std::span<const std::uint16_t> flags;  ///< bits of PointFlag: echoes, ground; empty = unknown
@@ -19,6 +19,6 @@ struct ScatterInput {
 
 /// 1 for every point that is strewn: not only is its own neighbourhood no plane, most of those around it are none
 /// either, so that edges, corners and wires on a surface stay.
-std::vector<std::uint8_t> find_scatter(const ScatterInput& points);
+std::vector<std::uint8_t> find_volumetric(const VolumetricInput& points);
 
 }  // namespace tessera

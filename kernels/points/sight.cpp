@@ -43,7 +43,7 @@ class Dice {
   explicit Dice(std::uint64_t seed) : state_(seed) {}
   std::uint64_t bits() { return state_ = mix(state_); }
   /// A direction, even over the sphere, no component 0.
-  Float3 way() {
+  Float3 direction() {
     for (;;) {
       const std::uint64_t b = bits();
       Float3 w;
@@ -134,17 +134,17 @@ class Looker {
 
   /// Calls see(side, way) for kMax directions there and back.
   template <class See>
-  void each_way(const JobSurfel& s, See&& see) const {
+  void each_direction(const JobSurfel& s, See&& see) const {
     const float area = norm(s.area);
     Dice dice(seed_of(s));
     for (std::uint64_t k = 0; k < kMax;) {
-      Float3 way = dice.way();
-      const float cosine = dot(s.area, way) / area;
+      Float3 direction = dice.direction();
+      const float cosine = dot(s.area, direction) / area;
       if (std::fabs(cosine) < kFrank) continue;
       ++k;
-      if (cosine < 0.0f) way = {-way[0], -way[1], -way[2]};
-      see(std::size_t{0}, way);
-      see(std::size_t{1}, Float3{-way[0], -way[1], -way[2]});
+      if (cosine < 0.0f) direction = {-direction[0], -direction[1], -direction[2]};
+      see(std::size_t{0}, direction);
+      see(std::size_t{1}, Float3{-direction[0], -direction[1], -direction[2]});
     }
   }
 
@@ -155,11 +155,12 @@ class Looker {
     out.weight = s.surfels / rate(s, per_group_);
     const auto vote = static_cast<std::int64_t>(std::floor(kPairs * scale_ * out.weight / 2.0 + 0.5));
     Views& seen = out.views;
-    each_way(s, [&](std::size_t side, const Float3& way) {
-      const SurfelScene::Sight sight = scene_.look(s.position, way, kMinDistance, kFar, scene_.disk_of(i));
+    each_direction(s, [&](std::size_t side, const Float3& direction) {
+      const SurfelScene::Sight sight =
+          scene_.look(s.position, direction, kMinDistance, kFar, scene_.disk_of(i));
       if (!sight.met) {
         seen.open[side] += 1.0;
-        seen.bright[side] += dot(way, up_) > 0.0f ? 1.0 : kBelow;
+        seen.bright[side] += dot(direction, up_) > 0.0f ? 1.0 : kBelow;
         return;
       }
       seen.ended[side] += 1.0;
@@ -181,8 +182,9 @@ class Looker {
   /// Layers of one surface, scanned several times, do not enclose each other: looks begin beyond them.
   bool enclosed(std::uint32_t i) const {
     std::array<double, 2> open{};
-    each_way(surfels_[i], [&](std::size_t side, const Float3& way) {
-      open[side] += scene_.look(surfels_[i].position, way, kNear, kFar, scene_.disk_of(i)).met ? 0.0 : 1.0;
+    each_direction(surfels_[i], [&](std::size_t side, const Float3& direction) {
+      open[side] +=
+          scene_.look(surfels_[i].position, direction, kNear, kFar, scene_.disk_of(i)).met ? 0.0 : 1.0;
     });
     return std::max(open[0], open[1]) <= kShut * static_cast<double>(kMax);
   }
@@ -291,14 +293,14 @@ std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::
     for (std::size_t k = 0; k < asked && near[k].first > 0.0f; ++k) {
       const Float3& at = sensors[near[k].second];
       const float distance = std::sqrt(near[k].first);
-      Float3 way;
+      Float3 direction;
       for (std::size_t a = 0; a < 3; ++a) {
-        way[a] = (at[a] - s.position[a]) / distance;
-        if (std::fabs(way[a]) < 1e-6f) way[a] = 1e-6f;
+        direction[a] = (at[a] - s.position[a]) / distance;
+        if (std::fabs(direction[a]) < 1e-6f) direction[a] = 1e-6f;
       }
-      const float cosine = dot(s.area, way) / area;
+      const float cosine = dot(s.area, direction) / area;
       if (std::fabs(cosine) < kGrazing) continue;
-      if (scene.look(s.position, way, kNear / 4.0f, distance, scene.disk_of(i)).met) continue;
+      if (scene.look(s.position, direction, kNear / 4.0f, distance, scene.disk_of(i)).met) continue;
       if (first == 0.0f) first = near[k].first;
       const double weight = static_cast<double>(cosine * cosine) * static_cast<double>(first / near[k].first);
       const auto vote = static_cast<std::int64_t>(std::floor(scale * s.surfels / rate * weight + 0.5));

@@ -53,12 +53,12 @@ class Surroundings {
     square_[3] += d[1] * d[1], square_[4] += d[1] * d[2], square_[5] += d[2] * d[2];
   }
   /// Whether they lie about a plane and the probe on it.
-  bool hold(double reach) const { return hold(reach, count_ < kFewAround ? kFewVariation : kMaxVariation); }
+  bool hold(double radius) const { return hold(radius, count_ < kFewAround ? kFewVariation : kMaxVariation); }
   /// The same of few: strewn ones lie about a plane by chance more easily.
-  bool few_hold(double reach) const { return hold(reach, kFewVariation); }
+  bool few_hold(double radius) const { return hold(radius, kFewVariation); }
 
  private:
-  bool hold(double reach, double max_variation) const {
+  bool hold(double radius, double max_variation) const {
     if (count_ < kMinAround) return false;
     const Double3 mean = sum_ / count_;
     std::array<double, 6> cov = square_;
@@ -71,7 +71,7 @@ class Surroundings {
     const double minimum = std::max(values[0], 0.0);
     const double off = std::fabs(dot(mean, axes[0]));
     return minimum <= max_variation * (minimum + values[1] + values[2]) &&
-           off <= kMaxOff * std::sqrt(minimum) + kRounding * reach;
+           off <= kMaxOff * std::sqrt(minimum) + kRounding * radius;
   }
 
   static constexpr double kMinAround = 5.0;
@@ -86,8 +86,8 @@ class Surroundings {
 };
 
 /// Where probes on no surface would decide, those alone that are about as dense as the surface; else all of them.
-/// \param strewn  SpacingSummary::strewn
-std::vector<SpacingProbe> without_strewn(std::vector<SpacingProbe> probes, double& strewn) {
+/// \param outliers  SpacingSummary::strewn
+std::vector<SpacingProbe> without_outliers(std::vector<SpacingProbe> probes, double& outliers) {
   constexpr double kSparser =
       3.0;  // spacings of the median point, from which a probe on no surface is suspect
   constexpr double kNotable =
@@ -99,8 +99,8 @@ std::vector<SpacingProbe> without_strewn(std::vector<SpacingProbe> probes, doubl
   constexpr double kSlack = 1.5;        // or have so many times their spacing
   const auto points_of = [](const SpacingProbe& p) { return p.area / (p.spacing * p.spacing); };
   std::sort(probes.begin(), probes.end(), [](const SpacingProbe& a, const SpacingProbe& b) {
-    return std::tie(a.spacing, a.area, a.nearest, a.gap, a.on_surface, a.flat_nearby, a.in_reach) <
-           std::tie(b.spacing, b.area, b.nearest, b.gap, b.on_surface, b.flat_nearby, b.in_reach);
+    return std::tie(a.spacing, a.area, a.nearest, a.gap, a.on_surface, a.flat_nearby, a.in_range) <
+           std::tie(b.spacing, b.area, b.nearest, b.gap, b.on_surface, b.flat_nearby, b.in_range);
   });
   if (probes.empty()) return probes;
   // Spacing that a share of the points has at most, of all or of those on a surface.
@@ -136,10 +136,10 @@ std::vector<SpacingProbe> without_strewn(std::vector<SpacingProbe> probes, doubl
   for (const SpacingProbe& p : probes) {
     all += points_of(p);
     if (p.spacing > maximum) dropped += points_of(p);
-    if (p.spacing <= maximum && p.in_reach) kept.push_back(p);
+    if (p.spacing <= maximum && p.in_range) kept.push_back(p);
   }
   if (kept.empty()) return probes;
-  strewn = dropped / all;
+  outliers = dropped / all;
   return kept;
 }
 
@@ -218,15 +218,15 @@ void measure_spacing(const SampleCell& cell, double share, double minimum, doubl
   constexpr std::size_t kSpacingRank = 8;
   constexpr std::size_t kNearby = 16;
   if (cell.points.size() < kMinForDistances) return;
-  const double reach = cell.size / 4;
+  const double radius = cell.size / 4;
   const Probes probes = probes_of(cell);
   for (const std::size_t probe : probes.at) {
     std::array<std::pair<double, std::size_t>, kNearby> nearest;  // squared distance, which
-    nearest.fill({reach * reach, probe});
+    nearest.fill({radius * radius, probe});
     Surroundings around;
     for (std::size_t i = 0; i < cell.points.size(); ++i) {
       const double d = squared_distance(cell.points[i], cell.points[probe]);
-      if (i == probe || d >= reach * reach) continue;
+      if (i == probe || d >= radius * radius) continue;
       around.add(cell.points[i] - cell.points[probe]);
       if (d >= nearest.back().first) continue;
       std::size_t at = kNearby - 1;
@@ -239,7 +239,7 @@ void measure_spacing(const SampleCell& cell, double share, double minimum, doubl
     for (const auto& [d, i] : nearest)
       if (i != probe) nearby.add(cell.points[i] - cell.points[probe]);
     out.push_back({spacing, std::sqrt(nearest.front().first), std::sqrt(nearest[kGapRank - 1].first),
-                   spacing * spacing * probes.each / share, around.hold(reach), nearby.few_hold(reach),
+                   spacing * spacing * probes.each / share, around.hold(radius), nearby.few_hold(radius),
                    nearest[kSpacingRank - 1].second != probe});
   }
 }
@@ -263,7 +263,7 @@ SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHi
   SpacingSummary s;
   s.noise = residual.quantile(0.25);
   s.residual = residual.quantile(0.5);
-  probes = without_strewn(std::move(probes), s.strewn);
+  probes = without_outliers(std::move(probes), s.outliers);
   if (probes.empty()) return s;
   const auto quantile = [&](double SpacingProbe::*field, double share) {
     std::sort(probes.begin(), probes.end(), [&](const SpacingProbe& a, const SpacingProbe& b) {

@@ -49,7 +49,7 @@ struct SpacingProbe {
   /// The nearest of them do as well. Among points strewn close over a surface all that is in reach lies about a plane too.
   bool flat_nearby = true;
   /// The 8th neighbour is in reach; else the spacing is only known to be above the one that is told.
-  bool in_reach = true;
+  bool in_range = true;
 };
 
 /// Probes at points in the middle half of the cell whose spacing is above `minimum` and at most `maximum`. At most an eighth
@@ -78,7 +78,8 @@ struct SpacingSummary {
   double gap = 0.0;       ///< 90 % of it
   double noise = 0.0;     ///< lower quartile of the residual: curvature and features only add to noise
   double residual = 0.0;  ///< median residual
-  double strewn = 0.0;  ///< share of the points that is too sparse for the surface and was left out; mostly 0
+  double outliers =
+      0.0;  ///< share of the points that is too sparse for the surface and was left out; mostly 0
 };
 SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHistogram& residual);
 

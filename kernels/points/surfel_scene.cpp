@@ -144,23 +144,23 @@ void SurfelScene::insert(std::uint64_t key, std::uint32_t brick) {
   slots_[s] = {key, brick};
 }
 
-void SurfelScene::meet(std::uint32_t voxel, const Float3& from, const Float3& way, float near,
+void SurfelScene::meet(std::uint32_t voxel, const Float3& from, const Float3& direction, float near,
                        std::uint32_t own, Sight& best) const {
   for (std::uint32_t k = voxel_begin_[voxel]; k < voxel_begin_[voxel + 1]; ++k) {
     const Disk& d = disks_[k];
-    const float cosine = -dot(d.normal, way);
+    const float cosine = -dot(d.normal, direction);
     if (k == own || std::fabs(cosine) < kGrazingDisk) continue;
     const Float3 to = d.position - from;
     const float distance = -dot(d.normal, to) / cosine;
     if (distance < near || (best.met && distance >= best.distance)) continue;
-    const Float3 off = to - way * distance;
+    const Float3 off = to - direction * distance;
     if (dot(off, off) <= d.radius2) best = {true, k, distance, cosine};
   }
 }
 
-SurfelScene::Sight SurfelScene::look(const Float3& from, const Float3& way, float near, float far,
+SurfelScene::Sight SurfelScene::look(const Float3& from, const Float3& direction, float near, float far,
                                      std::uint32_t own) const {
-  const Float3 per = {1.0f / way[0], 1.0f / way[1], 1.0f / way[2]};
+  const Float3 per = {1.0f / direction[0], 1.0f / direction[1], 1.0f / direction[2]};
   Int3 voxel = coarse_voxel_of(from);
   Int3 brick = {-1, -1, -1}, region = {-1, -1, -1};
   const Slot* here = nullptr;
@@ -183,7 +183,7 @@ SurfelScene::Sight SurfelScene::look(const Float3& from, const Float3& way, floa
         Sight sight;
         meet(b.before[static_cast<std::size_t>(voxel[2] % kVoxels)] +
                  static_cast<std::uint32_t>(std::popcount(word & (bit - 1))),
-             from, way, near, own, sight);
+             from, direction, near, own, sight);
         if (sight.met) return sight.distance <= far ? sight : Sight{};
       }
     }
@@ -192,7 +192,7 @@ SurfelScene::Sight SurfelScene::look(const Float3& from, const Float3& way, floa
     float leave = std::numeric_limits<float>::infinity();
     std::size_t through = 0;
     for (std::size_t a = 0; a < 3; ++a) {
-      const std::int32_t corner = voxel[a] / size * size + (way[a] > 0.0f ? size : 0);
+      const std::int32_t corner = voxel[a] / size * size + (direction[a] > 0.0f ? size : 0);
       const float t = (static_cast<float>(corner * kCoarseCells) - from[a]) * per[a];
       if (t < leave) leave = t, through = a;
     }
@@ -200,9 +200,9 @@ SurfelScene::Sight SurfelScene::look(const Float3& from, const Float3& way, floa
     for (std::size_t a = 0; a < 3; ++a) {
       const std::int32_t low = voxel[a] / size * size;
       if (a == through) {
-        voxel[a] = way[a] > 0.0f ? low + size : low - 1;
+        voxel[a] = direction[a] > 0.0f ? low + size : low - 1;
       } else if (size > 1) {
-        const float p = (from[a] + leave * way[a]) / kCoarseCells;
+        const float p = (from[a] + leave * direction[a]) / kCoarseCells;
         voxel[a] = std::clamp(static_cast<std::int32_t>(std::max(p, 0.0f)), low, low + size - 1);
       }
     }

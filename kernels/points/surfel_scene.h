@@ -36,10 +36,10 @@ class SurfelScene {
     float cosine = 0.0f;     ///< between its normal and the way back: positive = its front is met
   };
   /// The first disk along a ray.
-  /// \param way  unit, no component 0
+  /// \param direction  unit, no component 0
   /// \param near,far  distances between which a disk is met, cells
   /// \param own  a disk that is not met, or kNobody
-  Sight look(const Float3& from, const Float3& way, float near, float far, std::uint32_t own) const;
+  Sight look(const Float3& from, const Float3& direction, float near, float far, std::uint32_t own) const;
 
   /// The disk that a surfel is part of.
   std::uint32_t disk_of(std::size_t surfel) const { return disk_of_[surfel]; }
@@ -66,7 +66,7 @@ class SurfelScene {
   void make_disks(std::span<const JobSurfel> surfels);
   const Slot* find(std::uint64_t key) const;
   void insert(std::uint64_t key, std::uint32_t brick);
-  void meet(std::uint32_t voxel, const Float3& from, const Float3& way, float near, std::uint32_t own,
+  void meet(std::uint32_t voxel, const Float3& from, const Float3& direction, float near, std::uint32_t own,
             Sight& best) const;
 
   std::vector<Disk> disks_;                 ///< by brick, voxel, facing, slab

@@ -75,9 +75,9 @@ float TopSurface::top(std::int64_t u, std::int64_t v) const {
 
 /// 1 where the front of a steep surfel is free, -1 where its back is, 0 where the tops tell neither.
 double TopSurface::steep_side(const JobSurfel& s, const Place& at, float across) const {
-  const Float3 way = (s.area - up_ * dot(s.area, up_)) * (1.0f / across);
+  const Float3 direction = (s.area - up_ * dot(s.area, up_)) * (1.0f / across);
   for (int k = 1; k <= kAcross; ++k) {
-    const Float3 off = way * static_cast<float>(k * kCoarseCells);
+    const Float3 off = direction * static_cast<float>(k * kCoarseCells);
     const Place ahead = place_of(s.position + off), behind = place_of(s.position - off);
     const float front = top(ahead.u, ahead.v), back = top(behind.u, behind.v);
     // Nobody looked to where there is no data: then the other side was seen, if one could see over what is there.

@@ -82,12 +82,12 @@ void RemeshOptions::validate() const {
 }
 
 RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOptions& options,
-                    std::span<const std::uint64_t> held) {
+                    std::span<const std::uint64_t> pinned) {
   options.validate();
   RemeshReport report;
   block.face_bound.clear();
   for (std::uint8_t& flags : block.face_flags)
-    flags = static_cast<std::uint8_t>(flags & ~unsigned{kFaceSettled});
+    flags = static_cast<std::uint8_t>(flags & ~unsigned{kFaceDone});
   canonicalise(block);
   report.faces_in = report.faces_out = block.faces.size();
   if (block.faces.empty()) return report;
@@ -98,7 +98,7 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
                                  {options.sizing_tolerance, options.min_edge, options.edge});
   if (options.find_creases) surface.mark(block);
   CollapseMesh mesh(block, origin);
-  Remesher remesher(mesh, block, surface, options, held);
+  Remesher remesher(mesh, block, surface, options, pinned);
   remesher.run(report);
   block = to_block(mesh, remesher, block, reference, surface, origin, options.float_positions);
   report.faces_out = block.faces.size();

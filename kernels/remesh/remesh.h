@@ -59,13 +59,13 @@ struct RemeshReport {
 /// Remeshes `block` in place.
 /// \param block      any order; comes back canonical, without face_bound
 /// \param reference  the original surface with all that comes within four edge lengths of the block; canonical
-/// \param held       keys, ascending, of vertices whose faces all stay as they are
+/// \param pinned       keys, ascending, of vertices whose faces all stay as they are
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold
 /// \throws InputError  an edge with more than two faces or with two faces of the same direction
 /// \throws UsageError  from options.validate()
 RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOptions& options,
-                    std::span<const std::uint64_t> held = {});
+                    std::span<const std::uint64_t> pinned = {});
 
 /// Upper bound of what remesh() allocates above its arguments. \param max_faces  RemeshOptions::max_faces
 std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces);

@@ -23,7 +23,7 @@ constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a flo
 }  // namespace
 
 Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
-                   const RemeshOptions& options, std::span<const std::uint64_t> held)
+                   const RemeshOptions& options, std::span<const std::uint64_t> pinned)
     : mesh_(mesh), surface_(surface), options_(options), next_key_(options.first_key) {
   if (options.max_normal_turn_deg > 0.0) min_turn_ = cosine_of_degrees(options.max_normal_turn_deg);
   mesh_.reserve(options.max_faces);
@@ -34,8 +34,8 @@ Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSu
     info.key = block.key[mesh_.block_vertex(v)];
     info.lasting = lasting[mesh_.block_vertex(v)] != 0;
     info.target = static_cast<float>(options.edge);
-    info.held = !held.empty() && std::binary_search(held.begin(), held.end(), info.key);
-    if (info.held) mesh_.add_state(v, kVertexLocked);
+    info.pinned = !pinned.empty() && std::binary_search(pinned.begin(), pinned.end(), info.key);
+    if (info.pinned) mesh_.add_state(v, kVertexLocked);
     if (block.vertex_class[mesh_.block_vertex(v)] == VertexClass::kCorner) mesh_.add_state(v, kVertexFixed);
   }
   live_faces_ = mesh_.faces().size();
@@ -179,7 +179,7 @@ void Remesher::split_long(int rounds, RemeshReport& report) {
     list_edges(
         [&](std::uint32_t a, std::uint32_t b) {
           if (changed_[a] < round_ || changed_[b] < round_) return false;
-          return too_long(a, b) && !info_[a].held && !info_[b].held;
+          return too_long(a, b) && !info_[a].pinned && !info_[b].pinned;
         },
         true);
     std::size_t done = 0;
@@ -212,8 +212,8 @@ bool Remesher::beside_longer(const Edge& e) const {
 
 bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
   const std::uint32_t o = mesh_.opposite(e.corner);
-  if (!current(e) || info_[e.a].held || info_[e.b].held || info_[mesh_.vertex(e.corner)].held ||
-      (o != kNoCorner && info_[mesh_.vertex(o)].held))
+  if (!current(e) || info_[e.a].pinned || info_[e.b].pinned || info_[mesh_.vertex(e.corner)].pinned ||
+      (o != kNoCorner && info_[mesh_.vertex(o)].pinned))
     return false;
   if (live_faces_ + 2 > options_.max_faces) {
     ++report.by_room;

@@ -13,7 +13,7 @@ class Remesher {
  public:
   /// \param mesh  of `block`, creases marked \param surface  with the same origin
   Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
-           const RemeshOptions& options, std::span<const std::uint64_t> held);
+           const RemeshOptions& options, std::span<const std::uint64_t> pinned);
   void run(RemeshReport& report);
 
   std::uint64_t key(std::uint32_t v) const { return info_[v].key; }
@@ -26,7 +26,7 @@ class Remesher {
     Float3 normal{};  ///< of the reference at the foot; zero on lines and where unknown
     std::uint32_t foot = ReferenceSurface::kNone;  ///< slot of a face; on lines a segment
     float target = 0.0f;                           ///< length of edges here
-    bool held = false;                             ///< its faces stay
+    bool pinned = false;                           ///< its faces stay
     bool moved = false;                            ///< or new
     bool line = false;                             ///< on a crease or border, not a corner
     bool lasting = false;                          ///< ReferenceSurface::lasting_corners()
@@ -109,8 +109,8 @@ class Remesher {
   void compact();
   void sort_by_place();
 
-  static double roundness(const Double3& a, const Double3& b, const Double3& c);
-  static double square_roundness(const Double3& a, const Double3& b, const Double3& c);
+  static double mean_ratio(const Double3& a, const Double3& b, const Double3& c);
+  static double squared_mean_ratio(const Double3& a, const Double3& b, const Double3& c);
   static double sharpness(const Double3& a, const Double3& b, const Double3& c);
   bool normal_fits(const NewFace& f, const Double3& n) const;
   bool within(const NewFace& f, unsigned new_edges) const;

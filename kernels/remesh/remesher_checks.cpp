@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kAlongFoot = 0.4;    ///< least cosine of a face to the reference at a smooth corner
 constexpr double kAlongBefore = 0.5;  ///< of a face without such a corner, to what it was
-constexpr double kMinRoundness = 0.1;
+constexpr double kMinMeanRatio = 0.1;
 /// Of the length: shorter edges go even where that leaves others longer than would be split.
 constexpr double kSliver = 0.45;  ///< roundness below which shape counts more than valences
 constexpr double kBetter = 1.1,
@@ -23,14 +23,14 @@ constexpr double kNeedle = 0.4, kLongBesideNeedle = 1.8;
 }  // namespace
 
 /// 1 for the equilateral triangle, 0 for none.
-double Remesher::roundness(const Double3& a, const Double3& b, const Double3& c) {
+double Remesher::mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
   const Double3 u = b - a, v = c - a, w = c - b;
   const double squares = dot(u, u) + dot(v, v) + dot(w, w);
   return squares > 0.0 ? 2.0 * 1.7320508075688772 * norm(cross(u, v)) / squares : 0.0;
 }
 
 /// Its square, without a root.
-double Remesher::square_roundness(const Double3& a, const Double3& b, const Double3& c) {
+double Remesher::squared_mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
   const Double3 u = b - a, v = c - a, w = c - b, n = cross(u, v);
   const double squares = dot(u, u) + dot(v, v) + dot(w, w);
   return squares > 0.0 ? 12.0 * dot(n, n) / (squares * squares) : 0.0;
@@ -139,7 +139,7 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, dou
   if (square_of(u, v) < needle * needle) longest = std::max(longest, kLongBesideNeedle);
   for (std::size_t i = 0; i < size; ++i) {
     const std::uint32_t w = star_.ring[i];
-    if (info_[w].held) return Refusal::kLink;
+    if (info_[w].pinned) return Refusal::kLink;
     const double maximum = longest * target(v, w);
     if (i != at && square_of(v, w) > maximum * maximum) return Refusal::kLink;
   }
@@ -151,11 +151,11 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, dou
     if (i == left || i == right) continue;
     const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < size ? i + 1 : 0];
     const NewFace face{{v, a, b}, {to, mesh_.at(a), mesh_.at(b)}};
-    const double before = roundness(from, face.at[1], face.at[2]),
-                 after = roundness(to, face.at[1], face.at[2]);
+    const double before = mean_ratio(from, face.at[1], face.at[2]),
+                 after = mean_ratio(to, face.at[1], face.at[2]);
     // The normal of a flat face says nothing.
-    const Double3 n = before < kMinRoundness ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
-    if (!normal_fits(face, n) || (after < kMinRoundness && after < before)) return Refusal::kFold;
+    const Double3 n = before < kMinMeanRatio ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
+    if (!normal_fits(face, n) || (after < kMinMeanRatio && after < before)) return Refusal::kFold;
     if (!within(face, 1u)) return Refusal::kTolerance;
     if (options_.tolerance > 0.0)
       nearest =
@@ -255,13 +255,13 @@ Remesher::Refusal Remesher::try_flip(std::uint32_t c) {
     if (e != kNoSay) change += 1 + 2 * e;
   }
   const Double3 &pu = mesh_.at(u), &pw = mesh_.at(w), &pa = mesh_.at(a), &pb = mesh_.at(b);
-  const double square_before = std::min(square_roundness(pu, pa, pb), square_roundness(pw, pb, pa));
+  const double square_before = std::min(squared_mean_ratio(pu, pa, pb), squared_mean_ratio(pw, pb, pa));
   // Most edges: nothing to gain.
   if (square_before >= kSliver * kSliver &&
       (change > 0 || (change == 0 && square_before >= kRoundEnough * kRoundEnough)))
     return Refusal::kLink;
   const double before = std::sqrt(square_before),
-               after = std::min(roundness(pu, pa, pw), roundness(pw, pb, pu));
+               after = std::min(mean_ratio(pu, pa, pw), mean_ratio(pw, pb, pu));
   // Valences that stay as good must pay in shape; better ones may cost some, which relaxation makes up for.
   const bool sliver = before < kSliver && after > 1.5 * before;
   if (!sliver && (change > 0    ? true
@@ -276,7 +276,7 @@ Remesher::Refusal Remesher::flip_if_sound(std::uint32_t c) {
   const std::uint32_t d = mesh_.opposite(c), u = mesh_.vertex(c), w = mesh_.vertex(d),
                       a = mesh_.vertex(next_corner(c)), b = mesh_.vertex(prev_corner(c));
   const Double3 &pu = mesh_.at(u), &pw = mesh_.at(w), &pa = mesh_.at(a), &pb = mesh_.at(b);
-  if (info_[u].held || info_[w].held || info_[a].held || info_[b].held) return Refusal::kLink;
+  if (info_[u].pinned || info_[w].pinned || info_[a].pinned || info_[b].pinned) return Refusal::kLink;
   for (const std::uint32_t v : {a, b})
     if (!(mesh_.state(v) & kVertexLocked) && valence_[v] <= ((mesh_.state(v) & kVertexOpen) ? 1 : 3))
       return Refusal::kLink;

@@ -127,7 +127,7 @@ bool Remesher::release_weak_creases(std::uint32_t v) {
                         o = mesh_.opposite(c);  // across from it: v to ring[i]
     if (!mesh_.crease_edge(c) || o == kNoCorner) continue;
     if (mesh_.state(star_.ring[i]) & kVertexLocked) continue;
-    if (info_[star_.ring[i]].held) continue;
+    if (info_[star_.ring[i]].pinned) continue;
     const auto normal = [&](std::uint32_t f) {
       const std::uint32_t* t = mesh_.face(f).vertex;
       return triangle_normal(mesh_.at(t[0]), mesh_.at(t[1]), mesh_.at(t[2]));

@@ -77,7 +77,7 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
     if (dot(before, wide(info.normal)) < 0.0) return false;  // the other side of a thin wall
   }
   for (std::size_t i = 0; i < star_.ring_size(); ++i)
-    if (info_[star_.ring[i]].held) return false;
+    if (info_[star_.ring[i]].pinned) return false;
   const Info kept = info_[v];
   info_[v].normal = info.normal;
   info_[v].foot = info.foot;
@@ -97,7 +97,7 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
     const bool turned =
         along <= 0.0 || along * along < kMinCosineMoved * kMinCosineMoved * square_before * square_after;
     const auto was_flat = [&] {
-      return square_roundness(old, face.at[1], face.at[2]) < kFlatFace * kFlatFace;
+      return squared_mean_ratio(old, face.at[1], face.at[2]) < kFlatFace * kFlatFace;
     };
     if (turned && !(normal_fits(face, {}) &&
                     (was_flat() || !normal_fits({{v, a, b}, {old, face.at[1], face.at[2]}}, {}))))

@@ -57,18 +57,18 @@ std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std:
     if (on_line[v]) continue;
     double maximum = 0.0;
     for (const std::uint32_t w : around[v]) {
-      const double way = norm(at[w] - at[v]);
-      if (!on_line[w] && way > 0.0) maximum = std::max(maximum, norm(normal[w] - normal[v]) / way);
+      const double distance = norm(at[w] - at[v]);
+      if (!on_line[w] && distance > 0.0) maximum = std::max(maximum, norm(normal[w] - normal[v]) / distance);
     }
     length[v] = static_cast<float>(length_for(maximum, options.tolerance, options));
   }
   for (const auto& [a, v, b] : lines) {
     const Double3 in = at[v] - at[a], out = at[b] - at[v];
-    const double way = 0.5 * (norm(in) + norm(out));
-    if (way > 0.0)
-      length[v] =
-          std::min(length[v], static_cast<float>(length_for(norm(unit_or_zero(out) - unit_or_zero(in)) / way,
-                                                            0.5 * options.tolerance, options)));
+    const double distance = 0.5 * (norm(in) + norm(out));
+    if (distance > 0.0)
+      length[v] = std::min(
+          length[v], static_cast<float>(length_for(norm(unit_or_zero(out) - unit_or_zero(in)) / distance,
+                                                   0.5 * options.tolerance, options)));
   }
   using Entry = std::pair<float, std::uint32_t>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;

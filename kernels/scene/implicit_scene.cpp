@@ -267,12 +267,12 @@ double ImplicitScene::field(const Double3& p, Double3& gradient, std::uint32_t* 
   }
   // The skin fades out of sight of the surface: far away its bound alone would slow every ray.
   if (skin_slope_ > 0.0) {
-    const double reach = 4.0 * std::fabs(model_.skin.amplitude);
-    if (std::fabs(f) < reach) {
+    const double fade_width = 4.0 * std::fabs(model_.skin.amplitude);
+    if (std::fabs(f) < fade_width) {
       Double3 g{};
       const double bump = fractal_volume(model_.skin, p, g);
-      const double t = f / reach, fade = (1.0 - t * t) * (1.0 - t * t);
-      const double fade_slope = -4.0 * t * (1.0 - t * t) / reach;
+      const double t = f / fade_width, fade = (1.0 - t * t) * (1.0 - t * t);
+      const double fade_slope = -4.0 * t * (1.0 - t * t) / fade_width;
       gradient = gradient * (1.0 + fade_slope * bump) + g * fade;
       f += fade * bump;
     }
@@ -291,7 +291,7 @@ double ImplicitScene::field(const Double3& p, Double3& gradient, std::uint32_t* 
 
 // ---------------------------------------------------------------------------------------------- queries
 
-bool ImplicitScene::settle(Double3& q, Double3& normal) const {
+bool ImplicitScene::project(Double3& q, Double3& normal) const {
   Double3 g{};
   for (int k = 0; k < 30; ++k) {
     const double f = field(q, g);
@@ -309,7 +309,7 @@ SurfacePoint ImplicitScene::closest(const Double3& p) const {
   double best_d = std::numeric_limits<double>::max();
   Double3 q = p, normal{0, 0, 1};
   for (int round = 0; round < 24; ++round) {
-    if (!settle(q, normal)) break;
+    if (!project(q, normal)) break;
     const double d = norm(p - q);
     const bool gained = d < best_d - 1e-13 * size_;
     if (d < best_d) {
@@ -365,7 +365,7 @@ void ImplicitScene::crossings(const Ray& ray, double limit, std::vector<SurfaceP
         ((field(ray.origin + ray.direction * m, g) < 0.0) == (before < 0.0) ? a : b) = m;
       }
       Double3 q = ray.origin + ray.direction * (0.5 * (a + b)), normal{};
-      if (settle(q, normal)) out.push_back({q, normal});
+      if (project(q, normal)) out.push_back({q, normal});
     }
     have_before = true;
     before = f;
@@ -395,7 +395,7 @@ bool ImplicitScene::intersect(const Ray& ray, double limit, RayHit& hit) const {
         s = std::clamp(s - fs / slope, t - 100.0 * close, t + 100.0 * close);
       }
       Double3 q = ray.origin + ray.direction * s, normal{};
-      if (!settle(q, normal) || !(s > 0.0) || s > t1) return false;
+      if (!project(q, normal) || !(s > 0.0) || s > t1) return false;
       hit = {s, {q, normal}};
       return true;
     }

@@ -83,7 +83,7 @@ class ImplicitScene final : public Scene {
   /// Share of the field's value that may be stepped.
   double stride() const;
   /// Moves q onto the surface along the gradient. \returns false if it does not arrive
-  bool settle(Double3& q, Double3& normal) const;
+  bool project(Double3& q, Double3& normal) const;
 
   ImplicitModel model_;
   double skin_slope_ = 0.0;     ///< certified bound

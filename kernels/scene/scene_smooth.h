@@ -53,8 +53,8 @@ bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, 
       t += minimum * 10.0;
       continue;
     }
-    const double gap = p[2] - height;
-    if (have_before && (gap < 0.0) != (before < 0.0)) {
+    const double height_above = p[2] - height;
+    if (have_before && (height_above < 0.0) != (before < 0.0)) {
       double a = t_before, b = t;
       for (int k = 0; k < 60; ++k) {
         const double m = 0.5 * (a + b);
@@ -67,10 +67,10 @@ bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, 
       hit = {b, {{q[0], q[1], height}, normal}};
       return b > 0.0;
     }
-    before = gap;
+    before = height_above;
     t_before = t;
     have_before = true;
-    const double stride = std::fabs(gap) / closing;
+    const double stride = std::fabs(height_above) / closing;
     t += stride > minimum ? stride : minimum;
   }
   return false;

@@ -183,9 +183,9 @@ class SensorSource final : public SampleSource {
     if (facing < kMinCosineCamera) return false;
     // The projector stands beside the camera: what it does not light has no depth.
     const Double3 projector = s.origin + s.right * (0.25 * 1.4 * size_);
-    const Double3 way = projector - hit.point.position;
-    const double range = norm(way);
-    const Double3 to = way * (1.0 / range);
+    const Double3 delta = projector - hit.point.position;
+    const double range = norm(delta);
+    const Double3 to = delta * (1.0 / range);
     if (dot(hit.point.normal, to) < kMinCosineCamera) return false;
     RayHit blocked;
     return !scene_.intersect({hit.point.position + hit.point.normal * (2e-5 * size_), to}, range, blocked);

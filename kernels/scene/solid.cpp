@@ -132,8 +132,8 @@ constexpr int kScanSteps = 48;
 
 /// Whether a crease may come nearer to p than sqrt(d).
 bool may_beat(const Crease& crease, const Double3& p, double d) {
-  const double gap = norm(p - crease.middle) - crease.reach;
-  return gap <= 0.0 || gap * gap < d;
+  const double distance = norm(p - crease.middle) - crease.radius;
+  return distance <= 0.0 || distance * distance < d;
 }
 
 }  // namespace
@@ -204,19 +204,20 @@ void Solid::add(Crease crease) {
   crease.middle = sum * (1.0 / (kScanSteps + 1));
   for (const Double3& p : crease.scan) {
     const double r = norm(p - crease.middle);
-    if (r > crease.reach) crease.reach = r;
+    if (r > crease.radius) crease.radius = r;
   }
   // An arc bulges between scan points by less than its step's share of its size.
-  crease.reach *= 1.02;
+  crease.radius *= 1.02;
   creases_.push_back(std::move(crease));
 }
 
 std::vector<Double3> Solid::crease_points(double step) const {
   std::vector<Double3> out;
   for (const auto& crease : creases_) {
-    double way = 0.0;
-    for (std::size_t k = 1; k < crease.scan.size(); ++k) way += norm(crease.scan[k] - crease.scan[k - 1]);
-    const double n = std::floor(way * 1.01 / step) + 1.0;
+    double arc_length = 0.0;
+    for (std::size_t k = 1; k < crease.scan.size(); ++k)
+      arc_length += norm(crease.scan[k] - crease.scan[k - 1]);
+    const double n = std::floor(arc_length * 1.01 / step) + 1.0;
     for (double k = 0.5; k < n; k += 1.0)
       out.push_back(crease.at(crease.from + (crease.to - crease.from) * k / n));
   }

@@ -53,7 +53,7 @@ struct Crease {
   /// Positions at equal steps of t, for closest(), and a ball around them; made by Solid::add.
   std::vector<Double3> scan;
   Double3 middle{};
-  double reach = 0.0;
+  double radius = 0.0;
 };
 
 class Solid : public Scene {

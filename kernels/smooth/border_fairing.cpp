@@ -9,7 +9,7 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr int kSteps = 12;
-constexpr double kMaxWay = 1.0;  ///< cells
+constexpr double kMaxShift = 1.0;  ///< cells
 constexpr double kHeightShare =
     0.3;  ///< of a face's least height: three corners that go so far do not turn it over
 /// Cosine of 38 degrees: two faces within it of one normal do not meet in an edge that looks sharp.
@@ -122,13 +122,13 @@ void fair_border(BorderStrip& strip, double lift) {
     }
     for (const Bead& b : beads) {
       const Double3& p = at[b.vertex];
-      Double3 way = (at[b.along[0]] + at[b.along[1]]) * 0.25 - p * 0.5;
-      const double length = norm(way), maximum = kHeightShare * height[b.vertex];
-      if (length > maximum) way = way * (maximum / length);
-      Double3 to = p + way;
+      Double3 shift = (at[b.along[0]] + at[b.along[1]]) * 0.25 - p * 0.5;
+      const double length = norm(shift), maximum = kHeightShare * height[b.vertex];
+      if (length > maximum) shift = shift * (maximum / length);
+      Double3 to = p + shift;
       const double off = dot(to - start[b.vertex], normal[b.vertex]);
       to = to - normal[b.vertex] * (off - std::clamp(off, -lift, lift));
-      next[b.vertex] = squared_distance(to, start[b.vertex]) > kMaxWay * kMaxWay ? p : to;
+      next[b.vertex] = squared_distance(to, start[b.vertex]) > kMaxShift * kMaxShift ? p : to;
     }
     std::fill(stays.begin(), stays.end(), 0);
     for (const Scale& s : scales) {

@@ -20,7 +20,7 @@ struct BorderStrip {
 
 /// How far around a vertex a strip has to reach, in cells. Twelve steps see 24 edges along the border, which are shorter
 /// than a cell; what lies beyond the reach hardly weighs.
-inline constexpr int kBorderReach = 20;
+inline constexpr int kBorderHalo = 20;
 
 /// Moves the vertices of the border towards the middle of their two neighbours along it, twelve times half the way, by a
 /// cell at most in all, and off the surface no farther than `lift`. A step goes no farther than 0.3 of the height of

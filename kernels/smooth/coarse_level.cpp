@@ -252,7 +252,7 @@ CoarseOptions coarse_options(double lambda, int order, double edge, std::uint64_
   return out;
 }
 
-double coarse_reach(const CoarseOptions& options) {
+double coarse_halo(const CoarseOptions& options) {
   // Once across the eight cells of a corner; a last bit more for rounding.
   return 2.0 * 1.7320509 * options.cell;
 }

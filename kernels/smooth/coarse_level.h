@@ -40,7 +40,7 @@ struct CoarseOptions {
 CoarseOptions coarse_options(double lambda, int order, double edge, std::uint64_t faces);
 
 /// How far from a vertex its unknowns reach, beyond its ring.
-double coarse_reach(const CoarseOptions& options);
+double coarse_halo(const CoarseOptions& options);
 
 /// Corners of the cell that a vertex lies in.
 constexpr std::size_t kCoarseCorners = 8;

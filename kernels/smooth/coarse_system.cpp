@@ -20,7 +20,7 @@ constexpr double kPlateInnerTolerance = 1e-4;
 constexpr int kMaxPlateSteps = 20;
 
 /// Matrix and unknowns.
-constexpr std::uint64_t kHeldPerUnknown = 100, kHeldPerEntry = 16, kPlateHeldPerEntry = 24;
+constexpr std::uint64_t kBytesPerUnknown = 100, kBytesPerEntry = 16, kPlateBytesPerEntry = 24;
 /// Right-hand sides, solutions and a plate's vectors, three columns each.
 constexpr std::uint64_t kVectorsPerUnknown = 150, kPlateVectorsPerUnknown = 350;
 /// Fronts of a factor; 500 on a terrain, 860 on a sphere. Multigrid takes less.
@@ -238,7 +238,7 @@ std::vector<CoarseValue> CoarseSystem::solve(std::span<const CoarseLoad> loads,
 }
 
 std::uint64_t CoarseSystem::bytes(std::uint64_t unknowns, std::uint64_t entries, int order) {
-  return unknowns * kHeldPerUnknown + entries * (order == 2 ? kPlateHeldPerEntry : kHeldPerEntry);
+  return unknowns * kBytesPerUnknown + entries * (order == 2 ? kPlateBytesPerEntry : kBytesPerEntry);
 }
 
 std::uint64_t CoarseSystem::solve_bytes(std::uint64_t unknowns, int order) {

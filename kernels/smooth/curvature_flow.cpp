@@ -256,12 +256,12 @@ class Clusters {
     for (auto& [first, others] : members) {
       others.push_back(first);
       Double3 mean = {0, 0, 0};
-      bool held = false;
+      bool pinned = false;
       for (const std::uint32_t v : others) {
-        held |= fixed[v] != 0;
+        pinned |= fixed[v] != 0;
         for (std::size_t a = 0; a < 3; ++a) mean[a] += moved[v][a] / static_cast<double>(others.size());
       }
-      for (const std::uint32_t v : others) moved[v] = held ? Double3{0, 0, 0} : mean;
+      for (const std::uint32_t v : others) moved[v] = pinned ? Double3{0, 0, 0} : mean;
       count += others.size();
     }
     return count;

@@ -71,8 +71,8 @@ struct FittedSide {
   }
 };
 
-/// The nearest point to `p` on all sides at once, no farther than `reach` a step.
-Double3 meet(const std::vector<FittedSide>& sides, Double3 p, double reach) {
+/// The nearest point to `p` on all sides at once, no farther than `max_move` a step.
+Double3 meet(const std::vector<FittedSide>& sides, Double3 p, double max_move) {
   const std::size_t k = sides.size();
   for (int step = 0; step < kNewtonSteps; ++step) {
     std::array<Double3, StarSides::kMax> g;
@@ -85,7 +85,7 @@ Double3 meet(const std::vector<FittedSide>& sides, Double3 p, double reach) {
     Double3 move{};
     for (std::size_t i = k; i-- > 0;) move = move + g[i] * share[i];
     const double length = norm(move);
-    p = p + move * (length > reach ? reach / length : 1.0);
+    p = p + move * (length > max_move ? max_move / length : 1.0);
   }
   return p;
 }
@@ -251,8 +251,8 @@ class Denoiser {
     noise_.assign(size(), static_cast<float>(options_.noise));
     noise_known_ = known_;
     if (options_.noise > 0.0) return;
-    constexpr int kReach = kGuardRounds + kServedRings + kFillRings;
-    std::vector<std::uint8_t> near = around_wanted(kReach + kPoolRings);
+    constexpr int kHaloRings = kGuardRounds + kServedRings + kFillRings;
+    std::vector<std::uint8_t> near = around_wanted(kHaloRings + kPoolRings);
     // Squares: what a quadric leaves, and what explains how two windows differ; negative where not measured.
     std::vector<float> residual(size(), -1.0F), between(size(), -1.0F);
     for (std::uint32_t v = 0; v < size(); ++v) {
@@ -264,7 +264,7 @@ class Denoiser {
       residual[v] = static_cast<float>(squares.residual);
       between[v] = static_cast<float>(squares.between);
     }
-    near = around_wanted(kReach);
+    near = around_wanted(kHaloRings);
     pool(near, residual, between);
     fill_between();
   }

@@ -296,9 +296,9 @@ Complex inverse(Complex c) {
   return std::conj(c) * (1.0 / std::norm(c));
 }
 
-/// z <- z + of_z z + of_way (z - previous z) + of_bend A (b + z) + of_initial A b
+/// z <- z + of_z z + of_momentum (z - previous z) + of_bend A (b + z) + of_initial A b
 struct PlateStep {
-  Complex of_z, of_way, of_bend, of_initial;
+  Complex of_z, of_momentum, of_bend, of_initial;
 };
 
 /// Where the spectrum of A ends in Chebyshev's variable: at i / root, -1 / (i root) in units of A.
@@ -348,14 +348,15 @@ std::vector<PlateStep> plate_steps(const FilterOptions& options) {
 void plate_filter(const Window& w, const FilterOptions& options, Scratch& s) {
   int ring = filter_rings(options) - 1;
   for (const PlateStep& step : plate_steps(options)) {
-    const Factor of_z(step.of_z), of_way(step.of_way), of_bend(step.of_bend), of_initial(step.of_initial);
+    const Factor of_z(step.of_z), of_momentum(step.of_momentum), of_bend(step.of_bend),
+        of_initial(step.of_initial);
     const bool initial = step.of_initial != 0.0;
     const std::size_t n = w.within(--ring);
     for (std::size_t i = 0; i < n; ++i) {
       if (!(w.inverse_degree[i] > 0.0F)) continue;
       const __m256 here = load(s.plate[i]);
       __m256 move = _mm256_add_ps(of_z.times(here), of_bend.times(bend_times(w, s.plate.data(), i)));
-      move = _mm256_add_ps(move, of_way.times(_mm256_sub_ps(here, load(s.plate_other[i]))));
+      move = _mm256_add_ps(move, of_momentum.times(_mm256_sub_ps(here, load(s.plate_other[i]))));
       if (initial)
         move = _mm256_add_ps(move, of_initial.times(_mm256_set_m128(_mm_setzero_ps(), load(w.initial[i]))));
       store(s.plate_other[i], _mm256_add_ps(here, move));

@@ -328,7 +328,7 @@ SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
   return out;
 }
 
-Double3 settle(const Double3& from, const Double3& to, double tolerance, bool floats) {
+Double3 limit_move(const Double3& from, const Double3& to, double tolerance, bool floats) {
   const auto placed = [&](double share) {
     Double3 p;
     for (std::size_t a = 0; a < 3; ++a) {

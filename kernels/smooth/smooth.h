@@ -111,7 +111,7 @@ SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
 /// `from` until it is no farther than `tolerance` (0 = no limit) from it. The distance computed from the
 /// result does not exceed it.
 /// \pre with `floats`, `from` is a float exactly
-Double3 settle(const Double3& from, const Double3& to, double tolerance, bool floats);
+Double3 limit_move(const Double3& from, const Double3& to, double tolerance, bool floats);
 
 /// Bytes that smooth_block() or smooth_cycle() allocates for a block of so many vertices and faces.
 std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const SmoothRound& round);

@@ -74,7 +74,7 @@ float SurfaceWindow::likeness(std::uint32_t face, const Float3& expected) {
   return mark.likeness;
 }
 
-void SurfaceWindow::reach(std::uint32_t vertex, int ring) {
+void SurfaceWindow::visit(std::uint32_t vertex, int ring) {
   if (vertex_stamp_[vertex] == stamp_) return;
   vertex_stamp_[vertex] = stamp_;
   if (!known_.empty() && known_[vertex] == 0) right_ = false;
@@ -109,7 +109,7 @@ void SurfaceWindow::grow(double radius) {
   std::size_t kept = 0;
   // take() may let more wait: they are beyond the radius too.
   for (std::size_t i = 0, count = waiting_.size(); i < count; ++i) {
-    const Reached r = waiting_[i];
+    const QueueEntry r = waiting_[i];
     const Double3 apart = position_[r.index] - frame_.origin;
     if (dot(apart, apart) < square_) {
       take(r.index, r.ring);
@@ -119,8 +119,8 @@ void SurfaceWindow::grow(double radius) {
   }
   waiting_.resize(kept);
   for (; next_face_ < faces_.size(); ++next_face_) {
-    const Reached face = faces_[next_face_];
-    for (const std::uint32_t u : block_.faces[face.index]) reach(u, face.ring + 1);
+    const QueueEntry face = faces_[next_face_];
+    for (const std::uint32_t u : block_.faces[face.index]) visit(u, face.ring + 1);
   }
 }
 

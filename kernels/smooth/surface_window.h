@@ -59,7 +59,7 @@ class SurfaceWindow {
   static std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) { return 4 * vertices + 8 * faces; }
 
  private:
-  struct Reached {
+  struct QueueEntry {
     std::uint32_t index;
     int ring;
   };
@@ -67,7 +67,7 @@ class SurfaceWindow {
     std::uint32_t stamp = 0;  ///< even: its likeness is known; + 1: it belongs to the window
     float likeness = 0.0F;
   };
-  void reach(std::uint32_t vertex, int ring);
+  void visit(std::uint32_t vertex, int ring);
   void take(std::uint32_t vertex, int ring);
   float likeness(std::uint32_t face, const Float3& expected);
   Float3 expected_normal(std::uint32_t vertex) const;
@@ -86,7 +86,7 @@ class SurfaceWindow {
   std::uint32_t stamp_ = 0;
   std::vector<std::uint32_t> vertex_stamp_;  ///< n
   std::vector<FaceMark> face_mark_;          ///< m
-  std::vector<Reached> faces_, waiting_;
+  std::vector<QueueEntry> faces_, waiting_;
   std::vector<Taken> taken_;
   bool right_ = true;
   std::size_t next_face_ = 0;

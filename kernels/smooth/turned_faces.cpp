@@ -95,11 +95,11 @@ void set_faces_upright(const MeshBlock& block, const FaceCorners& corners, std::
     }
     next.clear();
     for (const std::uint32_t v : moving.list()) {
-      Double3 way{};
+      Double3 delta{};
       if (!on_crease(v))
         for (const std::uint32_t corner : corners.at(v))
-          for (const std::uint32_t u : block.faces[corner >> 2]) way = way + (position[u] - position[v]);
-      next.push_back(position[v] + way * (kStep / static_cast<double>(2 * corners.at(v).size())));
+          for (const std::uint32_t u : block.faces[corner >> 2]) delta = delta + (position[u] - position[v]);
+      next.push_back(position[v] + delta * (kStep / static_cast<double>(2 * corners.at(v).size())));
     }
     for (std::size_t i = 0; i < next.size(); ++i) position[moving.list()[i]] = next[i];
     // The same sums as from the start, in the order of the faces.

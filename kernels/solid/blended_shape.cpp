@@ -47,8 +47,8 @@ class BlendedShape : public SolidShape {
 
   /// By what is behind value(), which rounds off no sign.
   double surface_between(const Double3& from, const Double3& to, bool starts_inside) const override {
-    const Double3 way = to - from;
-    return find_sign_change(starts_inside, kRoot, 0.0, [&](double t) { return distance(from + way * t); });
+    const Double3 delta = to - from;
+    return find_sign_change(starts_inside, kRoot, 0.0, [&](double t) { return distance(from + delta * t); });
   }
 
   bool bounds(Double3& low, Double3& high) const override {
@@ -88,9 +88,9 @@ class BlendedShape : public SolidShape {
     if (radius_ == 0.0 || plain.value >= radius_) return plain;
     Double3 centre;
     if (!find_centre(p, a, b, centre)) return plain;
-    const Double3 way = centre - p;
-    const double far = norm(way);
-    return far > 0.0 ? Part{radius_ - far, way / far} : Part{radius_, plain.direction};
+    const Double3 delta = centre - p;
+    const double far = norm(delta);
+    return far > 0.0 ? Part{radius_ - far, delta / far} : Part{radius_, plain.direction};
   }
 
   /// Where the ball nearest to a point lies. \returns false where there is none, or the point is not between its contacts

@@ -43,7 +43,7 @@ const std::array<std::array<double, BorderLeaf::kPoints>, 8>& BorderLeaf::weight
 
 BorderLeaf::BorderLeaf(const BorderWinding& border, const Int3& corner) : border_(border), corner_(corner) {
   if (border.empty()) return;
-  std::vector<RibbonRow<1>> rows;
+  std::vector<BoundaryStripRow<1>> rows;
   rows.reserve(kPoints * kPoints);
   for (std::size_t row = 0; row < kPoints * kPoints; ++row) {
     std::array<std::int64_t, kPoints> x;
@@ -78,7 +78,7 @@ BorderLeaf::BorderLeaf(const BorderWinding& border, const Int3& corner) : border
         } else if (radius < kFarEdge * (near - kHalfDiagonal)) {
           add_edge(centre, b - a, static_cast<double>(edge.count));
         } else {
-          for (RibbonRow<1>& row : rows) row.add(edge);
+          for (BoundaryStripRow<1>& row : rows) row.add(edge);
         }
       }
     }
@@ -119,10 +119,10 @@ void BorderLeaf::add_cluster(const BorderWinding::Cluster& c) {
 }
 
 /// The same form along one edge, by Gauss's rule of two points.
-void BorderLeaf::add_edge(const Double3& middle, const Double3& way, double count) {
-  const Double3 a = middle - way * kGauss, b = middle + way * kGauss;
+void BorderLeaf::add_edge(const Double3& middle, const Double3& edge, double count) {
+  const Double3 a = middle - edge * kGauss, b = middle + edge * kGauss;
   const Lanes ax = points_from(a[0]), bx = points_from(b[0]);
-  const double wy = 0.5 * count * way[1], wz = 0.5 * count * way[2];
+  const double wy = 0.5 * count * edge[1], wz = 0.5 * count * edge[2];
   for (std::size_t row = 0; row < kPoints * kPoints; ++row) {
     const double ay = a[1] - row_y(row), az = a[2] - row_z(row), by = b[1] - row_y(row),
                  bz = b[2] - row_z(row);
@@ -145,10 +145,10 @@ void BorderLeaf::sum_row(std::size_t row) {
   std::array<std::int64_t, 8> x;
   for (std::size_t n = 0; n < 8; ++n) x[n] = (corner_[0] + static_cast<std::int64_t>(n)) * kSolidQuanta;
   const std::size_t y = row % 8, z = row / 8;
-  RibbonRow<2> ribbons(x, (corner_[1] + static_cast<std::int64_t>(y)) * kSolidQuanta,
-                       (corner_[2] + static_cast<std::int64_t>(z)) * kSolidQuanta);
-  for (const std::uint32_t e : near_) ribbons.add(border_.edges_[e]);
-  const std::array<double, 8> half = ribbons.value();
+  BoundaryStripRow<2> strips(x, (corner_[1] + static_cast<std::int64_t>(y)) * kSolidQuanta,
+                             (corner_[2] + static_cast<std::int64_t>(z)) * kSolidQuanta);
+  for (const std::uint32_t e : near_) strips.add(border_.edges_[e]);
+  const std::array<double, 8> half = strips.value();
   const auto& w = weights();
   std::array<double, kPoints> line{};
   for (std::size_t k = 0; k < kPoints; ++k)

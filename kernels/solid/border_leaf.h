@@ -36,7 +36,7 @@ class BorderLeaf {
   /// x seen from the points of a row.
   Lanes points_from(double x) const;
   void add_cluster(const BorderWinding::Cluster& cluster);
-  void add_edge(const Double3& middle, const Double3& way, double count);
+  void add_edge(const Double3& middle, const Double3& edge, double count);
   void sum_row(std::size_t row);
 
   const BorderWinding& border_;

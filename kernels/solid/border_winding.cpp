@@ -69,17 +69,17 @@ void BorderWinding::sum_up(Cluster& c) const {
   for (std::uint32_t e = c.first; e < c.end; ++e) {
     const Double3 a = in_cells(edges_[e].a), b = in_cells(edges_[e].b);
     const auto count = static_cast<double>(edges_[e].count);
-    const Double3 way = (b - a) * count, from = (a + b) * 0.5 - c.centre;
-    c.sum = c.sum + way;
+    const Double3 edge = (b - a) * count, from = (a + b) * 0.5 - c.centre;
+    c.sum = c.sum + edge;
     for (std::size_t i = 0; i < 3; ++i)
-      for (std::size_t j = 0; j < 3; ++j) c.moment[3 * i + j] += way[i] * from[j];
+      for (std::size_t j = 0; j < 3; ++j) c.moment[3 * i + j] += edge[i] * from[j];
     const Double3 self = b - a;
     for (std::size_t i = 0; i < 2; ++i)
       for (std::size_t m = 0; m < 6; ++m) {
         const std::size_t j = kPairs[m][0], k = kPairs[m][1];
-        c.second[i][m] += 0.5 * way[i + 1] * (from[j] * from[k] + self[j] * self[k] / 12.0);
+        c.second[i][m] += 0.5 * edge[i + 1] * (from[j] * from[k] + self[j] * self[k] / 12.0);
       }
-    c.length += norm(way);
+    c.length += norm(edge);
   }
 }
 
@@ -114,7 +114,7 @@ double BorderWinding::at(const Int3& node) const {
       stack[top++] = c.left + 1;
       stack[top++] = c.left;
     } else {
-      for (std::uint32_t e = c.first; e < c.end; ++e) add_ribbon(edges_[e], quanta, half);
+      for (std::uint32_t e = c.first; e < c.end; ++e) add_boundary_strip(edges_[e], quanta, half);
     }
   }
   return (sum + 2.0 * half.value()) / (4.0 * kPi);

@@ -10,10 +10,11 @@ constexpr double kOneSheet = 0.906;       ///< cosine of 25 degrees
 constexpr double kMinShare = 1.0 / 50.0;  ///< of the area around a vertex
 
 struct Facet {
-  Double3 way;  ///< as long as its area, doubled
+  Double3 area_vector;  ///< as long as its area, doubled
   double area;
   bool operator<(const Facet& o) const {
-    return std::tie(o.area, o.way[0], o.way[1], o.way[2]) < std::tie(area, way[0], way[1], way[2]);
+    return std::tie(o.area, o.area_vector[0], o.area_vector[1], o.area_vector[2]) <
+           std::tie(area, area_vector[0], area_vector[1], area_vector[2]);
   }
 };
 
@@ -42,23 +43,24 @@ CreaseSheets::CreaseSheets(const MeshBlock& block) : first_(block.position.size(
     faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
     for (const std::uint32_t face : faces) {
       const auto& f = block.faces[face];
-      const Double3 way = triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]);
-      facets.push_back({way, norm(way)});
+      const Double3 area_vector =
+          triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]);
+      facets.push_back({area_vector, norm(area_vector)});
     }
     std::sort(facets.begin(), facets.end());
     for (const Facet& f : facets) all += f.area;
     for (const Facet& f : facets) {
       if (!(f.area > 0.0)) break;
-      const Double3 normal = f.way / f.area;
+      const Double3 normal = f.area_vector / f.area;
       std::size_t best = seed.size();
       double maximum = kOneSheet;
       for (std::size_t s = 0; s < seed.size(); ++s)
         if (const double c = dot(seed[s], normal); c > maximum) maximum = c, best = s;
       if (best < seed.size()) {
-        sum[best] = sum[best] + f.way;
+        sum[best] = sum[best] + f.area_vector;
       } else if (f.area >= kMinShare * all) {
         seed.push_back(normal);
-        sum.push_back(f.way);
+        sum.push_back(f.area_vector);
       }
     }
     if (sum.size() > 1)

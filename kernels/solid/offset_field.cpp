@@ -19,7 +19,7 @@ MeshBlock without_names(MeshBlock&& block) {
 
 }  // namespace
 
-double OffsetLayer::reach() const {
+double OffsetLayer::max_distance() const {
   return mitre * (std::isinf(low) ? std::fabs(high) : std::max(std::fabs(low), std::fabs(high)));
 }
 
@@ -51,7 +51,7 @@ OffsetSampler::OffsetSampler(MeshBlock&& faces, const Int3& corner, const RowSig
       corner_(corner),
       layer_(layer),
       near_(near),
-      limit_square_((layer.reach() + near + 1.0) * (layer.reach() + near + 1.0)),
+      limit_square_((layer.max_distance() + near + 1.0) * (layer.max_distance() + near + 1.0)),
       signs_(signs) {}
 
 bool OffsetSampler::inside(const Int3& node) const {
@@ -132,7 +132,7 @@ bool OffsetSampler::may_pass(const Int3& middle, int edge) const {
   const double radius = kCubeDiagonal * (0.5 * kLeafCells * edge + 1.0);
   Double3 p;
   for (std::size_t k = 0; k < 3; ++k) p[k] = middle[k] - corner_[k];
-  const double seen = layer_.reach() + radius + near_;
+  const double seen = layer_.max_distance() + radius + near_;
   const SignedDistance::Foot foot = surface_.closest(p, seen * seen, hint_);
   if (foot.face == SignedDistance::kNone) return false;
   hint_ = foot.slot;

@@ -22,7 +22,7 @@ struct OffsetLayer {
       1.0;  ///< where sheets go on, no tip lies farther from the surface than this times the distance; 1 = round
 
   /// Nodes that matter are no farther from the surface.
-  double reach() const;
+  double max_distance() const;
   /// Whether, at most `radius` from a point this far from the surface, a side of the layer may pass.
   bool may_pass(double away, bool inside, double radius) const;
 };

@@ -45,7 +45,7 @@ double AngleSum::value() const {
   return angle_of(re_, im_, turns_);
 }
 
-void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half) {
+void add_boundary_strip(const BorderEdge& edge, const Long3& x, AngleSum& half) {
   Double3 a, b;
   for (std::size_t k = 0; k < 3; ++k) {
     a[k] = static_cast<double>(edge.a[k] - x[k]) * kCellsPerQuantum;
@@ -69,7 +69,8 @@ void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half) {
 }
 
 template <std::size_t kVectors>
-RibbonRow<kVectors>::RibbonRow(const std::array<std::int64_t, kPlaces>& x, std::int64_t y, std::int64_t z)
+BoundaryStripRow<kVectors>::BoundaryStripRow(const std::array<std::int64_t, kPlaces>& x, std::int64_t y,
+                                             std::int64_t z)
     : quanta_(x), y_(y), z_(z) {
   for (std::size_t v = 0; v < kVectors; ++v)
     for (std::size_t l = 0; l < 4; ++l) {
@@ -80,7 +81,7 @@ RibbonRow<kVectors>::RibbonRow(const std::array<std::int64_t, kPlaces>& x, std::
 }
 
 template <std::size_t kVectors>
-void RibbonRow<kVectors>::scale() {
+void BoundaryStripRow<kVectors>::scale() {
   for (std::size_t v = 0; v < kVectors; ++v) {
     const Lanes factor = 1.0 / _mm256_sqrt_pd(re_[v] * re_[v] + im_[v] * im_[v]);
     re_[v] *= factor;
@@ -90,7 +91,7 @@ void RibbonRow<kVectors>::scale() {
 }
 
 template <std::size_t kVectors>
-void RibbonRow<kVectors>::add(const BorderEdge& edge) {
+void BoundaryStripRow<kVectors>::add(const BorderEdge& edge) {
   const double ay = static_cast<double>(edge.a[1] - y_) * kCellsPerQuantum,
                az = static_cast<double>(edge.a[2] - z_) * kCellsPerQuantum,
                by = static_cast<double>(edge.b[1] - y_) * kCellsPerQuantum,
@@ -98,7 +99,7 @@ void RibbonRow<kVectors>::add(const BorderEdge& edge) {
   const double p = ay * bz, q = az * by, area = p - q, beside = ay * by + az * bz;
   if (area == 0.0 && beside <= 0.0) {  // the line meets the edge's shadow, or one of its ends
     any_apart_ = true;
-    for (std::size_t l = 0; l < kPlaces; ++l) add_ribbon(edge, {quanta_[l], y_, z_}, apart_[l]);
+    for (std::size_t l = 0; l < kPlaces; ++l) add_boundary_strip(edge, {quanta_[l], y_, z_}, apart_[l]);
     return;
   }
   const bool sure = std::fabs(area) > kSureArea * (std::fabs(p) + std::fabs(q));
@@ -134,7 +135,7 @@ void RibbonRow<kVectors>::add(const BorderEdge& edge) {
 }
 
 template <std::size_t kVectors>
-std::array<double, RibbonRow<kVectors>::kPlaces> RibbonRow<kVectors>::value() {
+std::array<double, BoundaryStripRow<kVectors>::kPlaces> BoundaryStripRow<kVectors>::value() {
   scale();
   std::array<double, kPlaces> out;
   for (std::size_t l = 0; l < kPlaces; ++l) {
@@ -145,7 +146,7 @@ std::array<double, RibbonRow<kVectors>::kPlaces> RibbonRow<kVectors>::value() {
   return out;
 }
 
-template class RibbonRow<1>;
-template class RibbonRow<2>;
+template class BoundaryStripRow<1>;
+template class BoundaryStripRow<2>;
 
 }  // namespace tessera

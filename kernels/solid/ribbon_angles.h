@@ -25,14 +25,14 @@ class AngleSum {
 };
 
 /// Adds half the solid angle of the ribbon from an edge to +x infinity, times its count, seen from a place in quanta.
-void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half);
+void add_boundary_strip(const BorderEdge& edge, const Long3& x, AngleSum& half);
 
 /// The same for places that differ in x alone, four to a vector. \tparam kVectors  vectors of four
 template <std::size_t kVectors>
-class RibbonRow {
+class BoundaryStripRow {
  public:
   static constexpr std::size_t kPlaces = 4 * kVectors;
-  RibbonRow(const std::array<std::int64_t, kPlaces>& x, std::int64_t y, std::int64_t z);
+  BoundaryStripRow(const std::array<std::int64_t, kPlaces>& x, std::int64_t y, std::int64_t z);
   void add(const BorderEdge& edge);
   /// Half of all solid angles.
   std::array<double, kPlaces> value();

@@ -42,7 +42,7 @@ struct Sphere {
   double radius;
   Part at(const Double3& p) const { return {norm(p - centre) - radius, p - centre}; }
   Double3 middle() const { return centre; }
-  Double3 reach() const { return {radius, radius, radius}; }
+  Double3 half_size() const { return {radius, radius, radius}; }
 };
 
 struct Box {
@@ -59,7 +59,7 @@ struct Box {
     return beyond(p, foot);
   }
   Double3 middle() const { return centre; }
-  Double3 reach() const { return half; }
+  Double3 half_size() const { return half; }
 };
 
 /// Cylinder and cone: the distance from the axis is compared with a radius that is linear along it.
@@ -95,7 +95,7 @@ struct Cone {
     return best;
   }
   Double3 middle() const { return centre; }
-  Double3 reach() const {
+  Double3 half_size() const {
     const double maximum = std::max(radius + slope * half, radius - slope * half);
     Double3 r;
     for (std::size_t a = 0; a < 3; ++a) r[a] = std::fabs(axis[a]) * half + maximum;
@@ -116,7 +116,7 @@ struct Torus {
     return {norm(foot) - tube, foot};
   }
   Double3 middle() const { return centre; }
-  Double3 reach() const { return {ring + tube, ring + tube, ring + tube}; }
+  Double3 half_size() const { return {ring + tube, ring + tube, ring + tube}; }
 };
 
 struct HalfSpace {
@@ -163,11 +163,11 @@ class Placed : public SolidShape {
     return direction(p);
   }
   bool bounds(Double3& low, Double3& high) const override {
-    if constexpr (requires { form_.reach(); }) {
-      const Double3 middle = placement_.apply(form_.middle()), reach = form_.reach();
+    if constexpr (requires { form_.half_size(); }) {
+      const Double3 middle = placement_.apply(form_.middle()), half_size = form_.half_size();
       for (std::size_t a = 0; a < 3; ++a) {
         double maximum = 0.0;
-        for (std::size_t b = 0; b < 3; ++b) maximum += std::fabs(placement_.matrix[3 * a + b]) * reach[b];
+        for (std::size_t b = 0; b < 3; ++b) maximum += std::fabs(placement_.matrix[3 * a + b]) * half_size[b];
         low[a] = middle[a] - maximum;
         high[a] = middle[a] + maximum;
       }
@@ -218,10 +218,10 @@ void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, i
 }  // namespace
 
 double SolidShape::surface_between(const Double3& from, const Double3& to, bool starts_inside) const {
-  const Double3 way = to - from;
-  const double length = norm(way);
+  const Double3 delta = to - from;
+  const double length = norm(delta);
   return find_sign_change(starts_inside, kRootCells, kRootCells,
-                          [&](double t) { return value(from + way * t) / length; });
+                          [&](double t) { return value(from + delta * t) / length; });
 }
 
 std::size_t shape_numbers(std::string_view kind) {
@@ -256,11 +256,12 @@ std::unique_ptr<SolidShape> make_shape(std::string_view kind, const std::vector<
     return std::make_unique<Placed<Box>>(
         Box{(three(n, 0) + three(n, 3)) * 0.5, (three(n, 3) - three(n, 0)) * 0.5}, placement);
   if (kind == "cylinder" || kind == "cone") {
-    const Double3 way = three(n, 3) - three(n, 0);
-    const double length = norm(way), first = n[6], second = kind == "cone" ? n[7] : n[6];
-    return std::make_unique<Placed<Cone>>(Cone{(three(n, 0) + three(n, 3)) * 0.5, way / length, 0.5 * length,
-                                               0.5 * (first + second), (second - first) / length},
-                                          placement);
+    const Double3 delta = three(n, 3) - three(n, 0);
+    const double length = norm(delta), first = n[6], second = kind == "cone" ? n[7] : n[6];
+    return std::make_unique<Placed<Cone>>(
+        Cone{(three(n, 0) + three(n, 3)) * 0.5, delta / length, 0.5 * length, 0.5 * (first + second),
+             (second - first) / length},
+        placement);
   }
   if (kind == "torus")
     return std::make_unique<Placed<Torus>>(Torus{three(n, 0), unit(three(n, 3)), n[6], n[7]}, placement);

@@ -43,9 +43,9 @@ inline void of_tool(const MillingTool& tool, const Double3& q, double& value, Do
 }
 
 /// The t in [0, 1] at which a + t way is nearest to p.
-inline double foot_on(const Double3& from_a, const Double3& way) {
-  const double square = dot(way, way);
-  return square > 0.0 ? std::clamp(dot(from_a, way) / square, 0.0, 1.0) : 0.0;
+inline double foot_on(const Double3& from_a, const Double3& delta) {
+  const double square = dot(delta, delta);
+  return square > 0.0 ? std::clamp(dot(from_a, delta) / square, 0.0, 1.0) : 0.0;
 }
 
 }  // namespace
@@ -142,29 +142,29 @@ double SweptTool::bound(const Double3& p, const Box& box) const {
 /// The value is convex along a segment, so where it does not fall to either side is the least.
 SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, double below) const {
   const Double3 &a = segments_[segment].a, &b = segments_[segment].b;
-  const Double3 way = b - a, from_a = p - a;
+  const Double3 delta = b - a, from_a = p - a;
   // Most lie too far aside.
-  const double beside = foot_on({from_a[0], from_a[1], 0.0}, {way[0], way[1], 0.0});
-  const double dx = from_a[0] - way[0] * beside, dy = from_a[1] - way[1] * beside;
+  const double beside = foot_on({from_a[0], from_a[1], 0.0}, {delta[0], delta[1], 0.0});
+  const double dx = from_a[0] - delta[0] * beside, dy = from_a[1] - delta[1] * beside;
   if (const double minimum =
           of_nose(tool_, std::sqrt(dx * dx + dy * dy), std::max(from_a[2], p[2] - b[2])) - rounding_;
       minimum >= below)
     return {minimum, {}, segment};
-  const double length = norm(way);
+  const double length = norm(delta);
   const auto at = [&](double t) {
     Nearest n;
-    of_tool(tool_, t == 1.0 ? p - b : from_a - way * t, n.value, n.direction);
+    of_tool(tool_, t == 1.0 ? p - b : from_a - delta * t, n.value, n.direction);
     n.segment = segment;
     return n;
   };
   // Most often it is where the middle of a ball passes, or the axis.
-  const double around = foot_on({from_a[0], from_a[1], from_a[2] - tool_.rim}, way);
+  const double around = foot_on({from_a[0], from_a[1], from_a[2] - tool_.rim}, delta);
   double low = 0.0, high = 1.0;
   Nearest best;
   best.value = std::numeric_limits<double>::infinity();
   for (const double t : {around, beside, 0.0, 1.0}) {
     const Nearest n = at(t);
-    const double fall = dot(n.direction, way), level = kLevel * length;
+    const double fall = dot(n.direction, delta), level = kLevel * length;
     const bool falls_on = fall > level && t < 1.0, falls_back = fall < -level && t > 0.0;
     if (!falls_back && !falls_on) return n;
     // Values change no faster than the tool moves.
@@ -177,7 +177,7 @@ SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, 
     const double t = 0.5 * (low + high);
     const Nearest n = at(t);
     if (n.value < best.value) best = n;
-    (dot(n.direction, way) > 0.0 ? low : high) = t;
+    (dot(n.direction, delta) > 0.0 ? low : high) = t;
   }
   return best;
 }
@@ -223,14 +223,14 @@ SweptTool::Nearest SweptTool::nearest(const Double3& p) const {
 /// Some place of the tool is enough.
 bool SweptTool::cuts(const Double3& p, std::size_t segment, double below) const {
   const Double3& a = segments_[segment].a;
-  const Double3 way = segments_[segment].b - a, from_a = p - a;
-  const double beside = foot_on({from_a[0], from_a[1], 0.0}, {way[0], way[1], 0.0});
-  const double dx = from_a[0] - way[0] * beside, dy = from_a[1] - way[1] * beside;
+  const Double3 delta = segments_[segment].b - a, from_a = p - a;
+  const double beside = foot_on({from_a[0], from_a[1], 0.0}, {delta[0], delta[1], 0.0});
+  const double dx = from_a[0] - delta[0] * beside, dy = from_a[1] - delta[1] * beside;
   const double across = std::sqrt(dx * dx + dy * dy);
-  if (of_nose(tool_, across, from_a[2] - std::min(0.0, way[2])) - rounding_ >= below) return false;
-  const double above = from_a[2] - way[2] * beside;
+  if (of_nose(tool_, across, from_a[2] - std::min(0.0, delta[2])) - rounding_ >= below) return false;
+  const double above = from_a[2] - delta[2] * beside;
   if (std::max(of_nose(tool_, across, above), above - tool_.length) < below) return true;
-  return way[2] != 0.0 && of_segment(p, segment, below).value < below;
+  return delta[2] != 0.0 && of_segment(p, segment, below).value < below;
 }
 
 std::size_t SweptTool::cutting(const Double3& p, double below) const {
@@ -263,16 +263,16 @@ bool SweptTool::holds(const Double3& p) const {
 
 double SweptTool::surface_between(const Double3& from, const Double3& to, bool starts_inside) const {
   const Double3 p = inverse_.apply(starts_inside ? from : to),
-                way = inverse_.apply(starts_inside ? to : from) - p;
-  const double exact = kExactRoot * norm(way) + rounding_;
+                delta = inverse_.apply(starts_inside ? to : from) - p;
+  const double exact = kExactRoot * norm(delta) + rounding_;
   double t = 0.0;
   std::size_t segment = cutting(p, 0.0);
   for (int pass = 0; pass < kMaxPasses && segment != kNone; ++pass) {
     // Out of the tool on this segment: a convex body, so Newton's method from beyond comes down to its surface.
     double out = 1.0;
     for (int step = 0; step < kMaxDistanceSteps; ++step) {
-      const Nearest n = of_segment(p + way * out, segment, std::numeric_limits<double>::infinity());
-      const double slope = dot(n.direction, way);
+      const Nearest n = of_segment(p + delta * out, segment, std::numeric_limits<double>::infinity());
+      const double slope = dot(n.direction, delta);
       if (!(n.value > 0.0) || !(slope > 0.0)) break;
       const double next = out - n.value / slope;
       if (!(next > t)) break;
@@ -280,7 +280,7 @@ double SweptTool::surface_between(const Double3& from, const Double3& to, bool s
       if (n.value <= kArrived * exact) break;
     }
     t = out;
-    segment = cutting(p + way * t, -exact);
+    segment = cutting(p + delta * t, -exact);
   }
   return starts_inside ? t : 1.0 - t;
 }

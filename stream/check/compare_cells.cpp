@@ -10,7 +10,7 @@ namespace tessera {
 namespace {
 
 constexpr int kMaxSplits = 16;
-constexpr double kCellsPerReach = 4.0;  // smaller cells would mostly load what their neighbours load
+constexpr double kCellsPerDistance = 4.0;  // smaller cells would mostly load what their neighbours load
 
 /// Patches of one mesh that a cell needs, of those that its parent needed.
 std::vector<std::size_t> near_patches(const MeshStore& store, const std::vector<std::size_t>& of,
@@ -48,8 +48,8 @@ std::uint64_t faces_around(const MeshStore& store, const std::vector<std::size_t
 /// four per split, as surfaces do.
 class CellMaker {
  public:
-  CellMaker(const MeshStore& mesh, const MeshStore& reference, double reach, std::uint64_t cell_faces)
-      : mesh_(mesh), reference_(reference), halo_(kCompareHalo * reach), cell_faces_(cell_faces) {
+  CellMaker(const MeshStore& mesh, const MeshStore& reference, double max_distance, std::uint64_t cell_faces)
+      : mesh_(mesh), reference_(reference), halo_(kCompareHalo * max_distance), cell_faces_(cell_faces) {
     const MeshStore& finer = mesh.face_count() > reference.face_count() ? mesh : reference;
     lattice_ = finer.info().lattice;
     patch_edge_ = lattice_.h * kBrickCells;
@@ -99,7 +99,7 @@ class CellMaker {
       expected = static_cast<double>(faces) * std::ldexp(1.0, -2 * finer);
     }
     if (expected <= static_cast<double>(cell_faces_) || level == kMaxSplits ||
-        size < kCellsPerReach * halo_) {
+        size < kCellsPerDistance * halo_) {
       cells_.push_back(
           {box, compare_cell_bytes(mesh_.block_bytes(a) + reference_.block_bytes(b), faces), faces});
       return;
@@ -126,9 +126,9 @@ std::uint64_t compare_cell_bytes(std::uint64_t block_bytes, std::uint64_t faces)
   return block_bytes + faces * (ClosestFaces::bytes_per_face() + 32);
 }
 
-std::vector<CompareCell> make_compare_cells(const MeshStore& mesh, const MeshStore& reference, double reach,
-                                            std::uint64_t cell_faces) {
-  return CellMaker(mesh, reference, reach, cell_faces).make();
+std::vector<CompareCell> make_compare_cells(const MeshStore& mesh, const MeshStore& reference,
+                                            double max_distance, std::uint64_t cell_faces) {
+  return CellMaker(mesh, reference, max_distance, cell_faces).make();
 }
 
 }  // namespace tessera

@@ -23,8 +23,8 @@ std::uint64_t compare_cell_bytes(std::uint64_t block_bytes, std::uint64_t faces)
 
 /// Cells that tile all places where either mesh may be, in Morton order. Cells hold about `cell_faces` faces
 /// of both meshes, unless they would be smaller than a few reaches. A pure function of the tables of both
-/// stores. \param reach  >= 0, scan units
-std::vector<CompareCell> make_compare_cells(const MeshStore& mesh, const MeshStore& reference, double reach,
-                                            std::uint64_t cell_faces);
+/// stores. \param max_distance  >= 0, scan units
+std::vector<CompareCell> make_compare_cells(const MeshStore& mesh, const MeshStore& reference,
+                                            double max_distance, std::uint64_t cell_faces);
 
 }  // namespace tessera

@@ -12,10 +12,10 @@ std::array<double, 6> name_of(const MeshBox& box) {
 
 }  // namespace
 
-ComparedBefore::ComparedBefore(MeshStore before, const MeshStore& reference, double reach,
+ComparedBefore::ComparedBefore(MeshStore before, const MeshStore& reference, double max_distance,
                                std::uint64_t cell_faces)
-    : before_(std::move(before)), reach_(reach), reference_diagonal_(reference.diagonal()) {
-  const std::vector<CompareCell> cells = make_compare_cells(before_, reference, reach, cell_faces);
+    : before_(std::move(before)), max_distance_(max_distance), reference_diagonal_(reference.diagonal()) {
+  const std::vector<CompareCell> cells = make_compare_cells(before_, reference, max_distance, cell_faces);
   cells_ = cells.size();
   for (std::size_t c = 0; c < cells_; ++c)
     by_box_.emplace(name_of(cells[c].box), static_cast<std::int64_t>(c));
@@ -27,7 +27,7 @@ std::int64_t ComparedBefore::same(const MeshStore& now, const MeshBox& cell) con
   // Areas are counted in units of the larger diagonal.
   if (std::max(before_.diagonal(), reference_diagonal_) != std::max(now.diagonal(), reference_diagonal_))
     return -1;
-  const MeshBox near = grown(cell, kCompareHalo * reach_);
+  const MeshBox near = grown(cell, kCompareHalo * max_distance_);
   const std::vector<std::size_t> then = before_.select(near), here = now.select(near);
   const auto equal = [&](std::size_t a, std::size_t b) {
     const MeshPatchEntry &x = before_.patches()[a], &y = now.patches()[b];

@@ -14,8 +14,8 @@ namespace tessera {
 /// reach of which no patch has changed is as far apart as it was: compare_cell() would return the same bytes.
 class ComparedBefore {
  public:
-  /// \param before  the earlier state \param reach  CompareOptions::reach, above 0
-  ComparedBefore(MeshStore before, const MeshStore& reference, double reach, std::uint64_t cell_faces);
+  /// \param before  the earlier state \param max_distance  CompareOptions::reach, above 0
+  ComparedBefore(MeshStore before, const MeshStore& reference, double max_distance, std::uint64_t cell_faces);
 
   std::size_t cells() const { return cells_; }
   /// Number among the cells of that comparison; -1 where there is none, or what it loaded has changed. \param now  the mesh
@@ -23,7 +23,7 @@ class ComparedBefore {
 
  private:
   MeshStore before_;
-  double reach_ = 0.0;
+  double max_distance_ = 0.0;
   double reference_diagonal_ = 0.0;
   std::size_t cells_ = 0;
   std::map<std::array<double, 6>, std::int64_t> by_box_;

@@ -53,7 +53,7 @@ CertificateOptions certificate_options(const MeshStore& mesh, const MeshStore& r
                                        const MeshComparison& begun) {
   CertificateOptions certificate;
   certificate.tolerance = begun.tolerance;
-  certificate.reach = begun.reach;
+  certificate.max_distance = begun.max_distance;
   // The larger box has at most 2^15 of its diagonals squared of area; 2^62 units hold them.
   const double scale = std::max(mesh.diagonal(), reference.diagonal());
   certificate.area_unit = scale > 0.0 ? scale * scale * 0x1p-47 : 1.0;
@@ -66,9 +66,9 @@ CertificateOptions certificate_options(const MeshStore& mesh, const MeshStore& r
 
 /// Both meshes around a cell.
 struct LoadedCell {
-  LoadedCell(const MeshStore& mesh, const MeshStore& reference, const MeshBox& box, double reach)
-      : a(mesh.load_box(grown(box, kCompareHalo * reach))),
-        b(reference.load_box(grown(box, kCompareHalo * reach))),
+  LoadedCell(const MeshStore& mesh, const MeshStore& reference, const MeshBox& box, double max_distance)
+      : a(mesh.load_box(grown(box, kCompareHalo * max_distance))),
+        b(reference.load_box(grown(box, kCompareHalo * max_distance))),
         core{box.low, box.high} {
     drop_flat_islands(a), drop_flat_islands(b);  // lines, which decimation takes out
     for (std::size_t k = 0; k < 3; ++k) middle[k] = 0.5 * (box.low[k] + box.high[k]);
@@ -112,7 +112,8 @@ void CompareOptions::validate() const {
   if (!(tolerance > 0.0) || !std::isfinite(tolerance))
     throw UsageError("--tolerance " + number_text(tolerance) +
                      ": must be a length above 0 in the unit of the mesh");
-  if (reach != 0.0 && !(reach >= tolerance)) throw UsageError("reach: must be at least the tolerance");
+  if (max_distance != 0.0 && !(max_distance >= tolerance))
+    throw UsageError("reach: must be at least the tolerance");
 }
 
 void require_provable(const MeshStore& mesh, double tolerance) {
@@ -142,7 +143,7 @@ MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& referenc
   require_provable(reference, options.tolerance);
   MeshComparison out;
   out.tolerance = options.tolerance;
-  out.reach = options.reach != 0.0 ? options.reach : 2.0 * options.tolerance;
+  out.max_distance = options.max_distance != 0.0 ? options.max_distance : 2.0 * options.tolerance;
   out.diagonal = reference.diagonal();
   out.faces[0] = mesh.face_count();
   out.faces[1] = reference.face_count();
@@ -155,7 +156,7 @@ CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, c
   CertificateOptions options = certificate_options(mesh, reference, begun);
   options.check_stop = check_stop;
   options.enough = enough;
-  const LoadedCell cell(mesh, reference, box, options.reach);
+  const LoadedCell cell(mesh, reference, box, options.max_distance);
   const DeviationPair surface = cell.surfaces(options);
   const auto name_failed = [&](const MeshBlock& of, const DeviationReport& report,
                                const std::vector<float>& bound) {
@@ -178,7 +179,7 @@ CellAnswer answer_cell(const MeshStore& mesh, const MeshStore& reference, const 
   CertificateOptions options = certificate_options(mesh, reference, begun);
   options.check_stop = check_stop;
   options.enough = options.tolerance;
-  const LoadedCell cell(mesh, reference, box, options.reach);
+  const LoadedCell cell(mesh, reference, box, options.max_distance);
   CellAnswer answer;
   answer.faces = faces_in(cell.a, cell.core) + faces_in(cell.b, cell.core);
   answer.measured.there.border = cell.border(cell.a, cell.b, options);
@@ -216,17 +217,18 @@ void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
                    const std::function<CellBounds(std::size_t)>& again) {
   std::array<double, 2> lower = {0, 0};
   for (const CellBounds& c : cells)
-    for (std::size_t way = 0; way < 2; ++way) lower[way] = std::max(lower[way], c.lower[way]);
+    for (std::size_t side = 0; side < 2; ++side) lower[side] = std::max(lower[side], c.lower[side]);
   std::vector<bool> tight(cells.size());
   std::vector<std::size_t> order(cells.size());
-  for (std::size_t way = 0; way < 2; ++way) {
+  for (std::size_t side = 0; side < 2; ++side) {
     std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return cells[a].upper[way] > cells[b].upper[way]; });
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return cells[a].upper[side] > cells[b].upper[side];
+    });
     for (const std::size_t i : order) {
       // What is above the tolerance was searched to the end.
-      if (tight[i] || cells[i].upper[way] > tolerance) continue;
-      if (cells[i].upper[way] <= std::max(kWholeTightness * lower[way], kMinTarget * tolerance)) break;
+      if (tight[i] || cells[i].upper[side] > tolerance) continue;
+      if (cells[i].upper[side] <= std::max(kWholeTightness * lower[side], kMinTarget * tolerance)) break;
       cells[i] = again(i);
       tight[i] = true;
       for (std::size_t w = 0; w < 2; ++w) lower[w] = std::max(lower[w], cells[i].lower[w]);
@@ -283,7 +285,8 @@ MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
                               const CompareOptions& options, WorkerPool& pool, MemoryBudget& budget) {
   const auto start = std::chrono::steady_clock::now();
   MeshComparison out = begin_comparison(mesh, reference, options);
-  const std::vector<CompareCell> cells = make_compare_cells(mesh, reference, out.reach, options.cell_faces);
+  const std::vector<CompareCell> cells =
+      make_compare_cells(mesh, reference, out.max_distance, options.cell_faces);
   const auto seconds = [&] {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };

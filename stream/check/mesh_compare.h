@@ -31,8 +31,8 @@ enum class CompareMethod {
 };
 
 struct CompareOptions {
-  double tolerance = 0.0;  ///< scan units, > 0
-  double reach = 0.0;      ///< distances up to here are told; 0 = twice the tolerance
+  double tolerance = 0.0;     ///< scan units, > 0
+  double max_distance = 0.0;  ///< distances up to here are told; 0 = twice the tolerance
   CompareMethod method = CompareMethod::kExact;
   std::uint64_t cell_faces = 1u << 16;  ///< of both meshes together; part of the result, like `tolerance`
   std::function<void()> check_stop;     ///< may throw StoppedError; any thread; may be empty
@@ -55,7 +55,7 @@ struct CompareSpeed {
 };
 
 struct MeshComparison {
-  double tolerance = 0.0, reach = 0.0;
+  double tolerance = 0.0, max_distance = 0.0;
   double diagonal = 0.0;            ///< of the reference
   std::uint64_t faces[2] = {0, 0};  ///< of the mesh, of the reference
   DirectedDeviation there;          ///< mesh to reference

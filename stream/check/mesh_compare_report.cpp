@@ -51,7 +51,7 @@ nlohmann::json directed_json(const DeviationReport& r) {
 /// What both kinds of answer tell.
 nlohmann::json common_json(const MeshComparison& c) {
   return {{"tolerance", c.tolerance},
-          {"reach", c.reach},
+          {"reach", c.max_distance},
           {"diagonal", c.diagonal},
           {"faces", c.faces[0]},
           {"reference_faces", c.faces[1]},
@@ -78,7 +78,7 @@ std::string microseconds(double us) {
 }
 
 /// Which way yes or no went, and why.
-std::string way_text(const CompareSpeed& s) {
+std::string method_text(const CompareSpeed& s) {
   std::string text = s.by_raster ? "raster" : "exact";
   if (s.exact_us > 0.0)
     text += ": on the fullest cell the raster took " + microseconds(s.raster_us) + ", the certificate " +
@@ -93,11 +93,11 @@ std::string time_text(const MeshComparison& c) {
                      c.cells);
 }
 
-std::string direction(const DeviationReport& r, double tolerance, double reach) {
+std::string direction(const DeviationReport& r, double tolerance, double max_distance) {
   if (r.area == 0.0 && !r.beyond) return "nothing there";
   std::string text;
   if (r.beyond)
-    text = "beyond " + number_text(reach) + " at " + place(r.witness);
+    text = "beyond " + number_text(max_distance) + " at " + place(r.witness);
   else
     text = "at most " + bound_text(r.upper, 6) + " (found " + number_text(r.lower) + " at " +
            place(r.witness) + ")";
@@ -125,9 +125,9 @@ std::string bars_text(const MeshComparison& c) {
 }
 
 std::string sentence(const DeviationReport& r, const std::string& from, const std::string& to,
-                     double tolerance, double reach) {
+                     double tolerance, double max_distance) {
   const std::string where = from + " at " + place(r.witness);
-  if (r.beyond) return where + " is farther than " + number_text(reach) + " from the " + to;
+  if (r.beyond) return where + " is farther than " + number_text(max_distance) + " from the " + to;
   // More digits where six would say that the tolerance is kept.
   const auto beyond = [&](double value) {
     return number_text(value) == number_text(tolerance) ? fmt::format("{:.17g}", value) : number_text(value);
@@ -157,15 +157,15 @@ std::string MeshComparison::complaint(bool with_borders) const {
   if (none)
     return start + "no part of the mesh is near the reference, is it of another place or in another unit?";
   if (!(there.surface.upper <= tolerance))
-    return start + sentence(there.surface, "the mesh", "reference", tolerance, reach);
+    return start + sentence(there.surface, "the mesh", "reference", tolerance, max_distance);
   if (!(back.surface.upper <= tolerance))
-    return start + sentence(back.surface, "the reference", "mesh", tolerance, reach);
+    return start + sentence(back.surface, "the reference", "mesh", tolerance, max_distance);
   if (with_borders && !(there.border.upper <= tolerance))
-    return start +
-           sentence(there.border, "the border of the mesh", "border of the reference", tolerance, reach);
+    return start + sentence(there.border, "the border of the mesh", "border of the reference", tolerance,
+                            max_distance);
   if (with_borders && !(back.border.upper <= tolerance))
-    return start +
-           sentence(back.border, "the border of the reference", "border of the mesh", tolerance, reach);
+    return start + sentence(back.border, "the border of the reference", "border of the mesh", tolerance,
+                            max_distance);
   return "";
 }
 
@@ -188,14 +188,14 @@ std::string describe(const MeshComparison& c) {
     text += name + std::string(name.size() < 14 ? 14 - name.size() : 1, ' ') + value + "\n";
   };
   if (c.yes_or_no) {
-    line("method", way_text(c.speed));
+    line("method", method_text(c.speed));
   } else {
-    line("deviation", "mesh to reference: " + direction(c.there.surface, c.tolerance, c.reach));
-    line("", "reference to mesh: " + direction(c.back.surface, c.tolerance, c.reach));
+    line("deviation", "mesh to reference: " + direction(c.there.surface, c.tolerance, c.max_distance));
+    line("", "reference to mesh: " + direction(c.back.surface, c.tolerance, c.max_distance));
   }
   if (c.there.border.area > 0.0 || c.back.border.area > 0.0) {
-    line("borders", "mesh to reference: " + direction(c.there.border, c.tolerance, c.reach));
-    line("", "reference to mesh: " + direction(c.back.border, c.tolerance, c.reach));
+    line("borders", "mesh to reference: " + direction(c.there.border, c.tolerance, c.max_distance));
+    line("", "reference to mesh: " + direction(c.back.border, c.tolerance, c.max_distance));
   }
   if (!c.yes_or_no) {
     line("histogram", "share of area by distance in eighths of the tolerance, mesh to reference | back");

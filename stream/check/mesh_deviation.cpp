@@ -44,7 +44,7 @@ MeshDeviation::MeshDeviation(const std::filesystem::path& mesh, const std::files
 
 void MeshDeviation::for_each(double limit, const std::function<void(const DeviationTriangle&)>& sink) const {
   const DeviationSampling sampling{size_ / kEdgesPerDiagonal, limit, with_sign_};
-  const double reach = limit + 2.0 * sampling.edge;
+  const double max_distance = limit + 2.0 * sampling.edge;
   const MemoryBudget budget(memory_bytes_, 0);
   std::uint64_t count = 0;
   const auto checked = [&](const DeviationTriangle& t) {
@@ -54,12 +54,12 @@ void MeshDeviation::for_each(double limit, const std::function<void(const Deviat
     }
     sink(t);
   };
-  for (const CompareCell& cell : make_compare_cells(*mesh_, *reference_, reach, kCellFaces)) {
+  for (const CompareCell& cell : make_compare_cells(*mesh_, *reference_, max_distance, kCellFaces)) {
     throw_if_stopped();
     budget.require(cell.bytes, who_);
     const MeshBlock a = mesh_->load_box(cell.box);
     if (a.faces.empty()) continue;
-    const MeshBlock b = reference_->load_box(grown(cell.box, kCompareHalo * reach));
+    const MeshBlock b = reference_->load_box(grown(cell.box, kCompareHalo * max_distance));
     const ClosestFaces index(b.position, b.faces, cell.box.low);
     sample_deviation({a.position, a.faces}, {cell.box.low, cell.box.high}, index, sampling, checked);
   }

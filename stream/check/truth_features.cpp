@@ -27,7 +27,8 @@ double squared_distance(const Double3& p, const Double3& a, const Double3& b, co
   return std::min({to_segment(a, b), to_segment(b, c), to_segment(c, a)});
 }
 
-NearestTracker::NearestTracker(std::vector<Double3> points, double reach) : reach_(reach) {
+NearestTracker::NearestTracker(std::vector<Double3> points, double max_distance)
+    : max_distance_(max_distance) {
   constexpr double kInf = std::numeric_limits<double>::infinity();
   lo_ = {kInf, kInf, kInf};
   hi_ = {-kInf, -kInf, -kInf};
@@ -38,7 +39,7 @@ NearestTracker::NearestTracker(std::vector<Double3> points, double reach) : reac
   if (points.empty()) lo_ = hi_ = {};
   const Double3 extent = hi_ - lo_;
   // 20 bits an axis are enough: cells no smaller than a millionth of the extent.
-  cell_ = std::max({reach, extent[0] * 1e-6, extent[1] * 1e-6, extent[2] * 1e-6});
+  cell_ = std::max({max_distance, extent[0] * 1e-6, extent[1] * 1e-6, extent[2] * 1e-6});
   if (!(cell_ > 0.0)) cell_ = 1.0;
   std::vector<std::pair<std::uint64_t, std::size_t>> order;
   const auto index = [this](double v, double lo) {
@@ -53,7 +54,7 @@ NearestTracker::NearestTracker(std::vector<Double3> points, double reach) : reac
     keys_.push_back(k);
     points_.push_back(points[i]);
   }
-  squared_.assign(points_.size(), reach * reach);
+  squared_.assign(points_.size(), max_distance * max_distance);
 }
 
 std::uint64_t NearestTracker::key(std::int64_t i, std::int64_t j, std::int64_t k) const {
@@ -65,8 +66,8 @@ void NearestTracker::take(const Double3& a, const Double3& b, const Double3& c) 
   if (points_.empty()) return;
   const auto range = [this](double u, double v, double w, double lo, double hi, std::int64_t& from,
                             std::int64_t& to) {
-    const double minimum = std::max(std::min({u, v, w}) - reach_, lo),
-                 maximum = std::min(std::max({u, v, w}) + reach_, hi);
+    const double minimum = std::max(std::min({u, v, w}) - max_distance_, lo),
+                 maximum = std::min(std::max({u, v, w}) + max_distance_, hi);
     if (!(minimum <= maximum)) return false;
     from = static_cast<std::int64_t>(std::floor((minimum - lo) / cell_));
     to = static_cast<std::int64_t>(std::floor((maximum - lo) / cell_));

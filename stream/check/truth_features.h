@@ -15,12 +15,12 @@ double squared_distance(const Double3& p, const Double3& a, const Double3& b, co
 /// Points in cells of a grid, each with the squared distance to what has come near it so far.
 class NearestTracker {
  public:
-  /// \param reach  distances beyond it are not told apart
-  NearestTracker(std::vector<Double3> points, double reach);
+  /// \param max_distance  distances beyond it are not told apart
+  NearestTracker(std::vector<Double3> points, double max_distance);
   /// Takes a triangle (or, with equal corners, a segment or a point) into account.
   void take(const Double3& a, const Double3& b, const Double3& c);
   std::span<const Double3> points() const { return points_; }
-  /// Distance of point i to the nearest taken, at most `reach`.
+  /// Distance of point i to the nearest taken, at most `max_distance`.
   double distance(std::size_t i) const;
 
  private:
@@ -30,7 +30,7 @@ class NearestTracker {
   std::vector<std::uint64_t> keys_;  ///< of points_, ascending
   std::vector<double> squared_;
   Double3 lo_{}, hi_{};
-  double cell_ = 1.0, reach_ = 0.0;
+  double cell_ = 1.0, max_distance_ = 0.0;
 };
 
 /// Edges where two faces of a mesh meet at more than an angle.

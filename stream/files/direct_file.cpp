@@ -22,7 +22,7 @@ constexpr std::size_t kPage = 4096;
 
 ResourceError failure(const std::filesystem::path& path, std::uint64_t offset) {
   const std::string reason =
-      errno == ENOSPC ? "the disk is full; free space and run the same command again" : system_reason(errno);
+      errno == ENOSPC ? "the disk is full; free space and run the same command again" : os_reason(errno);
   return ResourceError(path.string() + ": byte " + std::to_string(offset) + ": cannot be written: " + reason);
 }
 

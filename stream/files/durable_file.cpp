@@ -50,7 +50,7 @@ int open_regular(const std::filesystem::path& path) {
 }
 
 [[noreturn]] void throw_read_error(const std::filesystem::path& path, int error) {
-  const std::string sentence = fmt::format("{}: cannot be read: {}", path.string(), system_reason(error));
+  const std::string sentence = fmt::format("{}: cannot be read: {}", path.string(), os_reason(error));
   if (is_limit(error)) throw ResourceError(sentence);
   throw InputError(sentence);
 }
@@ -69,7 +69,7 @@ void throw_write_error(const std::filesystem::path& path, int error) {
         "{}: {}: free some space or choose another disk with --temp; the same command then goes on",
         path.string(), std::strerror(error)));
   }
-  const std::string sentence = fmt::format("{}: cannot be written: {}", path.string(), system_reason(error));
+  const std::string sentence = fmt::format("{}: cannot be written: {}", path.string(), os_reason(error));
   for (const int users : {EACCES, EPERM, EROFS, ENOENT, ENOTDIR, EISDIR, ELOOP, ENAMETOOLONG}) {
     if (error == users) throw UsageError(sentence);
   }
@@ -120,9 +120,9 @@ void rename_durably(const std::filesystem::path& from, const std::filesystem::pa
 }
 
 bool names_file(const std::filesystem::path& path, int fd) {
-  struct stat held = {}, there = {};
-  return ::fstat(fd, &held) == 0 && ::lstat(path.c_str(), &there) == 0 && held.st_ino == there.st_ino &&
-         held.st_dev == there.st_dev;
+  struct stat opened = {}, there = {};
+  return ::fstat(fd, &opened) == 0 && ::lstat(path.c_str(), &there) == 0 && opened.st_ino == there.st_ino &&
+         opened.st_dev == there.st_dev;
 }
 
 int create_aside(const std::filesystem::path& path) {

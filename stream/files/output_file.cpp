@@ -21,7 +21,7 @@ namespace {
 [[noreturn]] void fail(const std::filesystem::path& path, const char* what, int error) {
   std::string advice;
   if (error == ENOSPC || error == EDQUOT) advice = "; free space and run the same command again";
-  throw ResourceError(path.string() + ": cannot " + what + ": " + system_reason(error) + advice);
+  throw ResourceError(path.string() + ": cannot " + what + ": " + os_reason(error) + advice);
 }
 
 }  // namespace

@@ -31,7 +31,7 @@ ReadFile::ReadFile(const std::filesystem::path& path) : path_(path) {
   if (fd_ < 0 || ::fstat(fd_, &info) != 0) {
     const int error = errno;
     if (fd_ >= 0) ::close(fd_);
-    const std::string sentence = path.string() + ": cannot be opened: " + system_reason(error);
+    const std::string sentence = path.string() + ": cannot be opened: " + os_reason(error);
     if (is_limit(error)) throw ResourceError(sentence);
     throw InputError(sentence);
   }

@@ -23,9 +23,9 @@ constexpr const char* kRandom = "XXXXXX";
 int hold(const fs::path& folder) {
   const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
   if (fd < 0) return -1;
-  struct stat held = {}, there = {};
-  if (::fstat(fd, &held) == 0 && held.st_uid == ::geteuid() && ::flock(fd, LOCK_EX | LOCK_NB) == 0 &&
-      ::lstat(folder.c_str(), &there) == 0 && held.st_ino == there.st_ino)
+  struct stat opened = {}, there = {};
+  if (::fstat(fd, &opened) == 0 && opened.st_uid == ::geteuid() && ::flock(fd, LOCK_EX | LOCK_NB) == 0 &&
+      ::lstat(folder.c_str(), &there) == 0 && opened.st_ino == there.st_ino)
     return fd;
   ::close(fd);
   return -1;
@@ -40,10 +40,10 @@ void remove_leftovers(const fs::path& parent, const std::string& prefix) {
       found.push_back(i->path());
   }
   for (const fs::path& folder : found) {
-    const int held = hold(folder);
-    if (held < 0) continue;
+    const int opened = hold(folder);
+    if (opened < 0) continue;
     fs::remove_all(folder, ignored);
-    ::close(held);
+    ::close(opened);
   }
 }
 

@@ -18,8 +18,8 @@ namespace {
 [[noreturn]] void fail_spill(const std::filesystem::path& folder, const char* what, int error) {
   std::string advice;
   if (error == ENOSPC || error == EDQUOT) advice = "; free space or name another folder with --temp";
-  throw ResourceError("temporary file in " + folder.string() + ": cannot " + what + ": " +
-                      system_reason(error) + advice);
+  throw ResourceError("temporary file in " + folder.string() + ": cannot " + what + ": " + os_reason(error) +
+                      advice);
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ std::string limit_text(int which) {
 
 }  // namespace
 
-std::string system_reason(int error) {
+std::string os_reason(int error) {
   std::string text = std::strerror(error);
   if (error == EMFILE)
     text +=

@@ -20,7 +20,7 @@ std::uint64_t LzfReader::read(char* to, std::uint64_t bytes) {
   LzfPlace& p = place_;
   std::uint64_t done = 0;
   const auto put = [&](char c) {
-    p.ring[p.unpacked++ % LzfPlace::kReach] = c;
+    p.ring[p.unpacked++ % LzfPlace::kWindow] = c;
     if (to) to[done] = c;
     ++done;
   };
@@ -35,7 +35,7 @@ std::uint64_t LzfReader::read(char* to, std::uint64_t bytes) {
       p.literals -= static_cast<std::uint32_t>(n);
     } else if (p.copies > 0) {
       for (; p.copies > 0 && done < bytes; --p.copies)
-        put(p.ring[(p.unpacked - p.distance) % LzfPlace::kReach]);
+        put(p.ring[(p.unpacked - p.distance) % LzfPlace::kWindow]);
     } else if (!next_instruction()) {
       return done;
     }

@@ -12,13 +12,13 @@ namespace tessera {
 
 /// A place in the stream with all that unpacking on from it takes: matches reach back 8 KiB at most.
 struct LzfPlace {
-  static constexpr std::size_t kReach = 8192;
+  static constexpr std::size_t kWindow = 8192;
   std::uint64_t packed = 0;    ///< file offset of the next byte
   std::uint64_t unpacked = 0;  ///< bytes before it
   std::uint32_t literals = 0;  ///< still to come of the instruction at hand
   std::uint32_t copies = 0;
   std::uint32_t distance = 0;  ///< of the copies
-  std::array<char, kReach> ring{};
+  std::array<char, kWindow> ring{};
 };
 
 class LzfReader {

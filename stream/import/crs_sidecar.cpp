@@ -21,7 +21,7 @@ std::string text_of(const std::filesystem::path& path) {
   return text;
 }
 
-std::string system_of_input(const nlohmann::json& report) {
+std::string crs_of_input(const nlohmann::json& report) {
   const nlohmann::json inputs = report.value("inputs", nlohmann::json::array());
   return inputs.empty() ? "" : crs_of_mesh(bytes_of_json_text(inputs.front().at("path").get<std::string>()));
 }
@@ -41,7 +41,7 @@ std::string crs_of_mesh(const std::filesystem::path& mesh) {
 }
 
 SidecarOutput carried_crs() {
-  return {crs_sidecar_path, "the coordinate system beside -o", false, system_of_input};
+  return {crs_sidecar_path, "the coordinate system beside -o", false, crs_of_input};
 }
 
 }  // namespace tessera

@@ -277,7 +277,7 @@ struct MeshStore::Impl {
   }
 
   /// Patches `core` (all faces) and `halo` (those faces that meet the box). `near`: with what load_near() promises.
-  MeshBlock merge(std::span<const std::size_t> core, std::span<const std::size_t> halo, const MeshBox& reach,
+  MeshBlock merge(std::span<const std::size_t> core, std::span<const std::size_t> halo, const MeshBox& region,
                   std::vector<std::uint8_t>* tag, MeshHaloBlock* near = nullptr) const {
     std::vector<MeshBlock> pieces;
     std::vector<std::uint8_t> tags;
@@ -290,7 +290,7 @@ struct MeshStore::Impl {
     }
     for (const std::size_t p : halo) {
       MeshBlock piece = read(p);
-      const std::vector<std::uint8_t> keep = faces_that_meet(piece, reach);
+      const std::vector<std::uint8_t> keep = faces_that_meet(piece, region);
       const auto kept = static_cast<std::size_t>(std::count(keep.begin(), keep.end(), std::uint8_t{1}));
       if (kept == 0) continue;
       pieces.push_back(kept == keep.size() ? std::move(piece) : select_faces(piece, keep));

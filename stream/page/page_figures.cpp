@@ -126,11 +126,11 @@ std::string input_figures(const json& report) {
   if (const json& h = value_at(report, "/resolution/h"); h.is_number())
     rows.emplace_back("resolution h", fmt::format("{}: {}", number_text(h.get<double>()),
                                                   escape(text_at(report, "/resolution/reason"))));
-  if (const std::string system = text_at(report, "/coordinate_system/name"); !system.empty()) {
+  if (const std::string crs = text_at(report, "/coordinate_system/name"); !crs.empty()) {
     const std::string code = text_at(report, "/coordinate_system/epsg");
     rows.emplace_back(
         "coordinate system",
-        escape(system + (code.empty() || system.find(code) != std::string::npos ? "" : ", EPSG:" + code)));
+        escape(crs + (code.empty() || crs.find(code) != std::string::npos ? "" : ", EPSG:" + code)));
   }
   const json& input = value_at(report, "/input");
   if (input.is_object()) {

@@ -42,8 +42,8 @@ std::uint64_t margin_of(const PageRequest& request) {
 /// What of the cap is left to one part.
 std::uint64_t memory_left(const PageRequest& request) {
   trim_allocator();
-  const std::uint64_t held = resident_bytes() + margin_of(request);
-  return request.memory_bytes > held ? request.memory_bytes - held : 1;
+  const std::uint64_t resident = resident_bytes() + margin_of(request);
+  return request.memory_bytes > resident ? request.memory_bytes - resident : 1;
 }
 
 /// One part of the page; what stops it is told in the page, since the job itself is done.
@@ -133,14 +133,14 @@ void draw_deviation(PageParts& parts, const json& report, const PageRequest& req
         "No picture: what the result was made from is no longer at " + reference.string() + ".";
     return;
   }
-  const std::string way_out =
+  const std::string advice =
       fmt::format("this command does: tessera render {} --deviation {} -o deviation.png",
                   request.mesh.string(), reference.string());
   const double faces = std::max({number_at(report, "/input/faces"), number_at(report, "/raw_mesh/faces"),
                                  number_at(report, "/mesh/faces")});
   if (faces > static_cast<double>(kMaxWholeFaces)) {
     parts.deviation_note =
-        fmt::format("Not drawn for more than {} faces; {}", with_commas(kMaxWholeFaces), way_out);
+        fmt::format("Not drawn for more than {} faces; {}", with_commas(kMaxWholeFaces), advice);
     return;
   }
   const double maximum = request.map_seconds.value_or(std::max(kMinMapSeconds, number_at(report, "/wall_s")));
@@ -151,7 +151,7 @@ void draw_deviation(PageParts& parts, const json& report, const PageRequest& req
   options.check_deviation = [&] {
     if (seconds_since(start) > maximum)
       throw ResourceError(
-          fmt::format("its distances take more than {:.1f} s, longer than the job; {}", maximum, way_out));
+          fmt::format("its distances take more than {:.1f} s, longer than the job; {}", maximum, advice));
   };
   const RenderReport drawn = render(options);
   for (const std::string& notice : drawn.notices) parts.deviation_note += notice + ". ";

@@ -180,8 +180,8 @@ void write_marks(OutputFile& page, MeshReader& mesh) {
 }
 
 void write_doubts(OutputFile& page, MeshReader& mesh, const ViewOptions& options) {
-  const std::uint64_t held = resident_bytes();
-  const Doubt doubt(options.uncertain, options.memory_bytes > held ? options.memory_bytes - held : 1);
+  const std::uint64_t resident = resident_bytes();
+  const Doubt doubt(options.uncertain, options.memory_bytes > resident ? options.memory_bytes - resident : 1);
   DataBlock block(page, "mesh-uncertain");
   std::vector<std::uint8_t> marks;
   mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {

@@ -167,11 +167,11 @@ BrickWindow robust_window(const std::vector<BrickCount>& bricks, double h) {
     range[a] = quantiles(bricks, a, points);
     body = std::max(body, range[a].high - range[a].low + 1);
   }
-  const auto around_median = [&](std::int64_t reach) {
+  const auto around_median = [&](std::int64_t half_width) {
     BrickWindow w;
     for (std::size_t a = 0; a < 3; ++a) {
-      w.min[a] = range[a].median - reach;
-      w.max[a] = range[a].median + reach;
+      w.min[a] = range[a].median - half_width;
+      w.max[a] = range[a].median + half_width;
     }
     shrink(w, bricks);
     return w;

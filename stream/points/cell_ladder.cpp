@@ -74,22 +74,22 @@ PointClumps clumps_of_samples(const std::vector<CellSampler::Cell>& cells, doubl
   double finest = 0.0, middle = 0.0, blocks = 0.0;
   std::vector<std::uint64_t> typical;
   for (const CellSampler::Cell& cell : cells) {
-    std::map<std::array<int, 3>, std::uint64_t> held;
+    std::map<std::array<int, 3>, std::uint64_t> cell_points;
     for (const Double3& p : cell.points) {
       std::array<int, 3> at{};
       for (std::size_t a = 0; a < 3; ++a)
         at[a] = static_cast<int>(
             std::clamp(std::floor((p[a] - cell.min[a]) / (size / kPerAxis)), 0.0, kPerAxis - 1.0));
-      ++held[at];
+      ++cell_points[at];
     }
     std::map<std::array<int, 3>, std::uint64_t> of_four, of_eight;
-    for (const auto& [at, count] : held) {
+    for (const auto& [at, count] : cell_points) {
       of_four[{at[0] / 2, at[1] / 2, at[2] / 2}] += count;
       of_eight[{at[0] / 4, at[1] / 4, at[2] / 4}] += count;
     }
     // A clump may spread over some of the finest cells.
     for (const auto& [at, count] : of_eight) typical.push_back(count);
-    finest += static_cast<double>(held.size());
+    finest += static_cast<double>(cell_points.size());
     middle += static_cast<double>(of_four.size());
     blocks += static_cast<double>(of_eight.size());
   }

@@ -27,7 +27,8 @@ HotBrick::HotBrick(std::uint64_t limit, std::size_t chunk)
     : limit_(limit), chunk_(chunk), cell_points_(kCells) {}
 
 std::uint64_t HotBrick::bytes(std::uint64_t limit, std::uint64_t chunk) {
-  return kCells * 8 + (std::max<std::uint64_t>(limit, kCells) + chunk) * (sizeof(Held) + sizeof(PointRecord));
+  return kCells * 8 +
+         (std::max<std::uint64_t>(limit, kCells) + chunk) * (sizeof(Entry) + sizeof(PointRecord));
 }
 
 void HotBrick::count(std::span<const PointRecord> points) {
@@ -52,49 +53,50 @@ void HotBrick::choose_per_cell() {
 void HotBrick::add(std::span<const PointRecord> points) {
   if (per_cell_ == 0) choose_per_cell();
   for (const PointRecord& p : points) {
-    held_.push_back({cell_in_brick(p.q), hash_of(p.q), 1, MergedPoint(p)});
-    if (held_.size() >= pruned_ + chunk_) prune();
+    entries_.push_back({cell_in_brick(p.q), hash_of(p.q), 1, MergedPoint(p)});
+    if (entries_.size() >= pruned_ + chunk_) prune();
   }
 }
 
 void HotBrick::prune() {
   // The hash is a bijection of the position, so equal hashes are equal positions.
-  std::sort(held_.begin(), held_.end(),
-            [](const Held& a, const Held& b) { return std::tie(a.cell, a.hash) < std::tie(b.cell, b.hash); });
+  std::sort(entries_.begin(), entries_.end(), [](const Entry& a, const Entry& b) {
+    return std::tie(a.cell, a.hash) < std::tie(b.cell, b.hash);
+  });
   std::size_t out = 0;
   std::uint64_t in_cell = 0;
   bool kept = false;
-  for (std::size_t i = 0; i < held_.size(); ++i) {
-    const bool same_cell = i > 0 && held_[i].cell == held_[i - 1].cell;
-    if (same_cell && held_[i].hash == held_[i - 1].hash) {
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    const bool same_cell = i > 0 && entries_[i].cell == entries_[i - 1].cell;
+    if (same_cell && entries_[i].hash == entries_[i - 1].hash) {
       if (!kept) {
-        thinned_ += held_[i].points;
+        thinned_ += entries_[i].points;
         continue;
       }
-      held_[out - 1].point.add(held_[i].point);
-      held_[out - 1].points += held_[i].points;
+      entries_[out - 1].point.add(entries_[i].point);
+      entries_[out - 1].points += entries_[i].points;
       continue;
     }
     in_cell = same_cell ? in_cell + 1 : 1;
     kept = in_cell <= per_cell_;
     if (kept)
-      held_[out++] = held_[i];
+      entries_[out++] = entries_[i];
     else
-      thinned_ += held_[i].points;
+      thinned_ += entries_[i].points;
   }
-  held_.resize(out);
+  entries_.resize(out);
   pruned_ = out;
 }
 
 std::vector<PointRecord> HotBrick::take() {
   prune();
   std::vector<PointRecord> points;
-  points.reserve(held_.size());
-  for (const Held& h : held_) {
+  points.reserve(entries_.size());
+  for (const Entry& h : entries_) {
     points.push_back(h.point.result());
     merged_ += h.points - 1;
   }
-  held_.clear();
+  entries_.clear();
   pruned_ = 0;
   std::sort(points.begin(), points.end(),
             [](const PointRecord& a, const PointRecord& b) { return key_in_brick(a.q) < key_in_brick(b.q); });

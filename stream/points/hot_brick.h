@@ -36,7 +36,7 @@ class HotBrick {
   static std::uint64_t bytes(std::uint64_t limit, std::uint64_t chunk);
 
  private:
-  struct Held {
+  struct Entry {
     std::uint32_t cell;  ///< index in the brick
     std::uint64_t hash;  ///< of the position
     std::uint64_t points;
@@ -50,7 +50,7 @@ class HotBrick {
   std::uint64_t per_cell_ = 0;  ///< 0 = not chosen yet
   std::uint64_t merged_ = 0, thinned_ = 0;
   std::vector<std::uint64_t> cell_points_;
-  std::vector<Held> held_;
+  std::vector<Entry> entries_;
   std::size_t pruned_ = 0;  ///< held after the last pruning
 };
 

@@ -32,45 +32,45 @@ void NormalSampler::enter(const std::array<std::int64_t, 3>& cell) {
 }
 
 void NormalSampler::push(const Double3& p, const Float3& n) {
-  if (held_.empty()) held_.reserve(2 * kLimit);
-  held_.push_back({last_hash_,
-                   mix(bits_of_double(p[0]) ^ mix(bits_of_double(p[1]) ^ mix(bits_of_double(p[2])))), p,
-                   unit(n), 0});
-  if (held_.size() >= 2 * kLimit) shrink();
+  if (entries_.empty()) entries_.reserve(2 * kLimit);
+  entries_.push_back({last_hash_,
+                      mix(bits_of_double(p[0]) ^ mix(bits_of_double(p[1]) ^ mix(bits_of_double(p[2])))), p,
+                      unit(n), 0});
+  if (entries_.size() >= 2 * kLimit) shrink();
 }
 
 void NormalSampler::shrink() {
-  std::sort(held_.begin(), held_.end(), [](const Held& a, const Held& b) {
+  std::sort(entries_.begin(), entries_.end(), [](const Entry& a, const Entry& b) {
     return std::tie(a.cell, a.point, a.p, a.n) < std::tie(b.cell, b.point, b.p, b.n);
   });
   std::size_t out = 0;
-  for (std::size_t i = 0, end = 0; i < held_.size(); i = end) {
-    const std::uint64_t cell = held_[i].cell;
-    for (end = i; end < held_.size() && held_[end].cell == cell;) ++end;
+  for (std::size_t i = 0, end = 0; i < entries_.size(); i = end) {
+    const std::uint64_t cell = entries_[i].cell;
+    for (end = i; end < entries_.size() && entries_[end].cell == cell;) ++end;
     const std::size_t take = std::min(end - i, kOfCell);
     if (cell > threshold_ || out + take > kLimit) {
       threshold_ = std::min(threshold_, cell - 1);
       break;
     }
-    std::copy(held_.begin() + static_cast<std::ptrdiff_t>(i),
-              held_.begin() + static_cast<std::ptrdiff_t>(i + take),
-              held_.begin() + static_cast<std::ptrdiff_t>(out));
+    std::copy(entries_.begin() + static_cast<std::ptrdiff_t>(i),
+              entries_.begin() + static_cast<std::ptrdiff_t>(i + take),
+              entries_.begin() + static_cast<std::ptrdiff_t>(out));
     out += take;
   }
-  held_.resize(out);
+  entries_.resize(out);
 }
 
 NormalAgreement NormalSampler::measure() {
   shrink();
   NormalAgreement sum;
   std::vector<NormalSample> cell;
-  for (std::size_t i = 0; i < held_.size(); ++i) {
-    cell.push_back({held_[i].p, held_[i].n});
-    if (i + 1 < held_.size() && held_[i + 1].cell == held_[i].cell) continue;
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    cell.push_back({entries_[i].p, entries_[i].n});
+    if (i + 1 < entries_.size() && entries_[i + 1].cell == entries_[i].cell) continue;
     sum.add(compare_neighbours(cell));
     cell.clear();
   }
-  held_.clear();
+  entries_.clear();
   return sum;
 }
 
@@ -78,7 +78,7 @@ std::uint64_t NormalSampler::save(const std::filesystem::path& file) {
   shrink();
   PackedWriter out(file, kNormalSampleKind, std::size_t{1} << 20);
   std::vector<std::uint64_t> threshold = {threshold_};
-  const std::vector<Section> table = {out.append(bytes_of(threshold)), out.append(bytes_of(held_))};
+  const std::vector<Section> table = {out.append(bytes_of(threshold)), out.append(bytes_of(entries_))};
   return out.finish(table);
 }
 
@@ -86,9 +86,9 @@ void NormalSampler::merge(const std::filesystem::path& file) {
   const PackedFile in(file, kNormalSampleKind, sizeof(Section));
   const auto table = in.table<Section>();
   threshold_ = std::min(threshold_, in.load<std::uint64_t>(table.at(0)).at(0));
-  const auto more = in.load<Held>(table.at(1));
-  held_.insert(held_.end(), more.begin(), more.end());
-  if (held_.size() >= 2 * kLimit) shrink();
+  const auto more = in.load<Entry>(table.at(1));
+  entries_.insert(entries_.end(), more.begin(), more.end());
+  if (entries_.size() >= 2 * kLimit) shrink();
 }
 
 nlohmann::json to_json(const NormalAgreement& a) {

@@ -23,7 +23,7 @@ class NormalSampler {
     const Double3 turned = LayeredSampler::turn(p);
     std::array<std::int64_t, 3> cell{};
     for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] / kCell));
-    if (cell != last_cell_ || held_.empty()) enter(cell);
+    if (cell != last_cell_ || entries_.empty()) enter(cell);
     if (last_hash_ > threshold_) return;
     push(p, n);
   }
@@ -39,7 +39,7 @@ class NormalSampler {
  private:
   static constexpr double kCell = 3.0 * 1024.0;
   static constexpr std::size_t kLimit = std::size_t{1} << 15, kOfCell = 64;
-  struct Held {
+  struct Entry {
     std::uint64_t cell = 0, point = 0;  ///< hashes
     Double3 p{};
     Float3 n{};
@@ -52,7 +52,7 @@ class NormalSampler {
   std::array<std::int64_t, 3> last_cell_{};
   std::uint64_t last_hash_ = ~std::uint64_t{0};
   std::uint64_t threshold_ = ~std::uint64_t{0};
-  std::vector<Held> held_;
+  std::vector<Entry> entries_;
 };
 
 /// What the survey measured, beside its plan: a function of the points and h alone.

@@ -52,7 +52,7 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
                          std::uint64_t task_bytes, std::vector<std::string> told)
     : files_(std::move(files)), filter_(options), notices_(std::move(told)) {
   if (files_.empty()) throw UsageError("no input: name at least one scan, folder, glob or @list");
-  require_one_system();
+  require_one_crs();
   FileNotices notices;
   for (const auto& f : files_) notices.add(f->info());
   for (std::string& line : notices.lines()) notices_.push_back(std::move(line));
@@ -95,30 +95,30 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
   }
 }
 
-void PointInputs::require_one_system() {
+void PointInputs::require_one_crs() {
   const PointFile* named = nullptr;
   for (const auto& f : files_) {
-    const CoordinateSystem& system = f->info().system;
-    if (!system.known()) continue;
+    const Crs& crs = f->info().crs;
+    if (!crs.known()) continue;
     if (named == nullptr) named = f.get();
-    if (!is_same_system(named->info().system, system))
+    if (!is_same_crs(named->info().crs, crs))
       throw InputError(
-          f->info().path.string() + ": is in the coordinate system " + system.name + ", but " +
-          named->info().path.string() + " is in " + named->info().system.name +
+          f->info().path.string() + ": is in the coordinate system " + crs.name + ", but " +
+          named->info().path.string() + " is in " + named->info().crs.name +
           ": bring them into one with --project EPSG:n, name the one that they are in with --crs EPSG:n, "
           "or reconstruct them apart");
     // Of several texts for one system the least, so that the order of the files does not matter; codes alone come last.
-    const auto order = [](const CoordinateSystem& c) { return std::tuple(c.wkt.empty(), c.wkt, c.name); };
-    if (!system_.known() || order(system) < order(system_)) system_ = system;
+    const auto order = [](const Crs& c) { return std::tuple(c.wkt.empty(), c.wkt, c.name); };
+    if (!crs_.known() || order(crs) < order(crs_)) crs_ = crs;
   }
 }
 
-nlohmann::json to_json(const CoordinateSystem& system) {
-  if (!system.known()) return nullptr;
-  nlohmann::json j = {{"name", json_text(system.name)}};
-  if (!system.wkt.empty()) j["wkt"] = json_text(system.wkt);
-  if (system.horizontal != 0) j["epsg"] = system.horizontal;
-  if (system.vertical != 0) j["epsg_vertical"] = system.vertical;
+nlohmann::json to_json(const Crs& crs) {
+  if (!crs.known()) return nullptr;
+  nlohmann::json j = {{"name", json_text(crs.name)}};
+  if (!crs.wkt.empty()) j["wkt"] = json_text(crs.wkt);
+  if (crs.horizontal != 0) j["epsg"] = crs.horizontal;
+  if (crs.vertical != 0) j["epsg_vertical"] = crs.vertical;
   return j;
 }
 

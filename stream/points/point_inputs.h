@@ -33,7 +33,7 @@ class PointInputs {
   bool has_colour() const;
   bool has_grid_normals() const;
   /// The one that the files name; unknown where none does.
-  const CoordinateSystem& system() const { return system_; }
+  const Crs& crs() const { return crs_; }
   /// What was decided about the inputs, and FileNotices of them; `read` follows, what reading them found.
   std::vector<std::string> notices(const std::vector<std::string>& read) const {
     std::vector<std::string> all = notices_;
@@ -84,7 +84,7 @@ class PointInputs {
                                 const std::function<void(std::uint32_t, const PointChunk&)>& sink) const;
   std::uint16_t id_of(const Double3& origin) const;
   /// \throws InputError naming two files of different systems
-  void require_one_system();
+  void require_one_crs();
 
   std::vector<std::unique_ptr<PointFile>> files_;
   std::filesystem::path unpacked_of_;  ///< work directory; empty = packed inputs are unpacked anew
@@ -96,12 +96,12 @@ class PointInputs {
   std::vector<std::vector<std::uint16_t>> file_sensors_;  ///< per file: its sensor index -> id
   std::vector<std::uint16_t> viewpoints_;                 ///< ids of the viewpoints, in the order given
   std::uint64_t bytes_ = 0;
-  CoordinateSystem system_;
+  Crs crs_;
   std::vector<std::string> notices_;
 };
 
 /// {name, wkt, epsg, epsg_vertical}, without what is not known; null for an unknown system.
-nlohmann::json to_json(const CoordinateSystem& system);
+nlohmann::json to_json(const Crs& crs);
 
 /// Opens the inputs of a job, packed ones as unpacked by then. \param colours  ReadOptions::colours
 /// \throws InputError as open_point_file

@@ -41,14 +41,16 @@ void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRec
   table_.push_back(e);
 }
 
-const char* name_of(Strewn strewn) {
-  return strewn == Strewn::kDrop ? "dropped" : strewn == Strewn::kBodies ? "bodies" : "surface";
+const char* name_of(VolumetricUse volumetric) {
+  return volumetric == VolumetricUse::kDrop     ? "dropped"
+         : volumetric == VolumetricUse::kBodies ? "bodies"
+                                                : "surface";
 }
 
 void OverlayDecisions::save(const std::filesystem::path& path) const {
   PackedWriter file(path, kDecisionsKind);
   const std::vector<Section> table = {file.append(bytes_of(patch))};
-  const std::array<std::uint32_t, 2> limits = {min_supporters, static_cast<std::uint32_t>(strewn)};
+  const std::array<std::uint32_t, 2> limits = {min_supporters, static_cast<std::uint32_t>(volumetric)};
   file.finish(table, std::as_bytes(std::span(limits)));
 }
 
@@ -57,7 +59,7 @@ OverlayDecisions OverlayDecisions::load(const std::filesystem::path& path) {
   std::array<std::uint32_t, 2> limits{};
   const PackedFile file(path, kDecisionsKind, sizeof(Section), sizeof limits);
   std::memcpy(limits.data(), file.info().data(), sizeof limits);
-  d.min_supporters = limits[0], d.strewn = static_cast<Strewn>(limits[1]);
+  d.min_supporters = limits[0], d.volumetric = static_cast<VolumetricUse>(limits[1]);
   d.patch = file.load<std::uint8_t>(file.table<Section>().at(0));
   return d;
 }
@@ -131,8 +133,8 @@ std::vector<PointOverlayRecord> PointOverlay::load_records(std::size_t brick, st
   return records;
 }
 
-Strewn PointOverlay::strewn() const {
-  return impl_->decisions.strewn;
+VolumetricUse PointOverlay::volumetric() const {
+  return impl_->decisions.volumetric;
 }
 
 void PointOverlay::prefetch(std::uint64_t key) const {
@@ -152,9 +154,11 @@ void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<Point
     const PointOverlayRecord& o = overlay[i];
     PointRecord& p = records[i];
     const OverlayDecisions& d = impl_->decisions;
-    const Strewn strewn = (o.supporters & kScattered) != 0 ? d.strewn : Strewn::kSurface;
-    if (strewn == Strewn::kDrop || (o.supporters & ~kScattered) < d.min_supporters) p.flags |= kPointOutlier;
-    if (strewn == Strewn::kBodies) {
+    const VolumetricUse volumetric =
+        (o.supporters & kVolumetric) != 0 ? d.volumetric : VolumetricUse::kSurface;
+    if (volumetric == VolumetricUse::kDrop || (o.supporters & ~kVolumetric) < d.min_supporters)
+      p.flags |= kPointOutlier;
+    if (volumetric == VolumetricUse::kBodies) {
       p.normal = kNoNormal;
       continue;
     }

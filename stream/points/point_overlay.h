@@ -15,12 +15,12 @@
 
 namespace tessera {
 
-/// Bit of PointOverlayRecord::supporters: the point is strewn, see find_scatter().
-inline constexpr std::uint16_t kScattered = 0x8000;
+/// Bit of PointOverlayRecord::supporters: the point is strewn, see find_volumetric().
+inline constexpr std::uint16_t kVolumetric = 0x8000;
 
 struct PointOverlayRecord {
   std::uint32_t normal = kNoNormal;
-  std::uint16_t supporters = 0;    ///< neighbours that confirm the point, and kScattered
+  std::uint16_t supporters = 0;    ///< neighbours that confirm the point, and kVolumetric
   std::uint16_t patch = kNoPatch;  ///< orientation patch inside the brick, kNoPatch or kGivenPatch
 };
 static_assert(sizeof(PointOverlayRecord) == 8);
@@ -61,18 +61,18 @@ enum PatchDecision : std::uint8_t {
 };
 
 /// What becomes of strewn points.
-enum class Strewn : std::uint32_t {
+enum class VolumetricUse : std::uint32_t {
   kSurface,  ///< as if they lay on a surface
   kDrop,     ///< outliers
   kBodies,   ///< without normal: closed bodies around them, see kernels/field/bodies.h
 };
 
-const char* name_of(Strewn strewn);  ///< "surface", "dropped", "bodies"
+const char* name_of(VolumetricUse volumetric);  ///< "surface", "dropped", "bodies"
 
 /// Decisions of the orient stage, the job's global summary.
 struct OverlayDecisions {
   std::uint32_t min_supporters = 0;  ///< points with fewer are outliers
-  Strewn strewn = Strewn::kSurface;
+  VolumetricUse volumetric = VolumetricUse::kSurface;
   std::vector<std::uint8_t> patch;  ///< PatchDecision bits of all patches over all bricks, in brick order
 
   void save(const std::filesystem::path& path) const;
@@ -108,7 +108,7 @@ class PointOverlay {
   std::vector<PointOverlayRecord> load_records(std::size_t brick, std::uint64_t first,
                                                std::uint64_t count) const;
 
-  Strewn strewn() const;
+  VolumetricUse volumetric() const;
 
   /// Starts fetching the records of a brick.
   void prefetch(std::uint64_t key) const;

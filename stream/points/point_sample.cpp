@@ -27,25 +27,25 @@ constexpr PackedKind kKind = {"TSSAMPL3", "a sample"};
 void PointSampler::add(const Double3& p) {
   const std::uint64_t hash = mix(bits(p[0]) ^ mix(bits(p[1]) ^ mix(bits(p[2]))));
   if (hash > threshold_) return;
-  held_.push_back({hash, p});
-  if (held_.size() >= 4 * limit_) shrink();
+  points_.push_back({hash, p});
+  if (points_.size() >= 4 * limit_) shrink();
 }
 
 void PointSampler::shrink() {
-  std::sort(held_.begin(), held_.end(), before);
+  std::sort(points_.begin(), points_.end(), before);
   const auto same = [](const HashedPoint& a, const HashedPoint& b) { return a.p == b.p; };
-  held_.erase(std::unique(held_.begin(), held_.end(), same), held_.end());
-  if (held_.size() <= limit_) return;
-  held_.resize(limit_);
-  threshold_ = held_.back().hash;
+  points_.erase(std::unique(points_.begin(), points_.end(), same), points_.end());
+  if (points_.size() <= limit_) return;
+  points_.resize(limit_);
+  threshold_ = points_.back().hash;
 }
 
 std::vector<Double3> PointSampler::take() {
   shrink();
   std::vector<Double3> points;
-  points.reserve(held_.size());
-  for (const HashedPoint& h : held_) points.push_back(h.p);
-  held_.clear();
+  points.reserve(points_.size());
+  for (const HashedPoint& h : points_) points.push_back(h.p);
+  points_.clear();
   return points;
 }
 
@@ -57,23 +57,23 @@ std::uint64_t CellSampler::hash_of(const CellIndex& cell) {
 void CellSampler::shrink() {
   // What stays is mostly among the first; the rest is looked at only where crowded cells leave too little.
   const auto by_hash = [](const HashedPoint& a, const HashedPoint& b) { return a.hash < b.hash; };
-  std::size_t sorted = std::min(held_.size(), limit_ + limit_ / 4);
-  const auto first = held_.begin() + static_cast<std::ptrdiff_t>(sorted);
-  std::nth_element(held_.begin(), first, held_.end(), by_hash);
-  std::sort(held_.begin(), first, by_hash);
+  std::size_t sorted = std::min(points_.size(), limit_ + limit_ / 4);
+  const auto first = points_.begin() + static_cast<std::ptrdiff_t>(sorted);
+  std::nth_element(points_.begin(), first, points_.end(), by_hash);
+  std::sort(points_.begin(), first, by_hash);
   const std::size_t maximum = std::max<std::size_t>(1, limit_ / 8);
   std::size_t sum = 0;
   std::size_t out = 0;
-  for (std::size_t i = 0; i < held_.size();) {
+  for (std::size_t i = 0; i < points_.size();) {
     std::size_t end = i;
-    for (; end < held_.size(); ++end) {
+    for (; end < points_.size(); ++end) {
       if (end == sorted) {
-        std::sort(first, held_.end(), by_hash);
-        sorted = held_.size();
+        std::sort(first, points_.end(), by_hash);
+        sorted = points_.size();
       }
-      if (held_[end].hash != held_[i].hash) break;
+      if (points_[end].hash != points_[i].hash) break;
     }
-    const std::uint64_t hash = held_[i].hash;
+    const std::uint64_t hash = points_[i].hash;
     if (hash > threshold_) break;
     if (end - i > maximum) crowded_.insert(hash);
     const bool crowded = crowded_.count(hash) != 0;
@@ -83,17 +83,17 @@ void CellSampler::shrink() {
       break;
     }
     for (; i < end; ++i)
-      if (!crowded) held_[out++] = held_[i];
+      if (!crowded) points_[out++] = points_[i];
   }
-  held_.resize(out);
+  points_.resize(out);
 }
 
 std::vector<CellSampler::Cell> CellSampler::take() {
   shrink();
-  std::sort(held_.begin(), held_.end(), before);
+  std::sort(points_.begin(), points_.end(), before);
   std::vector<Cell> cells;
   std::uint64_t hash = 0;
-  for (const HashedPoint& h : held_) {
+  for (const HashedPoint& h : points_) {
     if (cells.empty() || h.hash != hash) {
       cells.emplace_back();
       for (std::size_t a = 0; a < 3; ++a) cells.back().min[a] = std::floor(h.p[a] / size_) * size_;
@@ -102,7 +102,7 @@ std::vector<CellSampler::Cell> CellSampler::take() {
     auto& points = cells.back().points;
     if (points.empty() || points.back() != h.p) points.push_back(h.p);
   }
-  held_.clear();
+  points_.clear();
   return cells;
 }
 
@@ -110,17 +110,17 @@ CellSampler::Saved CellSampler::save(PackedWriter& out) {
   shrink();
   std::vector<std::uint64_t> crowded(crowded_.begin(), crowded_.end());
   std::sort(crowded.begin(), crowded.end());
-  return {threshold_, out.append(bytes_of(crowded)), out.append(bytes_of(held_))};
+  return {threshold_, out.append(bytes_of(crowded)), out.append(bytes_of(points_))};
 }
 
 void CellSampler::merge(const PackedFile& in, const Saved& saved) {
   threshold_ = std::min(threshold_, saved.threshold);
   const auto crowded = in.load<std::uint64_t>(saved.crowded);
   crowded_.insert(crowded.begin(), crowded.end());
-  const std::size_t old = held_.size();
-  held_.resize(old + saved.held.bytes / sizeof(HashedPoint));
-  in.read(saved.held, {std::as_writable_bytes(std::span(held_).subspan(old))});
-  if (held_.size() >= 2 * limit_) shrink();
+  const std::size_t old = points_.size();
+  points_.resize(old + saved.points.bytes / sizeof(HashedPoint));
+  in.read(saved.points, {std::as_writable_bytes(std::span(points_).subspan(old))});
+  if (points_.size() >= 2 * limit_) shrink();
 }
 
 LayeredSampler::LayeredSampler(double coarsest, const Limits& limits)

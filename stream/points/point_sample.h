@@ -33,7 +33,7 @@ class PointSampler {
   void shrink();
   std::size_t limit_;
   std::uint64_t threshold_ = ~std::uint64_t{0};
-  std::vector<HashedPoint> held_;
+  std::vector<HashedPoint> points_;
 };
 
 /// All points of the cells (edge `size`, aligned to zero) with the smallest hashes, as many cells as hold at
@@ -42,7 +42,7 @@ class PointSampler {
 class CellSampler {
  public:
   using CellIndex = std::array<std::int64_t, 3>;
-  CellSampler(double size, std::size_t limit) : size_(size), limit_(limit) { held_.reserve(2 * limit); }
+  CellSampler(double size, std::size_t limit) : size_(size), limit_(limit) { points_.reserve(2 * limit); }
 
   /// Classes of cells, by the first bits of their hashes: one after another is sampled until the limit is reached.
   static constexpr int kClassBits = 4;
@@ -62,8 +62,8 @@ class CellSampler {
   }
   void add(const Double3& p, std::uint64_t hash) {
     if (hash > threshold_) return;
-    held_.push_back({hash, p});
-    if (held_.size() >= 2 * limit_) shrink();
+    points_.push_back({hash, p});
+    if (points_.size() >= 2 * limit_) shrink();
   }
 
   struct Cell {
@@ -80,7 +80,7 @@ class CellSampler {
   /// What save leaves of a sampler in a file.
   struct Saved {
     std::uint64_t threshold = 0;
-    Section crowded, held;
+    Section crowded, points;
   };
   Saved save(PackedWriter& out);
   /// Adds what another sampler of the same size and limit saved.
@@ -96,7 +96,7 @@ class CellSampler {
   std::uint64_t last_hash_ = 0;
   std::size_t limit_;
   std::uint64_t threshold_ = ~std::uint64_t{0};
-  std::vector<HashedPoint> held_;
+  std::vector<HashedPoint> points_;
   std::unordered_set<std::uint64_t> crowded_;  ///< hashes of cells over the eighth; looked up, never walked
 };
 

@@ -253,7 +253,7 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
 }
 
 bool PointStore::has_bodies() const {
-  return impl_->overlay && impl_->overlay->strewn() == Strewn::kBodies;
+  return impl_->overlay && impl_->overlay->volumetric() == VolumetricUse::kBodies;
 }
 
 void PointStore::prefetch(const Int3& origin_cells, const Int3& cells, int halo_cells) const {

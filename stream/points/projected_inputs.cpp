@@ -94,18 +94,17 @@ bool may_be_degrees(const PointFile& file) {
 class ProjectedFile final : public PointFile {
  public:
   /// \param to  nothing: points stay as they are
-  ProjectedFile(std::unique_ptr<PointFile> file, const CoordinateSystem& from,
-                const std::optional<CoordinateSystem>& to)
+  ProjectedFile(std::unique_ptr<PointFile> file, const Crs& from, const std::optional<Crs>& to)
       : file_(std::move(file)), info_(file_->info()), from_(from), to_(to) {
-    info_.system = to_ ? *to_ : from_;
+    info_.crs = to_ ? *to_ : from_;
     if (!to_) return;
     info_.packed = true;  // projected once
     info_.grid = {};
     info_.has_bounds = false;
-    const Projection way(from_, *to_);
+    const Projection projection(from_, *to_);
     for (Double3& s : info_.sensors) {
       std::vector<double> x = {s[0]}, y = {s[1]}, z = {s[2]};
-      way.apply(x, y, z);
+      projection.apply(x, y, z);
       s = {x[0], y[0], z[0]};
     }
   }
@@ -117,11 +116,11 @@ class ProjectedFile final : public PointFile {
   ReadCounts read(const InputSlice& slice,
                   const std::function<void(const PointChunk&)>& sink) const override {
     if (!to_) return file_->read(slice, sink);
-    const Projection way(from_, *to_);  // one a thread
+    const Projection projection(from_, *to_);  // one a thread
     PointChunk projected;
     return file_->read(slice, [&](const PointChunk& chunk) {
       projected = chunk;
-      way.apply(projected.x, projected.y, projected.z);
+      projection.apply(projected.x, projected.y, projected.z);
       sink(projected);
     });
   }
@@ -129,18 +128,17 @@ class ProjectedFile final : public PointFile {
  private:
   std::unique_ptr<PointFile> file_;
   PointFileInfo info_;
-  CoordinateSystem from_;
-  std::optional<CoordinateSystem> to_;
+  Crs from_;
+  std::optional<Crs> to_;
 };
 
-std::string label(const CoordinateSystem& system) {
-  const std::string code = "EPSG:" + std::to_string(system.horizontal);
-  return system.horizontal == 0 || system.name.find(code) != std::string::npos
-             ? system.name
-             : system.name + " (" + code + ")";
+std::string label(const Crs& crs) {
+  const std::string code = "EPSG:" + std::to_string(crs.horizontal);
+  return crs.horizontal == 0 || crs.name.find(code) != std::string::npos ? crs.name
+                                                                         : crs.name + " (" + code + ")";
 }
 
-std::string advice(const CoordinateSystem& geographic, const Box2& box) {
+std::string advice(const Crs& geographic, const Box2& box) {
   std::string zone;
   try {
     if (!box.empty())
@@ -155,12 +153,12 @@ std::string advice(const CoordinateSystem& geographic, const Box2& box) {
 
 class Plane {
  public:
-  Plane(std::vector<std::unique_ptr<PointFile>> files, const SystemOptions& options, bool inspect,
+  Plane(std::vector<std::unique_ptr<PointFile>> files, const CrsOptions& options, bool inspect,
         std::vector<std::string>& told)
       : files_(std::move(files)), options_(options), told_(told) {
-    std::optional<CoordinateSystem> given;
-    if (!options.crs.empty()) given = system_of_user(options.crs, "--crs");
-    for (const auto& f : files_) from_.push_back(given ? *given : f->info().system);
+    std::optional<Crs> given;
+    if (!options.crs.empty()) given = user_crs(options.crs, "--crs");
+    for (const auto& f : files_) from_.push_back(given ? *given : f->info().crs);
     if (given) tell_overruled(*given);
     if (options.project == "off") return;
     if (options.project.empty()) {
@@ -173,27 +171,27 @@ class Plane {
 
   std::vector<std::unique_ptr<PointFile>> take() {
     for (std::size_t i = 0; i < files_.size(); ++i) {
-      const bool away = to_ && !is_same_system(from_[i], *to_);
+      const bool away = to_ && !is_same_crs(from_[i], *to_);
       if (away || !options_.crs.empty())
         files_[i] = std::make_unique<ProjectedFile>(std::move(files_[i]), from_[i],
-                                                    away ? to_ : std::optional<CoordinateSystem>());
+                                                    away ? to_ : std::optional<Crs>());
     }
     return std::move(files_);
   }
 
  private:
-  void tell_overruled(const CoordinateSystem& given) {
+  void tell_overruled(const Crs& given) {
     std::size_t others = 0;
     for (const auto& f : files_)
-      others += f->info().system.known() && !is_same_system(f->info().system, given) ? 1 : 0;
+      others += f->info().crs.known() && !is_same_crs(f->info().crs, given) ? 1 : 0;
     if (others > 0)
       told_.push_back(std::to_string(others) + (others == 1 ? " file names" : " files name") +
                       " another coordinate system than " + label(given) + ", which --crs overrules");
   }
 
-  [[noreturn]] void refuse(std::size_t i, const std::string& what, const CoordinateSystem& system) const {
+  [[noreturn]] void refuse(std::size_t i, const std::string& what, const Crs& crs) const {
     throw InputError(files_[i]->info().path.string() + ": " + what + "; " +
-                     advice(system, box_of_file(*files_[i], options_.columns)) +
+                     advice(crs, box_of_file(*files_[i], options_.columns)) +
                      ", --project off takes coordinates as they are");
   }
 
@@ -229,13 +227,13 @@ class Plane {
       from_[i] = longitude_and_latitude();
       from_[i].name = "longitude and latitude (WGS 84, as nothing else is named)";
     }
-    to_ = options_.project == "auto" ? automatic() : system_of_user(options_.project, "--project");
+    to_ = options_.project == "auto" ? automatic() : user_crs(options_.project, "--project");
     if (!to_) return;
     if (to_->geographic)
       throw UsageError("--project " + options_.project + ": has degrees too; name a projected system");
     std::map<std::string, std::size_t> sources;
-    for (const CoordinateSystem& s : from_)
-      if (!is_same_system(s, *to_)) ++sources[label(s)];
+    for (const Crs& s : from_)
+      if (!is_same_crs(s, *to_)) ++sources[label(s)];
     for (const auto& [name, n] : sources)
       told_.push_back(std::to_string(n) + (n == 1 ? " file" : " files") + " in " + name +
                       (n == 1 ? " is" : " are") + " projected to " + label(*to_) +
@@ -243,9 +241,9 @@ class Plane {
   }
 
   /// Nothing where no file is in degrees.
-  std::optional<CoordinateSystem> automatic() const {
+  std::optional<Crs> automatic() const {
     Box2 all;
-    const CoordinateSystem* degrees = nullptr;
+    const Crs* degrees = nullptr;
     for (std::size_t i = 0; i < files_.size(); ++i) {
       if (!from_[i].geographic) continue;
       // The least text, so that the order of the files does not matter.
@@ -267,10 +265,10 @@ class Plane {
   }
 
   std::vector<std::unique_ptr<PointFile>> files_;
-  SystemOptions options_;
+  CrsOptions options_;
   std::vector<std::string>& told_;
-  std::vector<CoordinateSystem> from_;
-  std::optional<CoordinateSystem> to_;
+  std::vector<Crs> from_;
+  std::optional<Crs> to_;
 };
 
 }  // namespace
@@ -301,7 +299,7 @@ bool look_like_degrees(const std::vector<Double3>& p) {
 }
 
 std::vector<std::unique_ptr<PointFile>> in_one_plane(std::vector<std::unique_ptr<PointFile>> files,
-                                                     const SystemOptions& options, bool inspect,
+                                                     const CrsOptions& options, bool inspect,
                                                      std::vector<std::string>& told) {
   return Plane(std::move(files), options, inspect, told).take();
 }

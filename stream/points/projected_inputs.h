@@ -9,7 +9,7 @@
 
 namespace tessera {
 
-struct SystemOptions {
+struct CrsOptions {
   std::string crs = {};      ///< --crs: what the files are in, whatever they say; empty = what they say
   std::string project = {};  ///< --project: "auto", "off", a system (EPSG:n); empty = degrees are refused
   std::vector<std::string> columns = {};  ///< that text files were opened with
@@ -24,7 +24,7 @@ struct SystemOptions {
 ///   where all are to be projected
 /// \throws UsageError  for options that name no system, or none of a plane
 std::vector<std::unique_ptr<PointFile>> in_one_plane(std::vector<std::unique_ptr<PointFile>> files,
-                                                     const SystemOptions& options, bool inspect,
+                                                     const CrsOptions& options, bool inspect,
                                                      std::vector<std::string>& told);
 
 /// Whether points that name no system are degrees and metres by their look: x within 180 and y within 90, a box a hundred

@@ -43,17 +43,17 @@ void validate_levels(const ReconstructOptions& o) {
 }
 
 /// What a file of that name holds, else the text itself. \throws UsageError where it is no system
-std::string system_text(const std::string& text) {
+std::string crs_text(const std::string& text) {
   std::error_code error;
-  std::string system = text;
+  std::string crs = text;
   if (std::filesystem::is_regular_file(text, error)) {
     constexpr std::uint64_t kMax = std::uint64_t{1} << 20;
     const ReadFile file(text);
-    system.resize(static_cast<std::size_t>(std::min(file.size(), kMax)));
-    file.read_at(0, system.data(), system.size());
+    crs.resize(static_cast<std::size_t>(std::min(file.size(), kMax)));
+    file.read_at(0, crs.data(), crs.size());
   }
-  system_of_user(system, "--crs");
-  return system;
+  user_crs(crs, "--crs");
+  return crs;
 }
 
 }  // namespace
@@ -63,8 +63,8 @@ void ReconstructOptions::validate() {
   if (has_levels()) validate_levels(*this);
   PointFilter{*this};
   if (!clip.empty()) clip_rings = ClipPolygon::text_of_file(clip);
-  if (!crs.empty()) crs = system_text(crs);
-  if (!project.empty() && project != "auto" && project != "off") system_of_user(project, "--project");
+  if (!crs.empty()) crs = crs_text(crs);
+  if (!project.empty() && project != "auto" && project != "off") user_crs(project, "--project");
   if (!project.empty() && project != "off" && resolution_limit > 0.0)
     throw UsageError(
         "--resolution-limit with --project: octrees are in the units of their files; leave one of them out");

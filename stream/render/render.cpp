@@ -229,8 +229,8 @@ PictureOptions picture_options(const RenderOptions& options, int width) {
 /// with the rasterizer of the first one loaded.
 std::uint64_t fixed_bytes() {
   const std::uint64_t own = kProgramBytes + (rasterizer_loaded() ? kRasterizerBytes : 0),
-                      held = resident_bytes();
-  return kProgramBytes + kRasterizerBytes + kReaderBytes + (held > own ? held - own : 0);
+                      resident = resident_bytes();
+  return kProgramBytes + kRasterizerBytes + kReaderBytes + (resident > own ? resident - own : 0);
 }
 
 /// What pixels take, and how many bands of a panel are held at a time.

@@ -210,7 +210,7 @@ void MeshItem::each_face(const Use& use) const {
 /// inwards too, but one way more than the other: its normals do not cancel out.
 bool MeshItem::looks_inwards() const {
   constexpr double kInwards = 0.05;  // mean cosine to the middle: 0.45 in a hall, 0.07 in furnished rooms
-  constexpr double kOneWay = 0.3;    // length of the mean normal: at most 0.2 in rooms, from 0.6 on outdoors
+  constexpr double kOneSided = 0.3;  // length of the mean normal: at most 0.2 in rooms, from 0.6 on outdoors
   Float3 middle{};
   for (std::size_t a = 0; a < 3; ++a)
     middle[a] = static_cast<float>(0.5 * (sample_.low()[a] + sample_.high()[a]) - origin_[a]);
@@ -225,14 +225,14 @@ bool MeshItem::looks_inwards() const {
     const Float3 n = cross(u, v);
     const Float3 r = p - middle;
     const double size = std::sqrt(double{dot(n, n)});
-    const double reach = std::sqrt(double{dot(r, r)});
-    if (!std::isfinite(size * reach)) return;
+    const double distance = std::sqrt(double{dot(r, r)});
+    if (!std::isfinite(size * distance)) return;
     facing += dot(n, r);
-    weight += size * reach;
+    weight += size * distance;
     area += size;
     for (std::size_t a = 0; a < 3; ++a) normal[a] += n[a];
   });
-  return facing < -kInwards * weight && std::sqrt(dot(normal, normal)) < kOneWay * area;
+  return facing < -kInwards * weight && std::sqrt(dot(normal, normal)) < kOneSided * area;
 }
 
 /// Area-weighted vertex normals.
@@ -260,8 +260,9 @@ void MeshItem::add_normals(RenderReport& report) {
 }
 
 void MeshItem::find_borders(const RenderOptions& options, RenderReport& report) {
-  const std::uint64_t held = resident_ ? vertex_bytes() : 0;
-  const std::uint64_t room = memory_bytes_ == 0 ? kUnlimited : memory_bytes_ - std::min(memory_bytes_, held);
+  const std::uint64_t resident = resident_ ? vertex_bytes() : 0;
+  const std::uint64_t room =
+      memory_bytes_ == 0 ? kUnlimited : memory_bytes_ - std::min(memory_bytes_, resident);
   // Half for joining vertices where the format does not share them, the other half for the edges then.
   const std::uint64_t table_room = soup() ? room / 2 : room;
   const std::uint64_t table = edge_table_bytes(vertex_count_, face_count_);

@@ -430,15 +430,15 @@ namespace {
 JobTaker job_taker;
 
 /// What is settled before the work directory is opened.
-struct Settled {
+struct Prepared {
   nlohmann::json identity;
   std::string cap_text;
   nlohmann::json done;  ///< the report of an earlier run that left nothing to do, else null
 };
 
 /// Resolves what the state leaves open and refuses what cannot be written.
-Settled settle(JobState& state, const JobDescription& job) {
-  Settled s;
+Prepared prepare(JobState& state, const JobDescription& job) {
+  Prepared s;
   s.cap_text = resolve_run(state.run);
   keep_freed_memory(state.run.memory_bytes, state.run.threads);
   check_until(state, job);
@@ -473,11 +473,11 @@ void take_jobs(JobTaker taker) {
 }
 
 bool begin_job(JobState& state, const JobDescription& job, bool make) {
-  const Settled settled = settle(state, job);
-  if (!settled.done.is_null()) return false;
-  if (!WorkDir::holds(state.work, settled.identity)) require_memory(state, job, 0);
+  const Prepared prepared = prepare(state, job);
+  if (!prepared.done.is_null()) return false;
+  if (!WorkDir::holds(state.work, prepared.identity)) require_memory(state, job, 0);
   if (!make) return true;
-  WorkDir work = WorkDir::open_job(state.work, settled.identity, state.run.force);
+  WorkDir work = WorkDir::open_job(state.work, prepared.identity, state.run.force);
   work.write_run(state);
   return true;
 }
@@ -489,13 +489,13 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
     throw JobTaken{};
   }
   const auto start = std::chrono::steady_clock::now();
-  const Settled settled = settle(state, job);
-  const nlohmann::json& identity = settled.identity;
-  const std::string& cap_text = settled.cap_text;
-  if (!settled.done.is_null()) {
+  const Prepared prepared = prepare(state, job);
+  const nlohmann::json& identity = prepared.identity;
+  const std::string& cap_text = prepared.cap_text;
+  if (!prepared.done.is_null()) {
     if (job.page.make && state.run.page && !fs::exists(job.page.path(report_path(state))))
-      job.page.make(state, settled.done)(settled.done);
-    return settled.done;
+      job.page.make(state, prepared.done)(prepared.done);
+    return prepared.done;
   }
 
   WorkDir work = WorkDir::open_job(state.work, identity, state.run.force);

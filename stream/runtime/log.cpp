@@ -47,11 +47,11 @@ std::shared_ptr<spdlog::logger> open_log(const std::filesystem::path& file, int 
 }
 
 nlohmann::json machine_description() {
-  utsname system = {};
-  ::uname(&system);
+  utsname os = {};
+  ::uname(&os);
   const std::string memory = field("/proc/meminfo", "MemTotal");
-  return {{"host", system.nodename},
-          {"system", fmt::format("{} {}", system.sysname, system.release)},
+  return {{"host", os.nodename},
+          {"system", fmt::format("{} {}", os.sysname, os.release)},
           {"processor", field("/proc/cpuinfo", "model name")},
           {"cores", core_count()},
           {"memory_bytes", std::strtoull(memory.c_str(), nullptr, 10) * 1024}};

@@ -90,8 +90,8 @@ std::size_t Resume::complete_until(const Journal& journal, std::size_t first, st
   // file is not complete, and then nothing that it or later ones deleted may be missing either: look again
   // without them.
   std::size_t complete = candidates.size();
-  for (bool settled = false; !settled;) {
-    settled = true;
+  for (bool converged = false; !converged;) {
+    converged = true;
     std::vector<std::string> obsolete;
     for (std::size_t s = complete; s-- > 0;) {
       const StageRecords& records = candidates[s];
@@ -102,7 +102,7 @@ std::size_t Resume::complete_until(const Journal& journal, std::size_t first, st
                                    [&](const TaskRecord& record) { return intact(record, obsolete); });
       if (!whole) {
         complete = s;
-        settled = false;
+        converged = false;
         break;
       }
     }

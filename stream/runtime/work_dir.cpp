@@ -75,9 +75,9 @@ int lock_folder(const fs::path& work, int mode) {
   }
   if (error == 0) {
     // Between open and lock its owner may have removed the directory, and this file with it.
-    struct stat held = {};
+    struct stat opened = {};
     struct stat there = {};
-    if (::fstat(fd, &held) == 0 && ::stat(path.c_str(), &there) == 0 && held.st_ino == there.st_ino)
+    if (::fstat(fd, &opened) == 0 && ::stat(path.c_str(), &there) == 0 && opened.st_ino == there.st_ino)
       return fd;
     error = EWOULDBLOCK;
   }

@@ -8,7 +8,7 @@
 
 namespace tessera::test {
 
-inline std::vector<BlendTrack> search_blends(const MeshBlock& block, double radius, double step) {
+inline std::vector<BlendCurve> search_blends(const MeshBlock& block, double radius, double step) {
   BandOptions options;
   options.radius = radius;
   const std::vector<CurvatureTensor> bends =

@@ -43,12 +43,12 @@ inline std::vector<Dipole> sphere_dipoles(const Double3& centre, double radius, 
   return dipoles_of(samples, 4 * kPi * radius * radius / static_cast<double>(samples.size()));
 }
 
-inline std::vector<Int3> queries_around(const Double3& centre, double reach, std::size_t count) {
+inline std::vector<Int3> queries_around(const Double3& centre, double radius, std::size_t count) {
   Random random(11);
   std::vector<Int3> out;
   for (std::size_t i = 0; i < count; ++i) {
     Double3 p;
-    for (std::size_t c = 0; c < 3; ++c) p[c] = centre[c] + reach * (2 * random.unit() - 1);
+    for (std::size_t c = 0; c < 3; ++c) p[c] = centre[c] + radius * (2 * random.unit() - 1);
     out.push_back(quantised(p));
   }
   std::sort(out.begin(), out.end(), before);

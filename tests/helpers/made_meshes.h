@@ -67,14 +67,14 @@ inline WholeMesh made_part(const std::set<std::array<int, 3>>& cubes, int n, dou
   };
   for (const auto& cube : cubes)
     for (std::size_t axis = 0; axis < 3; ++axis)
-      for (const int way : {-1, 1}) {
+      for (const int sign : {-1, 1}) {
         auto beside = cube;
-        beside[axis] += way;
+        beside[axis] += sign;
         if (cubes.count(beside) != 0) continue;
         const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
         const auto corner = [&](int i, int j) {
           std::array<int, 3> p = {cube[0] * n, cube[1] * n, cube[2] * n};
-          p[axis] += way > 0 ? n : 0;
+          p[axis] += sign > 0 ? n : 0;
           p[u] += i, p[v] += j;
           return at(p);
         };
@@ -82,7 +82,7 @@ inline WholeMesh made_part(const std::set<std::array<int, 3>>& cubes, int n, dou
           for (int j = 0; j < n; ++j) {
             const std::uint64_t a = corner(i, j), b = corner(i + 1, j), c = corner(i + 1, j + 1),
                                 d = corner(i, j + 1);
-            if (way > 0)
+            if (sign > 0)
               mesh.faces.insert(mesh.faces.end(), {{a, b, c}, {a, c, d}});
             else
               mesh.faces.insert(mesh.faces.end(), {{a, c, b}, {a, d, c}});

@@ -93,14 +93,14 @@ json sphere(const Double3& centre, double radius) {
 /// A spot in the middle of a disk.
 void pull(Random& random, Points points, json& edit) {
   const Double3 centre = points[random.below(points.size())];
-  const double reach = random.in(0.15, 0.3) * diagonal(points), spot = reach / 3.0;
-  edit["regions"].push_back({{"role", "support"}, {"sphere", sphere(centre, reach)}});
+  const double radius = random.in(0.15, 0.3) * diagonal(points), spot = radius / 3.0;
+  edit["regions"].push_back({{"role", "support"}, {"sphere", sphere(centre, radius)}});
   edit["regions"].push_back({{"role", "handle"}, {"name", "spot"}, {"sphere", sphere(centre, spot)}});
-  edit["handles"]["spot"] = motion(random, centre, spot, kMaxMove * (reach - spot));
+  edit["handles"]["spot"] = motion(random, centre, spot, kMaxMove * (radius - spot));
 }
 
 /// Three spots of a surface whose one end stays.
-void scatter(Random& random, Points points, json& edit) {
+void add_random_points(Random& random, Points points, json& edit) {
   const Double3 d = direction(random);
   const double low = quantile(heights(points, d), 0.2);
   std::array<Double3, 3> centre;
@@ -164,7 +164,7 @@ json random_edit(Points points, std::uint64_t seed) {
   const std::uint64_t kind = random.below(3);
   if (kind == 0) bend(random, points, edit);
   if (kind == 1) pull(random, points, edit);
-  if (kind == 2) scatter(random, points, edit);
+  if (kind == 2) add_random_points(random, points, edit);
   if (random.below(4) == 0) edit["regions"].back()["smoothness"] = random.in(0.0, 2.0);
   return edit;
 }

@@ -63,29 +63,29 @@ double Solid::value(const Double3& p) const {
   return join(f);
 }
 
-Samples Solid::sample(const Double3& centre, double reach, double spacing, Random& random) const {
+Samples Solid::sample(const Double3& centre, double half_width, double spacing, Random& random) const {
   Samples out;
   for (const Face& face : faces) {
     const auto [s, t] = frame(face.normal);
     const Double3 middle = along(centre, face.normal, -dot(along(centre, face.point, -1), face.normal));
     const auto keep = [&](const Double3& p) {
       for (std::size_t c = 0; c < 3; ++c)
-        if (std::abs(p[c] - centre[c]) > reach) return false;
+        if (std::abs(p[c] - centre[c]) > half_width) return false;
       return std::abs(value(p)) < 1e-9;
     };
-    const int n = static_cast<int>(std::ceil(3.5 * reach / spacing));
+    const int n = static_cast<int>(std::ceil(3.5 * half_width / spacing));
     const double radius = std::abs(face.radius);
     const int around = radius > 0 ? static_cast<int>(std::ceil(2 * std::numbers::pi * radius / spacing)) : n;
     for (int i = 0; i < around; ++i)
       for (int j = 0; j < n; ++j) {
-        const double a = (i + random.unit()) / around, b = ((j + random.unit()) / n - 0.5) * 3.5 * reach;
+        const double a = (i + random.unit()) / around, b = ((j + random.unit()) / n - 0.5) * 3.5 * half_width;
         Double3 p;
         if (radius > 0) {
           const double angle = 2 * std::numbers::pi * a;
           p = along(face.point, face.normal, b - dot(along(face.point, middle, -1), face.normal));
           p = along(along(p, s, radius * std::cos(angle)), t, radius * std::sin(angle));
         } else {
-          p = along(along(middle, s, (a - 0.5) * 3.5 * reach), t, b);
+          p = along(along(middle, s, (a - 0.5) * 3.5 * half_width), t, b);
         }
         if (keep(p)) out.push_back({p, face.gradient(p), 0});
       }

@@ -23,8 +23,8 @@ struct Solid {
   std::function<double(const std::vector<double>&)> join;
 
   double value(const Double3& p) const;
-  /// Samples of every face where it is part of the surface, within `reach` of `centre`.
-  Samples sample(const Double3& centre, double reach, double spacing, Random& random) const;
+  /// Samples of every face where it is part of the surface, within `half_width` of `centre`.
+  Samples sample(const Double3& centre, double half_width, double spacing, Random& random) const;
   /// Angle between `n` and the nearest exact normal among the faces within `near` of p, radians.
   double normal_error(const Double3& p, const Double3& n, double near) const;
 };

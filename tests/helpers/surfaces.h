@@ -84,9 +84,9 @@ inline Surface soup(std::size_t faces, double size, Random& random) {
   for (std::size_t i = 0; i < faces; ++i) {
     const Double3 at = {random.unit(), random.unit(), random.unit()};
     for (int c = 0; c < 3; ++c) {
-      const double reach = c == 1 && i % 5 == 0 ? 0.01 * size : size;
-      s.position.push_back({at[0] + random.in(-reach, reach), at[1] + random.in(-reach, reach),
-                            at[2] + random.in(-reach, reach)});
+      const double extent = c == 1 && i % 5 == 0 ? 0.01 * size : size;
+      s.position.push_back({at[0] + random.in(-extent, extent), at[1] + random.in(-extent, extent),
+                            at[2] + random.in(-extent, extent)});
     }
     const auto v = static_cast<std::uint32_t>(3 * i);
     if (i % 31 == 7) s.position[v + 2] = s.position[v + 1];

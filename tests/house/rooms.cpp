@@ -98,22 +98,22 @@ Findings check_arrows(const Sources& sources) {
     }
   }
   std::map<std::string, int> state;  // 0 not seen, 1 on the way, 2 done
-  std::vector<std::string> way;
+  std::vector<std::string> trail;
   const std::function<void(const std::string&)> walk = [&](const std::string& at) {
     state[at] = 1;
-    way.push_back(at);
+    trail.push_back(at);
     for (const auto& [to, example] : arrows[at]) {
       if (state[to] == 1) {
         std::string cycle = example + ": cycle of folders";
         bool in = false;
-        for (const std::string& f : way)
+        for (const std::string& f : trail)
           if ((in = in || f == to)) cycle += " " + f + " ->";
         out.push_back(cycle + " " + to);
       } else if (state[to] == 0) {
         walk(to);
       }
     }
-    way.pop_back();
+    trail.pop_back();
     state[at] = 2;
   };
   for (const std::string& f : folders)

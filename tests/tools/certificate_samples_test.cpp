@@ -67,13 +67,13 @@ double square_to_triangle(const Double3& p, const std::array<Double3, 3>& t) {
 /// Triangles by the cells of a grid that their boxes touch.
 class Grid {
  public:
-  Grid(const WholeMesh& mesh, double reach) : mesh_(mesh) {
+  Grid(const WholeMesh& mesh, double max_distance) : mesh_(mesh) {
     low_ = high_ = mesh.points.at(0);
     for (const Double3& p : mesh.points)
       for (std::size_t k = 0; k < 3; ++k)
         low_[k] = std::min(low_[k], p[k]), high_[k] = std::max(high_[k], p[k]);
     const Double3 size = minus(high_, low_);
-    cell_ = std::max(reach, std::sqrt(product(size, size)) / 160.0);
+    cell_ = std::max(max_distance, std::sqrt(product(size, size)) / 160.0);
     for (std::size_t k = 0; k < 3; ++k) count_[k] = static_cast<long>(size[k] / cell_) + 1;
     faces_.resize(static_cast<std::size_t>(count_[0] * count_[1] * count_[2]));
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
@@ -92,10 +92,10 @@ class Grid {
     return {mesh_.points[face[0]], mesh_.points[face[1]], mesh_.points[face[2]]};
   }
 
-  /// Right where it is at most `reach`; more, where it is more.
-  double distance(const Double3& p, double reach) {
+  /// Right where it is at most `max_distance`; more, where it is more.
+  double distance(const Double3& p, double max_distance) {
     Double3 low = p, high = p;
-    for (std::size_t k = 0; k < 3; ++k) low[k] -= reach, high[k] += reach;
+    for (std::size_t k = 0; k < 3; ++k) low[k] -= max_distance, high[k] += max_distance;
     double minimum = 1e300;
     for_cells(low, high, [&](const std::vector<std::uint32_t>& cell) {
       for (const std::uint32_t f : cell) minimum = std::min(minimum, square_to_triangle(p, triangle(f)));

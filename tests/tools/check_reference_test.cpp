@@ -107,10 +107,11 @@ TEST_CASE("check --reference: the same report for any threads and memory, nothin
              return waves(x, y) + random.in(-0.001, 0.001);
            }));
   std::string first;
-  for (const char* way : {"-t 1 --memory 1G", "-t 2 --memory 200M", "-t 5 --memory 100M"}) {
+  for (const char* variant : {"-t 1 --memory 1G", "-t 2 --memory 200M", "-t 5 --memory 100M"}) {
     const std::string report = (folder / "report.json").string();
-    REQUIRE(check(mesh, reference, std::string("--tolerance 0.003 --force --report ") + report + " " + way)
-                .code == 0);
+    REQUIRE(
+        check(mesh, reference, std::string("--tolerance 0.003 --force --report ") + report + " " + variant)
+            .code == 0);
     nlohmann::json json = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
     CHECK(json.at("proven") == true);
     CHECK(json.at("cells") > 1);
@@ -181,19 +182,19 @@ TEST_CASE("check --method: exact, raster and auto give one answer", "[property]"
     const std::string reference = file(folder, "reference.ply", pair.reference);
     nlohmann::json exact, first;
     std::string complaint;
-    for (const std::string way : {"exact", "raster", "raster -t 3 --memory 100M", "auto"}) {
-      INFO(way);
+    for (const std::string variant : {"exact", "raster", "raster -t 3 --memory 100M", "auto"}) {
+      INFO(variant);
       const std::string report = (folder / "report.json").string();
       const test::Outcome outcome =
           check(mesh, reference,
-                "--tolerance " + pair.tolerance + " --force --report " + report + " --method " + way);
+                "--tolerance " + pair.tolerance + " --force --report " + report + " --method " + variant);
       CHECK(outcome.code == pair.code);
       nlohmann::json json = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
       json.erase("seconds");
       json.erase("import_seconds");
       CHECK((outcome.said.find("certificate   proven") != std::string::npos) == (pair.code == 0));
       const std::string why = line_of(outcome.said, "not proven within");  // of borders where surfaces are
-      if (way == "exact") {
+      if (variant == "exact") {
         exact = json;
         complaint = why;
         continue;
@@ -205,7 +206,7 @@ TEST_CASE("check --method: exact, raster and auto give one answer", "[property]"
       CHECK(outcome.said.find("method        ") != std::string::npos);
       const bool both = outcome.said.find("the raster took ") != std::string::npos &&
                         outcome.said.find("the certificate ") != std::string::npos;
-      CHECK(both == (way == "auto"));
+      CHECK(both == (variant == "auto"));
     }
     std::filesystem::remove(mesh);
     std::filesystem::remove(reference);
@@ -263,9 +264,9 @@ TEST_CASE(
   for (const std::string tolerance : {"0.02", "0.5", "1"}) {
     REQUIRE(check(wave, two, "--tolerance " + tolerance + " --force --report " + report).code == 0);
     const auto told = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
-    for (const char* way : {"mesh_to_reference", "reference_to_mesh"}) {
-      const double rms = told.at(way).at("rms");
-      CHECK(rms <= told.at(way).at("found_max").get<double>());
+    for (const char* variant : {"mesh_to_reference", "reference_to_mesh"}) {
+      const double rms = told.at(variant).at("rms");
+      CHECK(rms <= told.at(variant).at("found_max").get<double>());
       // Of the sine 0.00707, a little less of its chords; back it is less by the slopes.
       CHECK(rms == Approx(0.0069).epsilon(0.05));
     }

@@ -52,19 +52,19 @@ std::string las_hill(std::uint16_t record_id, const std::string& record, double 
   return las;
 }
 
-void check_way(const TempFolder& folder, const std::string& scan, const std::string& begins,
-               const std::string& other) {
+void check_commands(const TempFolder& folder, const std::string& scan, const std::string& begins,
+                    const std::string& other) {
   CHECK(shell(TESSERA_BINARY " info " + other).said.find("system      EPSG:2229 (GeoTIFF keys)") !=
         std::string::npos);
-  const fs::path mesh = folder / "mesh.ply", system = folder / "mesh.ply.prj";
+  const fs::path mesh = folder / "mesh.ply", sidecar = folder / "mesh.ply.prj";
   const std::vector<std::string> words = {"reconstruct", scan, "-o", mesh.string()};
   CommandResult r = tessera_command(words);
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  CHECK(file_bytes(system).rfind(begins, 0) == 0);
+  CHECK(file_bytes(sidecar).rfind(begins, 0) == 0);
   const auto report = nlohmann::json::parse(file_bytes(mesh.string() + ".report.json"));
-  CHECK(report.at("coordinate_system").at("wkt") == file_bytes(system));
-  CHECK(report.at("beside").back().at("path") == system.string());
+  CHECK(report.at("coordinate_system").at("wkt") == file_bytes(sidecar));
+  CHECK(report.at("beside").back().at("path") == sidecar.string());
   CHECK(tessera_command(words).code == 0);  // done already, the file is its own
 
   // Meshes made of it carry it on.
@@ -72,9 +72,9 @@ void check_way(const TempFolder& folder, const std::string& scan, const std::str
   r = tessera_command({"decimate", mesh.string(), "-o", small.string(), "--tolerance", "1", "--no-html"});
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  CHECK(file_bytes(small.string() + ".prj") == file_bytes(system));
+  CHECK(file_bytes(small.string() + ".prj") == file_bytes(sidecar));
   REQUIRE(tessera_command({"smooth", small.string(), "-o", fair.string(), "--no-html"}).code == 0);
-  CHECK(file_bytes(fair.string() + ".prj") == file_bytes(system));
+  CHECK(file_bytes(fair.string() + ".prj") == file_bytes(sidecar));
   fs::remove(small.string() + ".prj");
   REQUIRE(
       tessera_command({"smooth", small.string(), "-o", (folder / "bare.ply").string(), "--no-html"}).code ==
@@ -100,17 +100,17 @@ TEST_CASE("coordinate system: info shows it, the report has it, the mesh gets a 
   std::string keys;
   for (const int word : {1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2229})
     keys += {static_cast<char>(word & 0xff), static_cast<char>(word >> 8)};
-  check_way(folder, folder.write("scan.las", las_hill(2112, wkt, 400000, 5500000)).string(),
-            "PROJCS[\"WGS 84 / UTM",
-            folder.write("other.las", las_hill(34735, keys, 400000, 5500000)).string());
+  check_commands(folder, folder.write("scan.las", las_hill(2112, wkt, 400000, 5500000)).string(),
+                 "PROJCS[\"WGS 84 / UTM",
+                 folder.write("other.las", las_hill(34735, keys, 400000, 5500000)).string());
 }
 
 TEST_CASE("coordinate system: the same of real scans", "[pipeline][.shared]") {
   if (!has_shared_data()) return;
   const TempFolder folder;
   const fs::path data = kSharedData / "lidar";
-  check_way(folder, (data / "autzen-trim.las").string(), "PROJCS[\"NAD_1983_HARN",
-            (data / "certainty3d.las").string());
+  check_commands(folder, (data / "autzen-trim.las").string(), "PROJCS[\"NAD_1983_HARN",
+                 (data / "certainty3d.las").string());
 }
 
 namespace {

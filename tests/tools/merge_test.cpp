@@ -53,13 +53,13 @@ struct Borders {
 
 /// Border edges with a vertex within [1, 29] x [1, 19], and all others.
 Borders borders_of(const WholeMesh& m) {
-  std::map<std::pair<std::uint64_t, std::uint64_t>, int> way;
+  std::map<std::pair<std::uint64_t, std::uint64_t>, int> half_edges;
   for (const MeshFace& f : m.faces)
-    for (std::size_t k = 0; k < 3; ++k) ++way[{f[k], f[(k + 1) % 3]}];
+    for (std::size_t k = 0; k < 3; ++k) ++half_edges[{f[k], f[(k + 1) % 3]}];
   Borders b;
-  for (const auto& [edge, n] : way) {
+  for (const auto& [edge, n] : half_edges) {
     b.bad += n > 1;
-    if (way.count({edge.second, edge.first})) continue;
+    if (half_edges.count({edge.second, edge.first})) continue;
     bool inner = false;
     for (const std::uint64_t v : {edge.first, edge.second}) {
       const Double3& p = m.points[v];

@@ -134,9 +134,9 @@ TEST_CASE("resample: a closed box stays closed, vertices that are left keep thei
     CAPTURE(blend.dump());
     REQUIRE(blend.at("changed") == true);
     CHECK(blend.at("radius").get<double>() == Approx(5.0).epsilon(0.05));
-    for (const char* way : {"along", "across"})
-      CHECK(blend.at("jumps_after").at(way).at("variance").get<double>() * 20.0 <
-            blend.at("jumps_before").at(way).at("variance").get<double>());
+    for (const char* direction : {"along", "across"})
+      CHECK(blend.at("jumps_after").at(direction).at("variance").get<double>() * 20.0 <
+            blend.at("jumps_before").at(direction).at("variance").get<double>());
   }
 }
 

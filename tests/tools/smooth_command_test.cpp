@@ -163,7 +163,7 @@ TEST_CASE("smooth command: the result is that of the kernel on the whole mesh", 
   CHECK(whole.counts.line > 400);
   std::vector<Double3> expected;
   for (std::size_t v = 0; v < block.position.size(); ++v)
-    expected.push_back(settle(block.position[v], whole.position[v], 0.05, true));
+    expected.push_back(limit_move(block.position[v], whole.position[v], 0.05, true));
   std::vector<Double3> got = read(folder / "out.ply").position;
   std::sort(expected.begin(), expected.end());
   std::sort(got.begin(), got.end());

@@ -337,21 +337,21 @@ TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is n
           "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "site";
-  const auto frame = [&](const std::string& system, const std::string& beside = "in.ply.prj") {
+  const auto frame = [&](const std::string& crs, const std::string& beside = "in.ply.prj") {
     fs::remove(folder.path() / "in.prj");
     spill(in.string() + ".prj", "");
-    spill(folder.path() / beside, system);
+    spill(folder.path() / beside, crs);
     fs::remove_all(out);
     const CommandResult r = tessera_command({"tiles", in.string(), "-o", out.string(), "--progress", "none"});
     INFO(r.errors);
     REQUIRE(r.code == 0);
     const auto report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
     CHECK(report.at("tiles").at("frame").at("transform") == read_site(out / "tileset.json").transform);
-    const bool known = system.starts_with("PROJCS");
+    const bool known = crs.starts_with("PROJCS");
     REQUIRE(report.at("warnings").size() == (known ? 0u : 1u));
     // Whoever is without a system is told, not only who has one of no use.
     if (!known) CHECK_THAT(r.errors, Catch::Contains(report.at("warnings")[0].get<std::string>()));
-    if (system.empty()) CHECK_THAT(r.errors, Catch::Contains("no coordinate system is known"));
+    if (crs.empty()) CHECK_THAT(r.errors, Catch::Contains("no coordinate system is known"));
     return report.at("tiles").at("frame");
   };
   const std::string lambert =

@@ -111,8 +111,8 @@ fs::path edit_beside(const Input& in) {
         if (std::isfinite(c)) low[k] = std::min(low[k], c), high[k] = std::max(high[k], c);
       }
   const double third = (high[0] - low[0]) / 3.0;
-  const auto half_space = [&](double x, double way) {
-    return json{{"point", {x, low[1], low[2]}}, {"normal", {way, 0, 0}}};
+  const auto half_space = [&](double x, double outward) {
+    return json{{"point", {x, low[1], low[2]}}, {"normal", {outward, 0, 0}}};
   };
   const json edit = {
       {"regions",

@@ -185,7 +185,7 @@ int guarded(const std::function<void()>& body) {
     const int error = e.code().value();
     return fail(static_cast<int>(is_limit(error) ? ExitCode::kResources : ExitCode::kInput),
                 fmt::format("{}: {}", e.path1().empty() ? "the work directory" : e.path1().string(),
-                            system_reason(error)));
+                            os_reason(error)));
   } catch (const std::exception& e) {
     return fail(kBugExit, fmt::format("this is a bug of Tessera, please report it: {}", e.what()));
   }

@@ -103,7 +103,7 @@ void write(const MeshBlock& b, const std::string& path) {
 void certify(const MeshBlock& a, const MeshBlock& b, double tolerance) {
   CertificateOptions options;
   options.tolerance = tolerance;
-  options.reach = 4.0 * tolerance;
+  options.max_distance = 4.0 * tolerance;
   options.area_unit = tolerance * tolerance;
   const SurfaceFaces sa{a.position, a.faces}, sb{b.position, b.faces};
   const ClosestFaces ca(a.position, a.faces, a.position[0]), cb(b.position, b.faces, a.position[0]);
@@ -141,12 +141,12 @@ int main(int argc, char** argv) {
   options.tolerance = number("tolerance") / 100.0 * diagonal;
   options.feature_angle_deg = number("feature");
   options.max_normal_turn_deg = number("turn");
-  options.min_roundness = number("roundness");
+  options.min_mean_ratio = number("roundness");
   options.colour_weight = number("colour") / 100.0 * diagonal;
   const std::map<std::string, DecimatePriority> priorities = {
       {"quadric", DecimatePriority::kQuadric},        {"probabilistic", DecimatePriority::kProbabilistic},
       {"samples", DecimatePriority::kSampleDistance}, {"normal", DecimatePriority::kNormalDeviation},
-      {"round", DecimatePriority::kRoundness},        {"length", DecimatePriority::kEdgeLength}};
+      {"round", DecimatePriority::kMeanRatio},        {"length", DecimatePriority::kEdgeLength}};
   options.priority = priorities.at(value["priority"]);
   options.placement =
       value["placement"] == "optimal" ? DecimatePlacement::kOptimal : DecimatePlacement::kEndpoint;

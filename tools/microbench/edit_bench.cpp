@@ -34,7 +34,7 @@ EditRegion spot(const std::string& name, double x, double y) {
   r.name = name;
   r.shape = RegionShape::kSphere;
   r.point = {x, y, 0};
-  r.reach = 12.0;
+  r.radius = 12.0;
   return r;
 }
 
@@ -45,7 +45,7 @@ void bench_sheet(int order, double smoothness, int repeat) {
   regions[0].role = RegionRole::kSupport;
   regions[0].shape = RegionShape::kSphere;
   regions[0].point = {94, 94, 0};
-  regions[0].reach = 75.3;
+  regions[0].radius = 75.3;
   regions.push_back(spot("a", 60, 94));
   regions.back().smoothness = smoothness;
   regions.push_back(spot("b", 110, 65));

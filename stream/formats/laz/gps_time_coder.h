@@ -12,9 +12,9 @@
 
 namespace tessera::laz {
 
-/// Nearest multiple of `step` to `gap`, within [least, most]. \pre  step != 0
-inline int nearest_multiple(std::int32_t gap, std::int32_t step, int minimum, int maximum) {
-  const double ratio = static_cast<double>(gap) / static_cast<double>(step);
+/// Nearest multiple of `step` to `difference`, within [least, most]. \pre  step != 0
+inline int nearest_multiple(std::int32_t difference, std::int32_t step, int minimum, int maximum) {
+  const double ratio = static_cast<double>(difference) / static_cast<double>(step);
   return static_cast<int>(
       std::clamp(std::floor(ratio + 0.5), static_cast<double>(minimum), static_cast<double>(maximum)));
 }
@@ -23,8 +23,8 @@ inline std::int32_t times(int multiple, std::int32_t step) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(multiple) * static_cast<std::uint32_t>(step));
 }
 
-inline bool fits_32_bits(std::uint64_t gap) {
-  return static_cast<std::int64_t>(gap) == static_cast<std::int32_t>(gap);
+inline bool fits_32_bits(std::uint64_t difference) {
+  return static_cast<std::int64_t>(difference) == static_cast<std::int32_t>(difference);
 }
 
 template <bool kSaysUnchanged>
@@ -51,25 +51,25 @@ class GpsTimeCoder {
   template <class Coder>
   bool code_in_sequence(Coder& coder, std::uint64_t actual) {
     std::int32_t& step = steps_[at_];
-    const std::uint64_t gap = actual - times_[at_];
-    const bool far = Coder::kEncodes && !fits_32_bits(gap);
+    const std::uint64_t difference = actual - times_[at_];
+    const bool far = Coder::kEncodes && !fits_32_bits(difference);
     const unsigned new_symbol = step == 0 ? kFirst + 1 : kNew;
     unsigned symbol = far ? new_symbol + other_sequence(actual) : 0;
     if (step == 0) {
-      if (!far) symbol = kSaysUnchanged && gap == 0 ? 0 : kFirst;
+      if (!far) symbol = kSaysUnchanged && difference == 0 ? 0 : kFirst;
       symbol = coder.symbol(without_step_, symbol);
       if (symbol < kFirst) return true;
       if (symbol == kFirst) {
-        step = integers_.code(coder, 0, static_cast<std::int32_t>(gap), 0);
+        step = integers_.code(coder, 0, static_cast<std::int32_t>(difference), 0);
         advance(step);
         odd_[at_] = 0;
         return true;
       }
     } else {
-      if (Coder::kEncodes && !far) symbol = symbol_of(gap, step);
+      if (Coder::kEncodes && !far) symbol = symbol_of(difference, step);
       symbol = coder.symbol(with_step_, symbol);
       if (symbol < kSame) {
-        code_multiple(coder, symbol, static_cast<std::int32_t>(gap));
+        code_multiple(coder, symbol, static_cast<std::int32_t>(difference));
         return true;
       }
       if (symbol < kNew) return true;
@@ -96,14 +96,14 @@ class GpsTimeCoder {
     return 0;
   }
 
-  static unsigned symbol_of(std::uint64_t gap, std::int32_t step) {
-    if (kSaysUnchanged && gap == 0) return kSame;
-    const int multiple = nearest_multiple(static_cast<std::int32_t>(gap), step, kMin, kMax);
+  static unsigned symbol_of(std::uint64_t difference, std::int32_t step) {
+    if (kSaysUnchanged && difference == 0) return kSame;
+    const int multiple = nearest_multiple(static_cast<std::int32_t>(difference), step, kMin, kMax);
     return static_cast<unsigned>(multiple < 0 ? kMax - multiple : multiple);
   }
 
   template <class Coder>
-  void code_multiple(Coder& coder, unsigned symbol, std::int32_t gap) {
+  void code_multiple(Coder& coder, unsigned symbol, std::int32_t difference) {
     const int s = static_cast<int>(symbol);
     const int multiple = s <= kMax ? s : kMax - s;
     const unsigned context = s == 1            ? 1
@@ -113,7 +113,7 @@ class GpsTimeCoder {
                              : s == kMax       ? 4
                              : multiple > kMin ? 5
                                                : 6;
-    const std::int32_t found = integers_.code(coder, times(multiple, steps_[at_]), gap, context);
+    const std::int32_t found = integers_.code(coder, times(multiple, steps_[at_]), difference, context);
     advance(found);
     const bool odd = s == 0 || multiple == kMax || multiple == kMin;
     if (s == 1) odd_[at_] = 0;

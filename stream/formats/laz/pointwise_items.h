@@ -184,19 +184,23 @@ class GpsTime11CoderV1 {
   template <class Coder>
   void code(Coder& coder, char* record) {
     const std::uint64_t actual = GpsTime11Coder::load(record);
-    const std::uint64_t gap = actual - time_;
+    const std::uint64_t difference = actual - time_;
     if (step_ == 0) {
-      const unsigned how = coder.symbol(without_step_, gap == 0 ? 0 : fits_32_bits(gap) ? 1 : 2);
-      if (how == 1) advance(step_ = integers_.code(coder, 0, static_cast<std::int32_t>(gap), 0));
+      const unsigned how = coder.symbol(without_step_, difference == 0            ? 0
+                                                       : fits_32_bits(difference) ? 1
+                                                                                  : 2);
+      if (how == 1) advance(step_ = integers_.code(coder, 0, static_cast<std::int32_t>(difference), 0));
       if (how == 2) time_ = code_whole(coder, actual);
     } else {
       unsigned symbol = kWhole;
-      if (gap == 0)
+      if (difference == 0)
         symbol = kSame;
-      else if (fits_32_bits(gap))
-        symbol = static_cast<unsigned>(nearest_multiple(static_cast<std::int32_t>(gap), step_, 0, kMax));
+      else if (fits_32_bits(difference))
+        symbol =
+            static_cast<unsigned>(nearest_multiple(static_cast<std::int32_t>(difference), step_, 0, kMax));
       symbol = coder.symbol(with_step_, symbol);
-      if (symbol < kWhole) code_multiple(coder, static_cast<int>(symbol), static_cast<std::int32_t>(gap));
+      if (symbol < kWhole)
+        code_multiple(coder, static_cast<int>(symbol), static_cast<std::int32_t>(difference));
       if (symbol == kWhole) time_ = code_whole(coder, actual);
     }
     std::memcpy(record, &time_, sizeof time_);
@@ -208,14 +212,14 @@ class GpsTime11CoderV1 {
   static constexpr unsigned kSame = 511;
 
   template <class Coder>
-  void code_multiple(Coder& coder, int multiple, std::int32_t gap) {
+  void code_multiple(Coder& coder, int multiple, std::int32_t difference) {
     const std::int32_t predicted = multiple == 0 ? step_ / 4 : times(multiple, step_);
     const unsigned context = multiple == 1   ? 1
                              : multiple == 0 ? 2
                              : multiple < 10 ? 3
                              : multiple < 50 ? 4
                                              : 5;
-    const std::int32_t found = integers_.code(coder, predicted, gap, context);
+    const std::int32_t found = integers_.code(coder, predicted, difference, context);
     advance(found);
     if (multiple == 1) {
       step_ = found;

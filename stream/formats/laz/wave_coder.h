@@ -22,14 +22,14 @@ class WaveCoder {
     now[0] = static_cast<char>(coder.symbol(descriptor_, static_cast<std::uint8_t>(now[0])));
     const auto before = load<std::uint64_t>(last + 1);
     const auto size = load<std::uint32_t>(last + 9);
-    const std::uint64_t gap = load<std::uint64_t>(now + 1) - before;
-    unsigned how = gap == 0 ? 0 : gap == size ? 1 : fits_32_bits(gap) ? 2 : 3;
+    const std::uint64_t difference = load<std::uint64_t>(now + 1) - before;
+    unsigned how = difference == 0 ? 0 : difference == size ? 1 : fits_32_bits(difference) ? 2 : 3;
     how = coder.symbol(offset_by_[how_before_], how);
     how_before_ = how;
     std::uint64_t offset = before;
     if (how == 1) offset += size;
     if (how == 2) {
-      step_ = steps_.code(coder, step_, static_cast<std::int32_t>(gap));
+      step_ = steps_.code(coder, step_, static_cast<std::int32_t>(difference));
       offset += static_cast<std::uint64_t>(std::int64_t{step_});
     }
     if (how == 3) {

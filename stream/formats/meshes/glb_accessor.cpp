@@ -142,13 +142,13 @@ GlbRun GlbBuffers::run(const json& document, const json& part, std::uint64_t wid
   run.stride = view.value("byteStride", width);
   const std::uint64_t in_view = part.value("byteOffset", std::uint64_t{0});
   const auto view_bytes = view.at("byteLength").get<std::uint64_t>();
-  std::uint64_t held = view_bytes;
+  std::uint64_t stored = view_bytes;
   if (const json* extension = meshopt_of(view); extension != nullptr) {
     add_packed(index, *extension, what);
     const Packed& packed = packed_.at(index);
     run.packed = index;
     run.offset = in_view;
-    held = std::min(held, packed.count * packed.stride);
+    stored = std::min(stored, packed.count * packed.stride);
   } else {
     const auto buffer = view.value("buffer", std::uint64_t{0});
     if (buffer != 0 || glb_item(document, "buffers", buffer, file_->path().string()).contains("uri"))
@@ -158,8 +158,8 @@ GlbRun GlbBuffers::run(const json& document, const json& part, std::uint64_t wid
     run.offset = begin_ + in_chunk + in_view;
   }
   const bool fits =
-      width > 0 && run.stride >= width && run.stride <= kMaxStride && in_view <= held &&
-      (count == 0 || (held - in_view >= width && count - 1 <= (held - in_view - width) / run.stride));
+      width > 0 && run.stride >= width && run.stride <= kMaxStride && in_view <= stored &&
+      (count == 0 || (stored - in_view >= width && count - 1 <= (stored - in_view - width) / run.stride));
   if (!fits) fail(what + " passes the end of its buffer view; the file is damaged");
   return run;
 }
@@ -222,12 +222,12 @@ GlbBuffers::Bytes GlbBuffers::unpacked(std::uint64_t view) {
   if (p.filter == "EXPONENTIAL") meshopt_decodeFilterExp(out->data(), p.count, p.stride);
   // Exporters put the vertices of many primitives into one view: the last ones are kept.
   lately_.emplace_back(view, out);
-  const auto held = [&] {
+  const auto stored = [&] {
     std::size_t sum = 0;
     for (const auto& [number, kept] : lately_) sum += kept->size();
     return sum;
   };
-  while (lately_.size() > 1 && (lately_.size() > kMaxKept || held() > kMaxUnpacked))
+  while (lately_.size() > 1 && (lately_.size() > kMaxKept || stored() > kMaxUnpacked))
     lately_.erase(lately_.begin());
   return out;
 }

@@ -212,23 +212,23 @@ class GlbMeshReader : public MeshReader {
     const std::uint64_t restart = !instance.indices
                                       ? ~std::uint64_t{0}
                                       : (std::uint64_t{1} << (8 * scalar_bytes(instance.indices->type))) - 1;
-    std::uint64_t a = 0, b = 0, held = 0;
+    std::uint64_t a = 0, b = 0, corners = 0;
     for (std::uint64_t i = instance.corners(); i > 0; --i) {
       const std::uint64_t c = next();
       if (c == restart && c >= instance.positions.count) {
-        held = 0;
+        corners = 0;
         continue;
       }
       if (instance.mode == kFan) {
-        if (held >= 2) add(b, c, a);
-        if (held == 0) a = c;
+        if (corners >= 2) add(b, c, a);
+        if (corners == 0) a = c;
       } else {
-        const bool odd = held % 2 == 1;
-        if (held >= 2 && a != b && b != c && a != c) add(a, odd ? c : b, odd ? b : c);
+        const bool odd = corners % 2 == 1;
+        if (corners >= 2 && a != b && b != c && a != c) add(a, odd ? c : b, odd ? b : c);
         a = b;
       }
       b = c;
-      ++held;
+      ++corners;
     }
   }
 

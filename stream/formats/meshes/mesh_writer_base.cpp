@@ -46,14 +46,14 @@ void MeshWriterBase::finish_rounding() {
   if (!may_lose()) rounding_.merged_vertices = 0;
   rounding_.largest = std::sqrt(moved_[0] * moved_[0] + moved_[1] * moved_[1] + moved_[2] * moved_[2]);
   check_.reset();
-  const auto way_out = [&] {
+  const auto advice = [&] {
     return file_.path().string() +
            ": floats of 32 bits cannot hold this mesh: they move its vertices by up to " +
            number_text(rounding_.largest);
   };
-  if (!std::isfinite(rounding_.largest)) throw ValidationError(way_out() + "; write doubles (.ply, .obj)");
+  if (!std::isfinite(rounding_.largest)) throw ValidationError(advice() + "; write doubles (.ply, .obj)");
   if (kManyFaces * rounding_.flattened_faces > faces_)
-    throw ValidationError(way_out() + ", which leaves " + std::to_string(rounding_.flattened_faces) + " of " +
+    throw ValidationError(advice() + ", which leaves " + std::to_string(rounding_.flattened_faces) + " of " +
                           std::to_string(faces_) + " faces without area; write doubles (.ply, .obj)");
 }
 

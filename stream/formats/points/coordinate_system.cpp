@@ -149,8 +149,8 @@ double height_unit_of(const std::string& text) {
   return 0.0;
 }
 
-CoordinateSystem system_of_keys(const std::string& directory, const std::string& texts) {
-  CoordinateSystem system;
+Crs crs_of_keys(const std::string& directory, const std::string& texts) {
+  Crs crs;
   const std::size_t words = directory.size() / 2;
   const auto word = [&](std::size_t i) -> int {
     return load_scalar<std::uint16_t>(directory.data() + 2 * i);
@@ -165,9 +165,9 @@ CoordinateSystem system_of_keys(const std::string& directory, const std::string&
       if (key == kModelKey) model = value;
       if (key == kGeographicKey) geographic = value;
       if (key == kProjectedKey) projected = value;
-      if (key == kVerticalKey && value != kUserDefined) system.vertical = value;
+      if (key == kVerticalKey && value != kUserDefined) crs.vertical = value;
       if (key == kVerticalUnitsKey)
-        system.height_unit = value == 9001 ? 1.0 : value == 9002 ? kFoot : value == 9003 ? kSurveyFoot : 0.0;
+        crs.height_unit = value == 9001 ? 1.0 : value == 9002 ? kFoot : value == 9003 ? kSurveyFoot : 0.0;
     } else if (place == kKeyTextRecord && first < texts.size() &&
                (key == kCitationKey || key == kProjectedCitationKey ||
                 (key == kGeographicCitationKey && citation.empty()))) {
@@ -175,54 +175,54 @@ CoordinateSystem system_of_keys(const std::string& directory, const std::string&
       citation.resize(std::min(citation.find('|'), citation.size()));
     }
   }
-  system.geographic = model == kGeographicModel || (model == 0 && projected == 0 && geographic != 0);
-  const int code = system.geographic ? geographic : projected;
-  if (code != 0 && code != kUserDefined) system.horizontal = code;
-  if (system.horizontal != 0) system.name = "EPSG:" + std::to_string(system.horizontal);
-  if (system.vertical != 0)
-    system.name += (system.name.empty() ? "" : " + ") + ("EPSG:" + std::to_string(system.vertical));
-  if (system.horizontal == 0 && !citation.empty())
-    system.name = citation + (system.name.empty() ? "" : " + " + system.name);
-  if (system.name.empty() && system.geographic) system.name = "longitude and latitude";
-  return system;
+  crs.geographic = model == kGeographicModel || (model == 0 && projected == 0 && geographic != 0);
+  const int code = crs.geographic ? geographic : projected;
+  if (code != 0 && code != kUserDefined) crs.horizontal = code;
+  if (crs.horizontal != 0) crs.name = "EPSG:" + std::to_string(crs.horizontal);
+  if (crs.vertical != 0)
+    crs.name += (crs.name.empty() ? "" : " + ") + ("EPSG:" + std::to_string(crs.vertical));
+  if (crs.horizontal == 0 && !citation.empty())
+    crs.name = citation + (crs.name.empty() ? "" : " + " + crs.name);
+  if (crs.name.empty() && crs.geographic) crs.name = "longitude and latitude";
+  return crs;
 }
 
 }  // namespace
 
-CoordinateSystem longitude_and_latitude() {
-  CoordinateSystem system;
-  system.name = "longitude and latitude";
-  system.horizontal = 4326;
-  system.geographic = true;
-  return system;
+Crs longitude_and_latitude() {
+  Crs crs;
+  crs.name = "longitude and latitude";
+  crs.horizontal = 4326;
+  crs.geographic = true;
+  return crs;
 }
 
-bool may_be_same(const CoordinateSystem& a, const CoordinateSystem& b) {
+bool may_be_same(const Crs& a, const Crs& b) {
   if (!a.known() || !b.known()) return true;
   if (a.vertical != 0 && b.vertical != 0 && a.vertical != b.vertical) return false;
   if (a.horizontal != 0 && b.horizontal != 0) return a.horizontal == b.horizontal;
   return a.name == b.name || (!a.wkt.empty() && bare(a.wkt) == bare(b.wkt));
 }
 
-CoordinateSystem system_of_wkt(const std::string& wkt) {
-  CoordinateSystem system;
-  system.wkt = wkt.substr(0, wkt.find('\0'));
-  const std::string text = bare(system.wkt);
+Crs crs_of_wkt(const std::string& wkt) {
+  Crs crs;
+  crs.wkt = wkt.substr(0, wkt.find('\0'));
+  const std::string text = bare(crs.wkt);
   const std::size_t open = text.find('"');
   const std::size_t close = open == std::string::npos ? open : text.find('"', open + 1);
   if (close == std::string::npos) return {};  // no text of a system
-  system.name = text.substr(open + 1, close - open - 1);
+  crs.name = text.substr(open + 1, close - open - 1);
   // A compound holds both; what stands inside a projected system is only what it is based on.
-  system.horizontal = code_of_node(text, {"PROJCS", "PROJCRS", "GEOGCS", "GEOGCRS", "GEODCRS"});
-  system.vertical = code_of_node(text, {"VERT_CS", "VERTCRS"});
-  system.geographic = !has_node(text, {"PROJCS", "PROJCRS", "PROJECTEDCRS"}) &&
-                      has_node(text, {"GEOGCS", "GEOGCRS", "GEOGRAPHICCRS", "GEODCRS"}) &&
-                      text.find("CS[Cartesian") == std::string::npos;
-  system.height_unit = height_unit_of(text);
-  return system;
+  crs.horizontal = code_of_node(text, {"PROJCS", "PROJCRS", "GEOGCS", "GEOGCRS", "GEODCRS"});
+  crs.vertical = code_of_node(text, {"VERT_CS", "VERTCRS"});
+  crs.geographic = !has_node(text, {"PROJCS", "PROJCRS", "PROJECTEDCRS"}) &&
+                   has_node(text, {"GEOGCS", "GEOGCRS", "GEOGRAPHICCRS", "GEODCRS"}) &&
+                   text.find("CS[Cartesian") == std::string::npos;
+  crs.height_unit = height_unit_of(text);
+  return crs;
 }
 
-CoordinateSystem las_coordinate_system(const ReadFile& file, std::vector<std::string>& warnings) {
+Crs las_crs(const ReadFile& file, std::vector<std::string>& warnings) {
   std::vector<LasRecord> records;
   read_records(file, number_at<std::uint16_t>(file, kHeaderSizeAt),
                number_at<std::uint32_t>(file, kRecordCountAt), false, records, warnings);
@@ -230,13 +230,13 @@ CoordinateSystem las_coordinate_system(const ReadFile& file, std::vector<std::st
     if (const auto count = number_at<std::uint32_t>(file, kExtendedCount); count > 0)
       read_records(file, number_at<std::uint64_t>(file, kFirstExtended), count, true, records, warnings);
   std::string keys, texts;
-  CoordinateSystem of_text;
+  Crs of_text;
   for (const LasRecord& record : records) {
-    if (record.id == kWktRecord && !of_text.known()) of_text = system_of_wkt(record.bytes);
+    if (record.id == kWktRecord && !of_text.known()) of_text = crs_of_wkt(record.bytes);
     if (record.id == kKeyRecord) keys = record.bytes;
     if (record.id == kKeyTextRecord) texts = record.bytes;
   }
-  CoordinateSystem of_keys = system_of_keys(keys, texts);
+  Crs of_keys = crs_of_keys(keys, texts);
   if (!of_text.known()) return of_keys;
   const bool text_alone =
       (number_at<std::uint16_t>(file, kGlobalEncodingAt) & kWktBit) != 0 ||

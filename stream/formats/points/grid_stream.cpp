@@ -7,7 +7,7 @@ namespace tessera {
 
 void GridStream::next(std::int64_t line) {
   if (lines_.empty() || lines_.back().index != line) {
-    if (lines_.size() > emitted_ + kGridReach) emit(emitted_);
+    if (lines_.size() > emitted_ + kGridRadius) emit(emitted_);
     drop_old();
     lines_.emplace_back();
     lines_.back().index = line;
@@ -35,7 +35,7 @@ void GridStream::finish(bool ends) {
 
 /// Lines that no point asks for any more.
 void GridStream::drop_old() {
-  while (emitted_ > kGridReach) {
+  while (emitted_ > kGridRadius) {
     lines_.pop_front();
     --emitted_;
   }
@@ -44,11 +44,11 @@ void GridStream::drop_old() {
 void GridStream::emit(std::size_t at) {
   Line& line = lines_[at];
   std::array<const GridLine*, kGridLines> window{};
-  const std::size_t first = at < kGridReach ? 0 : at - kGridReach;
-  for (std::size_t l = first; l < lines_.size() && l <= at + kGridReach; ++l) {
+  const std::size_t first = at < kGridRadius ? 0 : at - kGridRadius;
+  for (std::size_t l = first; l < lines_.size() && l <= at + kGridRadius; ++l) {
     const std::int64_t off = lines_[l].index - line.index;
-    if (!lines_[l].whole || off < -kGridReach || off > kGridReach) continue;
-    const GridLine*& place = window[static_cast<std::size_t>(off + kGridReach)];
+    if (!lines_[l].whole || off < -kGridRadius || off > kGridRadius) continue;
+    const GridLine*& place = window[static_cast<std::size_t>(off + kGridRadius)];
     if (!place || l == at) place = &lines_[l].grid;
   }
   for (std::size_t i = 0; i < line.points.size(); ++i) {

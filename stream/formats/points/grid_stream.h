@@ -14,7 +14,7 @@ namespace tessera {
 class GridStream {
  public:
   /// Lines to read before the first point wanted, and behind the last one.
-  static constexpr std::uint64_t kLinesAround = kGridReach + 1;
+  static constexpr std::uint64_t kLinesAround = kGridRadius + 1;
   /// Memory at most: positions and points of all lines of the window.
   static constexpr std::uint64_t kBytes = (kGridLines + 1) * kMaxGridCells * (24 + 72);
 

@@ -89,7 +89,7 @@ LasHeader::LasHeader(const ReadFile& file) {
   set_layout();
   set_count();
   set_end(file.size());
-  info.system = las_coordinate_system(file, info.warnings);
+  info.crs = las_crs(file, info.warnings);
 }
 
 void LasHeader::set_format() {

@@ -79,7 +79,7 @@ struct PointFileInfo {
   bool has_bounds = false;
   Double3 declared_min{}, declared_max{};
   PointAttributes attributes;
-  CoordinateSystem system;
+  Crs crs;
   std::vector<Double3> sensors;       ///< sensor origins, scan frame (PTX, E57: one per scan)
   std::vector<std::string> warnings;  ///< what the header gets wrong, one sentence each
   std::vector<std::string> left_out;  ///< names of fields that mean nothing here, as the file spells them

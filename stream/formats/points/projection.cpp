@@ -20,14 +20,14 @@ constexpr double kGrain = 16384.0;  ///< steps of a unit, in results
 constexpr std::size_t kRemembered = 1024;
 
 /// What PROJ makes the system of.
-std::string definition(const CoordinateSystem& system) {
-  if (!system.wkt.empty()) return system.wkt;
-  return system.horizontal != 0 ? "EPSG:" + std::to_string(system.horizontal) : "";
+std::string definition(const Crs& crs) {
+  if (!crs.wkt.empty()) return crs.wkt;
+  return crs.horizontal != 0 ? "EPSG:" + std::to_string(crs.horizontal) : "";
 }
 
 /// What of a system is in the plane; null where PROJ cannot read it.
-ProjHandle horizontal_of(PJ_CONTEXT* context, const CoordinateSystem& system) {
-  const std::string text = definition(system);
+ProjHandle horizontal_of(PJ_CONTEXT* context, const Crs& crs) {
+  const std::string text = definition(crs);
   ProjHandle all(text.empty() ? nullptr : proj().create(context, text.c_str()));
   for (int depth = 0; all && depth < 4; ++depth) {
     const PJ_TYPE type = proj().get_type(all.get());
@@ -46,9 +46,9 @@ bool is_geographic(PJ_TYPE type) {
 }
 
 /// Metres of a projected system's unit; 0 for others.
-double unit_of(PJ_CONTEXT* context, const PJ* system) {
-  if (system == nullptr || proj().get_type(system) != PJ_TYPE_PROJECTED_CRS) return 0.0;
-  const ProjHandle axes(proj().crs_get_coordinate_system(context, system));
+double unit_of(PJ_CONTEXT* context, const PJ* crs) {
+  if (crs == nullptr || proj().get_type(crs) != PJ_TYPE_PROJECTED_CRS) return 0.0;
+  const ProjHandle axes(proj().crs_get_coordinate_system(context, crs));
   double metres = 0.0;
   if (!axes || proj().cs_get_axis_info(context, axes.get(), 0, nullptr, nullptr, nullptr, &metres, nullptr,
                                        nullptr, nullptr) == 0)
@@ -86,7 +86,7 @@ bool same_parameters(PJ_CONTEXT* context, const PJ* a, const PJ* b) {
   });
 }
 
-std::optional<bool> ask_proj(const CoordinateSystem& a, const CoordinateSystem& b) {
+std::optional<bool> ask_proj(const Crs& a, const Crs& b) {
   if (proj().library == nullptr) return std::nullopt;
   const ProjContext context = proj_context();
   const ProjHandle one = horizontal_of(context.get(), a);
@@ -102,7 +102,7 @@ std::optional<bool> ask_proj(const CoordinateSystem& a, const CoordinateSystem& 
 
 }  // namespace
 
-std::optional<bool> same_projection(const CoordinateSystem& a, const CoordinateSystem& b) {
+std::optional<bool> same_projection(const Crs& a, const Crs& b) {
   static std::mutex mutex;
   static std::map<std::pair<std::string, std::string>, std::optional<bool>> remembered;
   std::pair<std::string, std::string> both = {definition(a), definition(b)};
@@ -115,13 +115,13 @@ std::optional<bool> same_projection(const CoordinateSystem& a, const CoordinateS
   return remembered[both] = ask_proj(a, b);
 }
 
-bool is_same_system(const CoordinateSystem& a, const CoordinateSystem& b) {
+bool is_same_crs(const Crs& a, const Crs& b) {
   if (may_be_same(a, b)) return true;
   if (a.vertical != 0 && b.vertical != 0 && a.vertical != b.vertical) return false;
   return same_projection(a, b).value_or(false);
 }
 
-CoordinateSystem system_of_user(const std::string& text, const std::string& option) {
+Crs user_crs(const std::string& text, const std::string& option) {
   // PROJ would also take parts of names for the first system that has them.
   const std::size_t colon = text.find(':');
   const bool code = colon != std::string::npos && colon > 0 && colon + 1 < text.size() &&
@@ -134,12 +134,12 @@ CoordinateSystem system_of_user(const std::string& text, const std::string& opti
   if (proj().library == nullptr)
     throw UsageError(option + ": there is no libproj.so.25 to know coordinate systems by; install libproj25");
   const ProjContext context = proj_context();
-  const ProjHandle system(code || description ? proj().create(context.get(), text.c_str()) : nullptr);
-  const PJ_TYPE type = system ? proj().get_type(system.get()) : PJ_TYPE_UNKNOWN;
+  const ProjHandle crs(code || description ? proj().create(context.get(), text.c_str()) : nullptr);
+  const PJ_TYPE type = crs ? proj().get_type(crs.get()) : PJ_TYPE_UNKNOWN;
   const bool known = is_geographic(type) || type == PJ_TYPE_PROJECTED_CRS || type == PJ_TYPE_COMPOUND_CRS ||
                      type == PJ_TYPE_BOUND_CRS || type == PJ_TYPE_ENGINEERING_CRS;
-  const char* wkt = known ? proj().as_wkt(context.get(), system.get(), PJ_WKT1_GDAL, nullptr) : nullptr;
-  if (known && wkt == nullptr) wkt = proj().as_wkt(context.get(), system.get(), PJ_WKT2_2019, nullptr);
+  const char* wkt = known ? proj().as_wkt(context.get(), crs.get(), PJ_WKT1_GDAL, nullptr) : nullptr;
+  if (known && wkt == nullptr) wkt = proj().as_wkt(context.get(), crs.get(), PJ_WKT2_2019, nullptr);
   if (wkt == nullptr)
     throw UsageError(option + " " + text.substr(0, 80) +
                      ": is no coordinate system; it is EPSG:n, as EPSG:25832, or WKT");
@@ -149,10 +149,10 @@ CoordinateSystem system_of_user(const std::string& text, const std::string& opti
     if (*c == '"') quoted = !quoted;
     if (quoted || !(*c == ' ' || (*c >= '\t' && *c <= '\r'))) flat += *c;
   }
-  return system_of_wkt(flat);
+  return crs_of_wkt(flat);
 }
 
-CoordinateSystem utm_zone(const CoordinateSystem& geographic, double longitude, double latitude) {
+Crs utm_zone(const Crs& geographic, double longitude, double latitude) {
   if (!(latitude >= -80.0 && latitude <= 84.0 && longitude >= -360.0 && longitude <= 360.0))
     throw InputError(
         "--project auto: the middle of the scan, " + std::to_string(longitude) + " " +
@@ -169,16 +169,15 @@ CoordinateSystem utm_zone(const CoordinateSystem& geographic, double longitude, 
   if ((base == 6318 || base == 6319) && latitude >= 0.0 && zone >= 1 && zone <= 19) code = 6329 + zone;
   if ((base == 4283) && latitude < 0.0 && zone >= 48 && zone <= 58) code = 28300 + zone;
   if ((base == 7844 || base == 7843) && latitude < 0.0 && zone >= 46 && zone <= 59) code = 7800 + zone;
-  return system_of_user("EPSG:" + std::to_string(code), "--project auto");
+  return user_crs("EPSG:" + std::to_string(code), "--project auto");
 }
 
 struct Projection::Proj {
   ProjContext context;
-  ProjHandle way;
+  ProjHandle transformation;
 };
 
-Projection::Projection(const CoordinateSystem& from, const CoordinateSystem& to)
-    : proj_(std::make_unique<Proj>()) {
+Projection::Projection(const Crs& from, const Crs& to) : proj_(std::make_unique<Proj>()) {
   const auto refuse = [&] {
     throw InputError("no way is known from the coordinate system " + from.name + " to " + to.name +
                      (proj().library == nullptr ? ": install libproj25" : "; name another with --project"));
@@ -192,8 +191,8 @@ Projection::Projection(const CoordinateSystem& from, const CoordinateSystem& to)
   const ProjHandle raw(
       proj().create_crs_to_crs_from_pj(context, source.get(), target.get(), nullptr, nullptr));
   // Easting before northing and longitude before latitude, whatever order the axes have.
-  if (raw) proj_->way.reset(proj().normalize_for_visualization(context, raw.get()));
-  if (!proj_->way) refuse();
+  if (raw) proj_->transformation.reset(proj().normalize_for_visualization(context, raw.get()));
+  if (!proj_->transformation) refuse();
   const double source_unit = unit_of(context, source.get());
   const double target_unit = unit_of(context, target.get());
   const double heights = from.height_unit > 0.0 ? from.height_unit : source_unit > 0.0 ? source_unit : 1.0;
@@ -205,8 +204,8 @@ Projection::~Projection() = default;
 void Projection::apply(std::vector<double>& x, std::vector<double>& y, std::vector<double>& z) const {
   constexpr std::size_t kStep = sizeof(double);
   if (x.empty()) return;
-  proj().trans_generic(proj_->way.get(), PJ_FWD, x.data(), kStep, x.size(), y.data(), kStep, y.size(),
-                       nullptr, 0, 0, nullptr, 0, 0);
+  proj().trans_generic(proj_->transformation.get(), PJ_FWD, x.data(), kStep, x.size(), y.data(), kStep,
+                       y.size(), nullptr, 0, 0, nullptr, 0, 0);
   const auto grain = [](double v) {
     return std::isfinite(v) ? std::nearbyint(v * kGrain) / kGrain : std::numeric_limits<double>::quiet_NaN();
   };

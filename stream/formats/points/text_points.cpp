@@ -223,7 +223,7 @@ class TextPoints final : public PointFile {
     info_.attributes.colour = columns_.colours();
     info_.attributes.intensity = columns_.has(TextColumn::kIntensity);
     info_.left_out = columns_.left_out();
-    if (columns_.geographic()) info_.system = longitude_and_latitude();
+    if (columns_.geographic()) info_.crs = longitude_and_latitude();
     info_.format = std::string(counted_ ? "PTS" : "text") + " with columns " + columns_.names() +
                    (dialect_.decimal_comma ? ", decimal commas" : "") + input_.packed_words();
   }

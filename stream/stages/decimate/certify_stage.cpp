@@ -19,7 +19,7 @@ namespace tessera {
 namespace {
 
 constexpr double kMeasuredShare = 1e-3;  ///< of the diagonal: the scale of what is only measured
-constexpr double kReach = 1.25;          ///< times the tolerance: far enough to say how much it is missed by
+constexpr double kMaxDistance = 1.25;    ///< times the tolerance: far enough to say how much it is missed by
 constexpr std::size_t kMaxProofTasks = 400;
 constexpr std::size_t kFullTask = 8;   ///< cells: a task is worth a file from here
 constexpr std::size_t kFewTasks = 16;  ///< as far as there are so many: else threads would go without
@@ -38,12 +38,12 @@ class CertifyStage : public Stage {
     options.tolerance = request_.tolerance > 0.0 ? request_.tolerance
                         : request_.scale > 0.0   ? request_.scale
                                                  : kMeasuredShare * reference_.diagonal();
-    options.reach = kReach * options.tolerance;
+    options.max_distance = kMaxDistance * options.tolerance;
     begun_ = begin_comparison(mesh_, reference_, options);
-    cells_ = make_compare_cells(mesh_, reference_, options.reach, options.cell_faces);
+    cells_ = make_compare_cells(mesh_, reference_, options.max_distance, options.cell_faces);
     per_task_ = cells_per_task(cells_.size());
     if (!request_.name_before.empty())
-      before_.emplace(request.mesh_before(state), reference_, options.reach, options.cell_faces);
+      before_.emplace(request.mesh_before(state), reference_, options.max_distance, options.cell_faces);
   }
   std::string name() const override { return request_.name; }
   std::size_t task_count() const override { return (cells_.size() + per_task_ - 1) / per_task_; }
@@ -135,8 +135,8 @@ class CertifyStage : public Stage {
   double add_rounding(MeshComparison& sum) const {
     if (request_.placement.rounding == 0.0) return 0.0;
     const double rounding = float_rounding(request_.placement.origin, mesh_.box().low, mesh_.box().high);
-    for (DirectedDeviation* way : {&sum.there, &sum.back})
-      for (DeviationReport* found : {&way->surface, &way->border})
+    for (DirectedDeviation* direction : {&sum.there, &sum.back})
+      for (DeviationReport* found : {&direction->surface, &direction->border})
         if (found->area > 0.0) found->upper += rounding;
     sum.tolerance += rounding;
     return rounding;

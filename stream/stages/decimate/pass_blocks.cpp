@@ -60,7 +60,7 @@ bool PassBlocks::copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer,
   return true;
 }
 
-std::vector<std::uint64_t> PassBlocks::held_keys(const MeshBlock& block, TaskContext& context) const {
+std::vector<std::uint64_t> PassBlocks::pinned_keys(const MeshBlock& block, TaskContext& context) const {
   return failed_.keys_near(block, [&] { context.check_stop(); });
 }
 

@@ -41,7 +41,7 @@ class PassBlocks {
   bool copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, nlohmann::json& sum,
                       TaskContext& context, MeshBlock* left = nullptr) const;
   /// Keys of the vertices that stay, because earlier rounds failed near them; ascending.
-  std::vector<std::uint64_t> held_keys(const MeshBlock& block, TaskContext& context) const;
+  std::vector<std::uint64_t> pinned_keys(const MeshBlock& block, TaskContext& context) const;
   std::uint64_t failed_bytes() const { return failed_.bytes(); }
   /// Share of the tolerance that blocks with such vertices work at.
   double careful() const { return careful_; }

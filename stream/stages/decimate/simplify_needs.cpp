@@ -14,7 +14,7 @@ namespace tessera {
 namespace {
 
 /// A cell of the certificate is read with whole patches around it.
-constexpr std::uint64_t kCellReach = 3;
+constexpr std::uint64_t kCellHalo = 3;
 constexpr double kVerticesPerFace = 0.6;  ///< of blocks: those at seams are there in every patch
 
 /// Of an imported mesh whose vertices lie evenly.
@@ -41,7 +41,7 @@ std::uint64_t simplify_pass_bytes(const SimplifyOptions& options, int pass, std:
 
 std::uint64_t certify_cell_bytes(std::uint64_t faces, std::uint64_t largest_patch, std::uint64_t around) {
   const std::uint64_t in =
-      std::min(faces, around * kCellReach * std::max(CompareOptions{}.cell_faces, largest_patch));
+      std::min(faces, around * kCellHalo * std::max(CompareOptions{}.cell_faces, largest_patch));
   return compare_cell_bytes(surface_block_bytes(in), in);
 }
 

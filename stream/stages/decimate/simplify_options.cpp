@@ -17,7 +17,7 @@ constexpr std::array<Priority, 6> kPriorities = {{{"quadric", DecimatePriority::
                                                   {"probabilistic", DecimatePriority::kProbabilistic},
                                                   {"samples", DecimatePriority::kSampleDistance},
                                                   {"normal", DecimatePriority::kNormalDeviation},
-                                                  {"round", DecimatePriority::kRoundness},
+                                                  {"round", DecimatePriority::kMeanRatio},
                                                   {"length", DecimatePriority::kEdgeLength}}};
 
 }  // namespace
@@ -52,7 +52,7 @@ OptionTable option_table(SimplifyOptions& o) {
   t.add("placement", &o.placement,
         "endpoint: vertices stay where vertices were; optimal: they may move within the tolerance")
       .one_of({"endpoint", "optimal"});
-  t.add("min-roundness", &o.min_roundness, "smallest roundness of a new face: 1 is equilateral, 0 flat")
+  t.add("min-roundness", &o.min_mean_ratio, "smallest roundness of a new face: 1 is equilateral, 0 flat")
       .within(0, 1);
   t.add("colour-weight", &o.colour_weight,
         "length that the full range of a colour is worth, in the units of the mesh; 0 = colours follow")
@@ -90,7 +90,7 @@ DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
   o.sweep = target_faces == 0;
   o.feature_angle_deg = feature_angle_deg;
   o.max_normal_turn_deg = max_normal_deviation_deg;
-  o.min_roundness = min_roundness;
+  o.min_mean_ratio = min_mean_ratio;
   o.colour_weight = colour_weight;
   return o;
 }

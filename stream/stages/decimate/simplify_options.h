@@ -18,7 +18,7 @@ struct SimplifyOptions {
   double feature_angle_deg = 25.0;
   std::string priority = "quadric";
   std::string placement = "endpoint";
-  double min_roundness = 0.02;
+  double min_mean_ratio = 0.02;
   double colour_weight = 0.0;
   double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
   std::string smooth = "off";  ///< smooth_before.h

@@ -73,22 +73,22 @@ class SimplifyStage : public Stage {
       const MeshBlockCut& cut = blocks_[b];
       if (blocks_.copy_unchanged(cut, writer.get(), sum, context)) continue;
       MeshBlock block = in_.load(cut.patches);
-      std::vector<std::uint64_t> held = blocks_.held_keys(block, context);
+      std::vector<std::uint64_t> pinned = blocks_.pinned_keys(block, context);
       DecimateOptions kernel = kernel_;
-      if (!held.empty()) kernel.tolerance *= blocks_.careful();
+      if (!pinned.empty()) kernel.tolerance *= blocks_.careful();
       // In the first pass a block is the reference of its inside: its locked seams bound every collapse. Later
       // passes look where the one before had none.
       MeshBlock reference;
       if (kernel_.tolerance > 0.0 && pass_.pass > 0) {
-        UnsettledRegion region = find_unsettled(block);
+        ActiveRegion region = find_active(block);
         if (!region.empty())
           reference = load_near_faces(reference_, block, region.near, 2.0 * kernel_.tolerance);
         std::vector<std::uint64_t> all;
-        std::set_union(held.begin(), held.end(), region.settled_keys.begin(), region.settled_keys.end(),
+        std::set_union(pinned.begin(), pinned.end(), region.done_keys.begin(), region.done_keys.end(),
                        std::back_inserter(all));
-        held.swap(all);
+        pinned.swap(all);
       }
-      const DecimateReport report = decimate(block, pass_.pass == 0 ? block : reference, kernel, held);
+      const DecimateReport report = decimate(block, pass_.pass == 0 ? block : reference, kernel, pinned);
       for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += report.cost_histogram[c];
       add_counts(sum, to_json(report));
       if (writer) write_block(cut, in_.info().lattice, block, *writer);

@@ -24,30 +24,31 @@ MeshBox box_of(const MeshBlock& block, const std::array<std::uint32_t, 3>& face)
 }
 
 /// The corners of faces with a reached corner are reached as well.
-void grow(const MeshBlock& block, std::vector<std::uint8_t>& reached) {
-  const std::vector<std::uint8_t> before = reached;
+void grow(const MeshBlock& block, std::vector<std::uint8_t>& region_mark) {
+  const std::vector<std::uint8_t> before = region_mark;
   for (const auto& f : block.faces)
-    if (before[f[0]] || before[f[1]] || before[f[2]]) reached[f[0]] = reached[f[1]] = reached[f[2]] = 1;
+    if (before[f[0]] || before[f[1]] || before[f[2]])
+      region_mark[f[0]] = region_mark[f[1]] = region_mark[f[2]] = 1;
 }
 
 }  // namespace
 
-UnsettledRegion find_unsettled(const MeshBlock& block) {
-  UnsettledRegion region;
-  std::vector<std::uint8_t> reached(block.key.size(), 0);
+ActiveRegion find_active(const MeshBlock& block) {
+  ActiveRegion region;
+  std::vector<std::uint8_t> region_mark(block.key.size(), 0);
   bool any = false;
   for (std::size_t f = 0; f < block.faces.size(); ++f)
-    if ((block.face_flags[f] & kFaceSettled) == 0) {
-      for (const std::uint32_t v : block.faces[f]) reached[v] = 1;
+    if ((block.face_flags[f] & kFaceDone) == 0) {
+      for (const std::uint32_t v : block.faces[f]) region_mark[v] = 1;
       any = true;
     }
-  grow(block, reached);
-  for (std::size_t v = 0; v < reached.size(); ++v)
-    if (!reached[v]) region.settled_keys.push_back(block.key[v]);
+  grow(block, region_mark);
+  for (std::size_t v = 0; v < region_mark.size(); ++v)
+    if (!region_mark[v]) region.done_keys.push_back(block.key[v]);
   if (!any) return region;
   region.near.resize(block.faces.size());
   for (std::size_t f = 0; f < block.faces.size(); ++f)
-    for (const std::uint32_t v : block.faces[f]) region.near[f] |= reached[v];
+    for (const std::uint32_t v : block.faces[f]) region.near[f] |= region_mark[v];
   return region;
 }
 

@@ -12,7 +12,7 @@ enum Key : std::uint64_t {
   kRoles,
   kActive,
   kCentres,
-  kReaches,
+  kRadii,
   kColumns,
   kTargets,
   kAbout,
@@ -55,7 +55,7 @@ BasisWriter::BasisWriter(const std::filesystem::path& path, const DeformBasis& b
   put(kRoles, bytes_of(basis.edit.role));
   put(kActive, bytes_of(basis.edit.active));
   put(kCentres, bytes_of(basis.edit.centre));
-  put(kReaches, bytes_of(basis.edit.reach));
+  put(kRadii, bytes_of(basis.edit.radius));
   put(kColumns, bytes_of(basis.edit.columns));
   put(kTargets, bytes_of(basis.edit.target));
   put(kTurns, bytes_of(basis.edit.rotation_columns));
@@ -111,7 +111,7 @@ DeformBasis BasisReader::load() const {
   out.edit.role = part<std::int32_t>(kRoles);
   out.edit.active = part<std::int32_t>(kActive);
   out.edit.centre = part<Double3>(kCentres);
-  out.edit.reach = part<double>(kReaches);
+  out.edit.radius = part<double>(kRadii);
   out.edit.columns = part<double>(kColumns);
   out.edit.target = part<Double3>(kTargets);
   out.edit.rotation_columns = part<float>(kTurns);

@@ -71,7 +71,7 @@ class Reader : public JsonReader {
       known(value, where, {"centre", "radius"});
       out.shape = RegionShape::kSphere;
       out.point = point(member(value, "centre", where), where);
-      out.reach = number(member(value, "radius", where), where);
+      out.radius = number(member(value, "radius", where), where);
     } else if (shape == "half_space") {
       known(value, where, {"point", "normal"});
       out.shape = RegionShape::kHalfSpace;
@@ -82,7 +82,7 @@ class Reader : public JsonReader {
       known(value, where, {"points", "distance"});
       out.shape = RegionShape::kGeodesic;
       out.points = points(member(value, "points", where), where);
-      out.reach = number(member(value, "distance", where), where);
+      out.radius = number(member(value, "distance", where), where);
     } else if (shape == "points") {
       out.shape = RegionShape::kPoints;
       out.points = points(value, where);

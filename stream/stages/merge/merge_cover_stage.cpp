@@ -41,7 +41,7 @@ class CoverStage : public MergeFacesStage {
       std::uint64_t bytes = 2 * MeshStore::block_bytes(e.vertices, e.faces);
       // The meshes around, the halo of its own twice, leaves of the band.
       if (!meshes_.is_alone(t.rank, e.box))
-        bytes += 2 * meshes_.near_bytes(e.box, halo(t.rank) + meshes_.plan().reach.apart) + 64ull * e.faces +
+        bytes += 2 * meshes_.near_bytes(e.box, halo(t.rank) + meshes_.plan().range.apart) + 64ull * e.faces +
                  (std::uint64_t{8} << 20);
       maximum = std::max(maximum, bytes);
     }
@@ -152,8 +152,8 @@ class CoverStage : public MergeFacesStage {
       for (std::size_t a = 0; a < 3; ++a)
         box.low[a] = std::min(box.low[a], p[a]), box.high[a] = std::max(box.high[a], p[a]);
     const MergePlan& plan = meshes_.plan();
-    const MergeMeshes::Near near = meshes_.load(box, plan.reach.apart, rank, &block);
-    const MergeBlend blend(near.pointers(), plan.reach);
+    const MergeMeshes::Near near = meshes_.load(box, plan.range.apart, rank, &block);
+    const MergeBlend blend(near.pointers(), plan.range);
     const SignedDistance& own = near.sheets[rank]->surface();
     std::vector<int> owner(block.position.size());
     for (std::size_t v = 0; v < owner.size(); ++v) {
@@ -174,7 +174,7 @@ class CoverStage : public MergeFacesStage {
   void add_leaves(const MeshBlock& block, const std::array<std::uint32_t, 3>& f,
                   std::vector<std::uint64_t>& keys) const {
     const MergePlan& plan = meshes_.plan();
-    const double around = kStripCells + 0.5 * plan.reach.apart / plan.lattice.h;
+    const double around = kStripCells + 0.5 * plan.range.apart / plan.lattice.h;
     Int3 low, high;
     for (std::size_t a = 0; a < 3; ++a) {
       const auto [minimum, maximum] =

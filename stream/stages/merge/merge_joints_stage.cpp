@@ -104,7 +104,7 @@ class JointsStage : public MergeFacesStage {
   std::vector<std::string> obsolete() const override { return {"joints/"}; }
 
  private:
-  double margin() const { return meshes_.plan().reach.apart + meshes_.plan().reach.beyond; }
+  double margin() const { return meshes_.plan().range.apart + meshes_.plan().range.beyond; }
 
   bool passed(std::size_t rank, const Double3& a, const Double3& b, const Double3& c,
               const MergeMeshes::Near& near) const {
@@ -112,9 +112,9 @@ class JointsStage : public MergeFacesStage {
     const Double3 normal = unit_or_zero(triangle_normal(a, b, c));
     const Double3 out = unit_or_zero(cross(b - a, normal));
     if (normal == Double3{0, 0, 0} || out == Double3{0, 0, 0}) return false;
-    const Double3 p = (a + b) * 0.5 + out * plan.reach.beyond - plan.origin;
+    const Double3 p = (a + b) * 0.5 + out * plan.range.beyond - plan.origin;
     for (std::size_t r = 0; r < near.sheets.size(); ++r)
-      if (r != rank && near.sheets[r] && near.sheets[r]->passes(p, plan.reach, normal)) return true;
+      if (r != rank && near.sheets[r] && near.sheets[r]->passes(p, plan.range, normal)) return true;
     return false;
   }
 };

@@ -29,8 +29,8 @@ void MergePlan::save(const std::filesystem::path& path) const {
   write_durably(path, dump_json(json{{"h", lattice.h},
                                      {"origin_brick", lattice.origin_brick},
                                      {"origin", origin},
-                                     {"apart", reach.apart},
-                                     {"beyond", reach.beyond},
+                                     {"apart", range.apart},
+                                     {"beyond", range.beyond},
                                      {"double_positions", info.double_positions},
                                      {"colour", info.colour},
                                      {"shift", info.shift},
@@ -45,8 +45,8 @@ MergePlan MergePlan::of_work(const std::filesystem::path& work) {
   j.at("h").get_to(plan.lattice.h);
   j.at("origin_brick").get_to(plan.lattice.origin_brick);
   j.at("origin").get_to(plan.origin);
-  j.at("apart").get_to(plan.reach.apart);
-  j.at("beyond").get_to(plan.reach.beyond);
+  j.at("apart").get_to(plan.range.apart);
+  j.at("beyond").get_to(plan.range.beyond);
   j.at("double_positions").get_to(plan.info.double_positions);
   j.at("colour").get_to(plan.info.colour);
   j.at("shift").get_to(plan.info.shift);
@@ -81,7 +81,7 @@ std::uint64_t MergeMeshes::face_count() const {
 }
 
 bool MergeMeshes::is_alone(std::size_t rank, const MeshBox& box) const {
-  const MeshBox near = grown(box, plan_.reach.apart + plan_.reach.beyond);
+  const MeshBox near = grown(box, plan_.range.apart + plan_.range.beyond);
   for (std::size_t r = 0; r < stores_.size(); ++r)
     if (r != rank && overlap(stores_[r].box(), near) && !stores_[r].select(near).empty()) return false;
   return true;
@@ -111,9 +111,9 @@ MergeMeshes::Near MergeMeshes::load(const MeshBox& box, double margin, std::size
     near.rgba[r] = mesh.rgba;
     std::vector<Double3> position;
     std::vector<std::array<std::uint32_t, 3>> segments;
-    const MeshBox reach = grown(wide, plan_.fade[r]);
+    const MeshBox range = grown(wide, plan_.fade[r]);
     for (const JointEdge& e : joints_) {
-      if (e.rank != r || !overlap(box_of_segment(e), reach)) continue;
+      if (e.rank != r || !overlap(box_of_segment(e), range)) continue;
       const auto a = static_cast<std::uint32_t>(position.size());
       position.push_back(e.a);
       position.push_back(e.b);

@@ -82,8 +82,8 @@ class ScaleStage : public Stage {
                        ": all vertices lie at one place: there is no surface to merge");
     MergePlan plan;
     plan.lattice.h = options_.resolution > 0.0 ? options_.resolution : round_up_2_digits(*finest);
-    plan.reach.apart = options_.distance > 0.0 ? options_.distance : kApartEdges * *coarsest;
-    plan.reach.beyond = kBeyondEdges * *coarsest;
+    plan.range.apart = options_.distance > 0.0 ? options_.distance : kApartEdges * *coarsest;
+    plan.range.beyond = kBeyondEdges * *coarsest;
     plan.order = ranks(edge);
     for (const std::size_t i : plan.order) {
       plan.edge.push_back(edge[i]);
@@ -104,7 +104,7 @@ class ScaleStage : public Stage {
     json out = {
         {"h", plan.lattice.h},
         {"resolution_reason", options_.resolution > 0.0 ? "given" : "the mean edge of the finest mesh"},
-        {"distance", plan.reach.apart},
+        {"distance", plan.range.apart},
         {"ranks", meshes}};
     if (maximum > kOtherUnits * minimum)
       out["warnings"] = {"the meshes are " + number_text(minimum) + " and " + number_text(maximum) +
@@ -153,7 +153,7 @@ class ScaleStage : public Stage {
       minimum = std::min(minimum, s.diagonal());
       maximum = std::max(maximum, s.diagonal());
     }
-    box = grown(box, plan.reach.apart + 4.0 * plan.lattice.h);
+    box = grown(box, plan.range.apart + 4.0 * plan.lattice.h);
     double farthest = 0.0;
     for (std::size_t a = 0; a < 3; ++a)
       farthest = std::max({farthest, std::fabs(box.low[a]), std::fabs(box.high[a])});

@@ -31,7 +31,7 @@ struct MergePlan {
   static constexpr const char* kFile = "merge/plan.json";
   Lattice lattice;   ///< of the strip
   Double3 origin{};  ///< of all distances
-  MergeReach reach;
+  MergeRange range;
   MeshStoreInfo info;              ///< of what is written
   std::vector<std::size_t> order;  ///< input by rank
   std::vector<double> edge;        ///< per rank: mean length
@@ -130,7 +130,7 @@ constexpr std::uint64_t merged_brick(std::size_t rank, std::uint64_t key) {
 inline constexpr std::size_t kMaxMerged = 4000;
 inline constexpr std::size_t kStripRank = 0xffe;  ///< in keys: behind all inputs
 
-/// How many cells of the lattice around a face of the band the strip may pass, beside half of MergeReach::apart.
+/// How many cells of the lattice around a face of the band the strip may pass, beside half of MergeRange::apart.
 inline constexpr double kStripCells = 2.0;
 
 constexpr std::uint64_t merge_leaf_key(const Int3& leaf) {

@@ -18,7 +18,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::size_t kTaskLeaves = 600;
-constexpr double kFieldCells = 6.0;  ///< beyond MergeReach::apart: what nodes of a leaf may see
+constexpr double kFieldCells = 6.0;  ///< beyond MergeRange::apart: what nodes of a leaf may see
 constexpr double kClearCells =
     0.6;  ///< between the strip and faces that stay: an edge of the gap is about a cell
 constexpr double kOffCells =
@@ -99,7 +99,7 @@ class StripStage : public Stage {
       const MergePlan& plan = meshes_.plan();
       const MeshBox box = box_of(b);
       const MergeMeshes::Near near = meshes_.load(box, margin());
-      const MergeBlend blend(near.pointers(), plan.reach);
+      const MergeBlend blend(near.pointers(), plan.range);
       const BlendBlock block = {
           plan.lattice,
           plan.origin,
@@ -140,7 +140,7 @@ class StripStage : public Stage {
   }
 
  private:
-  double margin() const { return meshes_.plan().reach.apart + kFieldCells * meshes_.plan().lattice.h; }
+  double margin() const { return meshes_.plan().range.apart + kFieldCells * meshes_.plan().lattice.h; }
 
   MeshBox box_of(const StripBrick& b) const {
     MeshBox box;

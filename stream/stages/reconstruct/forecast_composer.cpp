@@ -267,7 +267,7 @@ class Composer {
           groups_.size(),
           faces_ * (fits    ? kFitTime
                     : moves ? kFilterTime
-                            : kReachTime),
+                            : kRangeTime),
           (moves ? 2.0 : 1.0) * static_cast<double>(disk));
     }
   }

@@ -39,7 +39,7 @@ inline constexpr double kPassBytes = 0.3;
 // With --smooth, per face of full resolution: fits of denoise, filters; edges, and noise at a sample.
 inline constexpr double kFitTime = 18.0;
 inline constexpr double kFilterTime = 1.0;
-inline constexpr double kReachTime = 0.1;
+inline constexpr double kRangeTime = 0.1;
 // Of the import of a raw mesh, per face; its files against the mesh.
 inline constexpr double kImportReadTime = 0.05;
 inline constexpr double kImportVerticesTime = 0.1;

@@ -90,9 +90,9 @@ void summarise(nlohmann::json& report) {
   }
 }
 
-std::string system_text(const nlohmann::json& report) {
-  const nlohmann::json system = report.value("coordinate_system", nlohmann::json());
-  return system.is_object() ? bytes_of_json_text(system.value("wkt", "")) : "";
+std::string crs_text(const nlohmann::json& report) {
+  const nlohmann::json crs = report.value("coordinate_system", nlohmann::json());
+  return crs.is_object() ? bytes_of_json_text(crs.value("wkt", "")) : "";
 }
 
 /// What the passes before the forecast take, and of later ones what no scan is too small for.
@@ -204,7 +204,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
     job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
     job.beside.push_back({uncertain_points_path, "the doubts of --normals"});
   }
-  job.beside.push_back({crs_sidecar_path, "the coordinate system beside -o", false, system_text});
+  job.beside.push_back({crs_sidecar_path, "the coordinate system beside -o", false, crs_text});
   job.beside.push_back(told_origin());
   if (options.keep_raw) {
     job.beside.push_back({raw_output_path, "--keep-raw", true});

@@ -25,7 +25,7 @@ constexpr std::uint64_t kTaskFaces = 1u << 17;  ///< of block and weight: a task
 /// Splits come before collapses, so a block has more faces for a while than it will have.
 constexpr std::uint64_t kRoom = 3, kMinRoom = 4096;
 /// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
-constexpr double kReach = 4.0;
+constexpr double kHaloEdges = 4.0;
 
 /// Keys of new vertices: above those of imported ones, apart for every block of every pass of every round.
 std::uint64_t first_new_key(const SimplifyPass& pass, std::size_t block) {
@@ -49,18 +49,18 @@ json to_json(const RemeshReport& r) {
 }
 
 /// Per face whether it lies within some rings of a face that an earlier pass could not settle.
-std::vector<std::uint8_t> near_unsettled(const MeshBlock& block) {
+std::vector<std::uint8_t> near_active(const MeshBlock& block) {
   constexpr int kRings = 5;
-  std::vector<std::uint8_t> reached(block.key.size(), 0), near(block.faces.size(), 0);
+  std::vector<std::uint8_t> region_mark(block.key.size(), 0), near(block.faces.size(), 0);
   for (std::size_t f = 0; f < near.size(); ++f)
-    if ((block.face_flags[f] & kFaceSettled) == 0)
-      for (const std::uint32_t v : block.faces[f]) reached[v] = 1;
+    if ((block.face_flags[f] & kFaceDone) == 0)
+      for (const std::uint32_t v : block.faces[f]) region_mark[v] = 1;
   for (int ring = 0; ring < kRings; ++ring) {
     for (std::size_t f = 0; f < near.size(); ++f)
-      for (const std::uint32_t v : block.faces[f]) near[f] |= reached[v];
+      for (const std::uint32_t v : block.faces[f]) near[f] |= region_mark[v];
     for (std::size_t f = 0; f < near.size(); ++f)
       if (near[f])
-        for (const std::uint32_t v : block.faces[f]) reached[v] = 1;
+        for (const std::uint32_t v : block.faces[f]) region_mark[v] = 1;
   }
   return near;
 }
@@ -75,7 +75,7 @@ std::vector<std::uint64_t> seam_keys(const MeshBlock& block) {
 }
 
 /// Marks faces that the next pass need not look at: all but those at the seams of the block.
-void settle(MeshBlock& block, const std::vector<std::uint64_t>& seams, const RemeshReport& report) {
+void mark_done(MeshBlock& block, const std::vector<std::uint64_t>& seams, const RemeshReport& report) {
   if (report.by_room > 0) return;  // not done at all
   std::vector<std::uint8_t> seam(block.key.size());
   for (std::size_t v = 0; v < seam.size(); ++v)
@@ -83,7 +83,7 @@ void settle(MeshBlock& block, const std::vector<std::uint64_t>& seams, const Rem
   for (std::size_t f = 0; f < block.faces.size(); ++f) {
     const auto& t = block.faces[f];
     if (!seam[t[0]] && !seam[t[1]] && !seam[t[2]])
-      block.face_flags[f] = static_cast<std::uint8_t>(block.face_flags[f] | kFaceSettled);
+      block.face_flags[f] = static_cast<std::uint8_t>(block.face_flags[f] | kFaceDone);
   }
 }
 
@@ -170,7 +170,7 @@ class RemeshStage : public Stage {
 
   /// The first pass does all of a block, later ones what lies near the seams of the ones before.
   json remesh_block(std::size_t b, MeshBlock& block, TaskContext& context) const {
-    const std::vector<std::uint8_t> near = near_unsettled(block);
+    const std::vector<std::uint8_t> near = near_active(block);
     const std::vector<std::uint64_t> seams = seam_keys(block);
     MeshBlock rest;
     const bool whole = std::find(near.begin(), near.end(), 0) == near.end();
@@ -183,15 +183,15 @@ class RemeshStage : public Stage {
     }
     json counts = {{"faces_in", faces}, {"faces_out", rest.faces.size()}};
     if (!block.faces.empty()) {
-      const std::vector<std::uint64_t> held = blocks_.held_keys(block, context);
+      const std::vector<std::uint64_t> pinned = blocks_.pinned_keys(block, context);
       const MeshBlock reference = load_reference(blocks_[b], block, whole);
       RemeshOptions kernel = kernel_;
       kernel.max_faces = room(blocks_[b]);
       kernel.first_key = first_new_key(pass_, b);
       kernel.pause = [&context] { context.check_stop(); };
-      const RemeshReport report = remesh(block, reference, kernel, held);
+      const RemeshReport report = remesh(block, reference, kernel, pinned);
       add_counts(counts, to_json(report));
-      settle(block, seams, report);
+      mark_done(block, seams, report);
     }
     if (!whole) {
       const MeshBlock* const pieces[2] = {&rest, &block};
@@ -203,7 +203,7 @@ class RemeshStage : public Stage {
   /// Of what lies along seams only the surroundings, where these are much less than the whole.
   MeshBlock load_reference(const MeshBlockCut& cut, const MeshBlock& block, bool whole) const {
     if (whole || options_.adaptive) return reference_.load_box(reference_box(cut));
-    return load_near_faces(reference_, block, std::vector<std::uint8_t>(block.faces.size(), 1), reach());
+    return load_near_faces(reference_, block, std::vector<std::uint8_t>(block.faces.size(), 1), halo());
   }
 
   std::uint64_t room(const MeshBlockCut& cut) const {
@@ -212,10 +212,10 @@ class RemeshStage : public Stage {
     return kRoom * std::max(expected, cut.faces) + kMinRoom;
   }
 
-  MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), reach()); }
-  double reach() const {
+  MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), halo()); }
+  double halo() const {
     const double graded = options_.adaptive ? (sizing_.edge - sizing_.shortest) / kSizingGrowth : 0.0;
-    return std::max(kReach * sizing_.edge, 2.0 * sizing_.edge + graded) + options_.tolerance;
+    return std::max(kHaloEdges * sizing_.edge, 2.0 * sizing_.edge + graded) + options_.tolerance;
   }
 
   RemeshJobOptions options_;

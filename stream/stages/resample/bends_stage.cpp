@@ -79,22 +79,22 @@ class BendsStage : public Stage {
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    std::vector<FoundTrack> tracks;
+    std::vector<FoundCurve> curves;
     std::uint64_t in_bands = 0;
     if (!searches()) {
-      for (const NamedTrack& t : parse_tracks(options_.blends, "the blends")) {
-        FoundTrack found{t.name, track_through(t.points, t.closed, scale_.edge), true};
-        found.track.half_width = 0.5 * t.width;
-        found.track.key = tracks.size();
-        tracks.push_back(std::move(found));
+      for (const NamedCurve& t : parse_curves(options_.blends, "the blends")) {
+        FoundCurve found{t.name, curve_through(t.points, t.closed, scale_.edge), true};
+        found.curve.half_width = 0.5 * t.width;
+        found.curve.key = curves.size();
+        curves.push_back(std::move(found));
       }
     } else {
-      for (BlendTrack& t : trace(summaries.size(), context, in_bands))
-        tracks.push_back({std::to_string(tracks.size() + 1), std::move(t), false});
+      for (BlendCurve& t : trace(summaries.size(), context, in_bands))
+        curves.push_back({std::to_string(curves.size() + 1), std::move(t), false});
     }
-    save_tracks(context.create(kTracksFile), tracks);
-    json result = {{"radius", band_.radius}, {"band_vertices", in_bands}, {"tracks", tracks.size()}};
-    if (tracks.empty())
+    save_blend_curves(context.create(kCurvesFile), curves);
+    json result = {{"radius", band_.radius}, {"band_vertices", in_bands}, {"tracks", curves.size()}};
+    if (curves.empty())
       result["warnings"] = {
           "no blend was found: the mesh is written as it is; try another --scale, or name blends in "
           "a file for --blends"};
@@ -129,7 +129,7 @@ class BendsStage : public Stage {
     }
   }
 
-  std::vector<BlendTrack> trace(std::size_t parts, TaskContext& context, std::uint64_t& in_bands) const {
+  std::vector<BlendCurve> trace(std::size_t parts, TaskContext& context, std::uint64_t& in_bands) const {
     BandPart all;
     for (std::size_t task = 0; task < parts; ++task) {
       context.check_stop();

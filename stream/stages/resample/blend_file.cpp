@@ -13,16 +13,16 @@ namespace tessera {
 
 using json = nlohmann::json;
 
-std::vector<NamedTrack> parse_tracks(const std::string& text, const std::string& name) {
+std::vector<NamedCurve> parse_curves(const std::string& text, const std::string& name) {
   const JsonReader read(name);
   const json file = read.parsed(text);
   read.known(file, "the file", {"blends"});
-  std::vector<NamedTrack> out;
+  std::vector<NamedCurve> out;
   std::set<std::string> names;
   for (const json& b : read.list(file, "blends", 1, "the file")) {
     const std::string what = "blend " + std::to_string(out.size() + 1);
     read.known(b, what, {"name", "points", "width", "closed"});
-    NamedTrack t;
+    NamedCurve t;
     t.name = what;
     if (b.contains("name")) t.name = read.text(b.at("name"), what + ": \"name\"");
     if (!names.insert(t.name).second) read.fail("two blends are called \"" + t.name + "\"");
@@ -54,7 +54,7 @@ std::vector<ProfileKnot> parse_profile(const std::string& text, const std::strin
       return std::array<double, 2>{n[0], n[1]};
     };
     knot.at = pair("at");
-    knot.way = pair("way");
+    knot.tangent = pair("way");
     out.push_back(knot);
   }
   if (out.front().at != Double2{0.0, 0.0} || out.back().at != Double2{1.0, 0.0})
@@ -62,9 +62,9 @@ std::vector<ProfileKnot> parse_profile(const std::string& text, const std::strin
   return out;
 }
 
-std::string read_tracks_text(const std::filesystem::path& file) {
+std::string read_curves_text(const std::filesystem::path& file) {
   const std::string text = read_text(file);
-  parse_tracks(text, file.string());
+  parse_curves(text, file.string());
   return dump_json(parse_json(text));
 }
 

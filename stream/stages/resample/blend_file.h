@@ -10,7 +10,7 @@
 namespace tessera {
 
 /// A blend by hand: points that its spine passes, on the surface or near it.
-struct NamedTrack {
+struct NamedCurve {
   std::string name;
   std::vector<Double3> points;
   bool closed = false;
@@ -20,14 +20,14 @@ struct NamedTrack {
 /// {"blends": [{"name": "rim", "points": [[x, y, z], ...], "width": 2.5, "closed": true}, ...]}
 /// \param name  for messages
 /// \throws InputError naming file and place: no JSON, unknown keys, numbers missing
-std::vector<NamedTrack> parse_tracks(const std::string& text, const std::string& name);
+std::vector<NamedCurve> parse_curves(const std::string& text, const std::string& name);
 
 /// {"knots": [{"at": [u, v], "way": [u, v]}, ...]}: the first knot at (0, 0), the last at (1, 0).
-/// \throws InputError as parse_tracks()
+/// \throws InputError as parse_curves()
 std::vector<ProfileKnot> parse_profile(const std::string& text, const std::string& name);
 
-/// A file that parse_tracks() or parse_profile() accepts, as one line of JSON. \throws InputError
-std::string read_tracks_text(const std::filesystem::path& file);
+/// A file that parse_curves() or parse_profile() accepts, as one line of JSON. \throws InputError
+std::string read_curves_text(const std::filesystem::path& file);
 std::string read_profile_text(const std::filesystem::path& file);
 
 }  // namespace tessera

@@ -97,7 +97,7 @@ class TakenFaces {
   std::unordered_map<std::uint64_t, std::size_t> by_;
 };
 
-double distance_of(const BlendTrack& a, const BlendTrack& b) {
+double distance_of(const BlendCurve& a, const BlendCurve& b) {
   double square = std::numeric_limits<double>::infinity();
   for (const Double3& p : a.centre)
     for (const Double3& q : b.centre) square = std::min(square, squared_distance(p, q));
@@ -111,11 +111,11 @@ class BlendsStage : public Stage {
         store_(open_imported_mesh(state.work, kResampleImport)),
         scale_(MeshScale::of_work(state.work)),
         kernel_(options.kernel(scale_.tolerance, !store_.info().double_positions)),
-        tracks_(load_tracks(state.work)) {}
+        curves_(load_blend_curves(state.work)) {}
 
   std::string name() const override { return "blends"; }
-  std::size_t task_count() const override { return tracks_.size(); }
-  std::uint64_t units() const override { return tracks_.size(); }
+  std::size_t task_count() const override { return curves_.size(); }
+  std::uint64_t units() const override { return curves_.size(); }
   std::string unit_name() const override { return "blends"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
@@ -127,15 +127,15 @@ class BlendsStage : public Stage {
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    const FoundTrack& found = tracks_[task];
+    const FoundCurve& found = curves_[task];
     const MeshBlock block = store_.load_box(box(task));
     context.check_stop();
     BlendOptions options = kernel_;
     options.first_key = std::uint64_t{1} << 63 | static_cast<std::uint64_t>(task) << kBlendBits;
-    ResampledBlend blend = resample_blend(block, found.track, options, scale_.edge);
+    ResampledBlend blend = resample_blend(block, found.curve, options, scale_.edge);
     if (found.by_hand && blend.report.outcome == BlendOutcome::kNoFlanks) {
       context.check_stop();
-      BlendTrack other = found.track;
+      BlendCurve other = found.curve;
       other.convex = !other.convex;
       ResampledBlend again = resample_blend(block, other, options, scale_.edge);
       if (again.report.outcome != BlendOutcome::kNoFlanks) blend = std::move(again);
@@ -144,19 +144,19 @@ class BlendsStage : public Stage {
     context.advance(1);
     json out = to_json(blend.report);
     out["name"] = found.name;
-    out["at"] = found.track.centre[found.track.centre.size() / 2];
+    out["at"] = found.curve.centre[found.curve.centre.size() / 2];
     return out;
   }
 
   std::uint64_t finish_bytes() const override {
     std::uint64_t maximum = 0;
-    for (std::size_t b = 0; b < tracks_.size(); ++b) {
+    for (std::size_t b = 0; b < curves_.size(); ++b) {
       std::error_code error;
       const std::uintmax_t bytes = std::filesystem::file_size(work_ / blend_file(b), error);
       if (!error) maximum += bytes;
     }
     // Faces in a table, edges of one blend in a set; reports.
-    return 4 * maximum + tracks_.size() * 4096 + (std::uint64_t{4} << 20);
+    return 4 * maximum + curves_.size() * 4096 + (std::uint64_t{4} << 20);
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
@@ -181,7 +181,7 @@ class BlendsStage : public Stage {
                    {"changed", false},
                    {"left_because",
                     fmt::format("blend {}, {:.3g} away, is longer and takes faces that it needs",
-                                tracks_[first].name, distance_of(tracks_[b].track, tracks_[first].track))}};
+                                curves_[first].name, distance_of(curves_[b].curve, curves_[first].curve))}};
     }
     std::uint64_t changed = 0, removed = 0, added = 0;
     double farthest = 0.0;
@@ -209,12 +209,12 @@ class BlendsStage : public Stage {
 
  private:
   MeshBox box(std::size_t task) const {
-    const BlendTrack& t = tracks_[task].track;
+    const BlendCurve& t = curves_[task].curve;
     MeshBox box{t.centre[0], t.centre[0]};
     for (const Double3& p : t.centre)
       for (std::size_t a = 0; a < 3; ++a)
         box.low[a] = std::min(box.low[a], p[a]), box.high[a] = std::max(box.high[a], p[a]);
-    return grown(box, blend_reach(t, kernel_, scale_.edge));
+    return grown(box, blend_halo(t, kernel_, scale_.edge));
   }
 
   static std::string warning(const std::vector<std::string>& left) {
@@ -229,7 +229,7 @@ class BlendsStage : public Stage {
   MeshStore store_;
   MeshScale scale_;
   BlendOptions kernel_;
-  std::vector<FoundTrack> tracks_;
+  std::vector<FoundCurve> curves_;
 };
 
 }  // namespace

@@ -51,31 +51,31 @@ std::pair<std::uint64_t, std::uint64_t> BandPart::count(const std::filesystem::p
   return {sections.at(0).bytes / sizeof(BandVertex), sections.at(1).bytes / sizeof(Link)};
 }
 
-void save_tracks(const std::filesystem::path& path, const std::vector<FoundTrack>& tracks) {
+void save_blend_curves(const std::filesystem::path& path, const std::vector<FoundCurve>& curves) {
   json out = json::array();
-  for (const FoundTrack& t : tracks)
+  for (const FoundCurve& t : curves)
     out.push_back({{"name", json_text(t.name)},
                    {"by_hand", t.by_hand},
-                   {"centre", t.track.centre},
-                   {"normal", t.track.normal},
-                   {"closed", t.track.closed},
-                   {"convex", t.track.convex},
-                   {"half_width", t.track.half_width},
-                   {"key", t.track.key}});
+                   {"centre", t.curve.centre},
+                   {"normal", t.curve.normal},
+                   {"closed", t.curve.closed},
+                   {"convex", t.curve.convex},
+                   {"half_width", t.curve.half_width},
+                   {"key", t.curve.key}});
   write_durably(path, dump_json(out));
 }
-std::vector<FoundTrack> load_tracks(const std::filesystem::path& work) {
-  std::vector<FoundTrack> out;
-  for (const json& j : parse_json(read_text(work / kTracksFile))) {
-    FoundTrack t;
+std::vector<FoundCurve> load_blend_curves(const std::filesystem::path& work) {
+  std::vector<FoundCurve> out;
+  for (const json& j : parse_json(read_text(work / kCurvesFile))) {
+    FoundCurve t;
     t.name = j.at("name").get<std::string>();
     j.at("by_hand").get_to(t.by_hand);
-    j.at("centre").get_to(t.track.centre);
-    j.at("normal").get_to(t.track.normal);
-    j.at("closed").get_to(t.track.closed);
-    j.at("convex").get_to(t.track.convex);
-    j.at("half_width").get_to(t.track.half_width);
-    j.at("key").get_to(t.track.key);
+    j.at("centre").get_to(t.curve.centre);
+    j.at("normal").get_to(t.curve.normal);
+    j.at("closed").get_to(t.curve.closed);
+    j.at("convex").get_to(t.curve.convex);
+    j.at("half_width").get_to(t.curve.half_width);
+    j.at("key").get_to(t.curve.key);
     out.push_back(std::move(t));
   }
   return out;

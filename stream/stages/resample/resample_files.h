@@ -33,14 +33,14 @@ struct BandPart {
   static std::pair<std::uint64_t, std::uint64_t> count(const std::filesystem::path& path);
 };
 
-struct FoundTrack {
+struct FoundCurve {
   std::string name;
-  BlendTrack track;
+  BlendCurve curve;
   bool by_hand = false;  ///< whether it is convex or not is to be found out, its normals too
 };
-void save_tracks(const std::filesystem::path& path, const std::vector<FoundTrack>& tracks);
-std::vector<FoundTrack> load_tracks(const std::filesystem::path& work);
-inline constexpr const char* kTracksFile = "tracks.json";
+void save_blend_curves(const std::filesystem::path& path, const std::vector<FoundCurve>& curves);
+std::vector<FoundCurve> load_blend_curves(const std::filesystem::path& work);
+inline constexpr const char* kCurvesFile = "tracks.json";
 
 /// What a blend changes.
 std::uint64_t save_blend(const std::filesystem::path& path, const ResampledBlend& blend);

@@ -38,9 +38,9 @@ struct SignCounts {
   // Of the points that a sensor decided, against given normals that were kept aside.
   std::uint64_t agree = 0;
   std::uint64_t disagree = 0;
-  std::uint64_t compared = 0;   ///< points with both an estimated and a given normal
-  std::uint64_t scattered = 0;  ///< points that are strewn
-  std::uint64_t tilted = 0;     ///< of these, more than 30 degrees apart whatever the sign
+  std::uint64_t compared = 0;           ///< points with both an estimated and a given normal
+  std::uint64_t volumetric_points = 0;  ///< points that are strewn
+  std::uint64_t tilted = 0;             ///< of these, more than 30 degrees apart whatever the sign
 };
 
 class NormalsStage : public Stage {
@@ -87,7 +87,7 @@ class NormalsStage : public Stage {
     context.count_written(writer.finish());
     return {{"given", counts.given},       {"sensor", counts.sensor}, {"patch", counts.patch},
             {"without", counts.none},      {"agree", counts.agree},   {"disagree", counts.disagree},
-            {"compared", counts.compared}, {"tilted", counts.tilted}, {"scattered", counts.scattered},
+            {"compared", counts.compared}, {"tilted", counts.tilted}, {"scattered", counts.volumetric_points},
             {"supporters", histogram}};
   }
 
@@ -182,19 +182,19 @@ class NormalsStage : public Stage {
         normals.set(s, n);
         records[s].patch = kGivenPatch;
       }
-      records[s].supporters = std::min<std::uint16_t>(shape.supporters, kScattered - 1);
+      records[s].supporters = std::min<std::uint16_t>(shape.supporters, kVolumetric - 1);
       ++histogram[std::min<std::size_t>(records[s].supporters, kSupporterBins - 1)];
       ++s;
     }
     BrickOrientation orientation;
     if (mode_.propagate()) {
       compare(o, counts);
-      const std::vector<std::uint8_t> strewn = find_scatter({o.position, o.roughness, o.flags});
+      const std::vector<std::uint8_t> volumetric = find_volumetric({o.position, o.roughness, o.flags});
       orientation = orient_brick({o.position, o.normal, o.variation, o.given, o.visible,
                                   mode_.each_seen() ? kSureView : kNeverSure});
       normals = Normals(records.size());  // in what orientation left
       for (std::size_t i = 0; i < records.size(); ++i) {
-        if (strewn[i] != 0) records[i].supporters |= kScattered, ++counts.scattered;
+        if (volumetric[i] != 0) records[i].supporters |= kVolumetric, ++counts.volumetric_points;
         Float3 n = orientation.normal[i];
         records[i].patch = orientation.patch[i];
         if (sure(o.visible[i])) {
@@ -239,16 +239,18 @@ class NormalsStage : public Stage {
 
   /// Cosine between the normal and the way to the sensor, or up; 0 where neither is known.
   float visibility(const Int3& origin, const PointBlock& block, std::size_t i, const Float3& n) const {
-    Double3 way = mode_.up;
+    Double3 direction = mode_.up;
     if (mode_.by_sensor && !mode_.own_sensor) return 0.0f;  // the orient stage asks who is in sight
     if (mode_.by_sensor) {
       const std::uint16_t sensor = block.sensor.empty() ? std::uint16_t{kNoSensor} : block.sensor[i];
-      way = mode_.view(plan_, origin, {block.x[i], block.y[i], block.z[i]}, sensor);
+      direction = mode_.view(plan_, origin, {block.x[i], block.y[i], block.z[i]}, sensor);
     } else if (!mode_.by_up && !mode_.airborne) {
       return 0.0f;
     }
-    const double length = std::sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
-    const double along = way[0] * double{n[0]} + way[1] * double{n[1]} + way[2] * double{n[2]};
+    const double length =
+        std::sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
+    const double along =
+        direction[0] * double{n[0]} + direction[1] * double{n[1]} + direction[2] * double{n[2]};
     return length > 0.0 ? static_cast<float>(along / length) : 0.0f;
   }
 

@@ -160,9 +160,10 @@ class OrientStage : public Stage {
     const std::string scene = entry.value("scene", "");
     const bool from_above = scene == kAirborne || scene == kSeenFromAbove;
     if (mode_.propagate()) {
-      if (vegetation_ == "drop" || (vegetation_ == "auto" && from_above)) decisions.strewn = Strewn::kDrop;
-      if (vegetation_ == "keep") decisions.strewn = Strewn::kBodies;
-      entry["vegetation"] = {{"points", scattered()}, {"as", name_of(decisions.strewn)}};
+      if (vegetation_ == "drop" || (vegetation_ == "auto" && from_above))
+        decisions.volumetric = VolumetricUse::kDrop;
+      if (vegetation_ == "keep") decisions.volumetric = VolumetricUse::kBodies;
+      entry["vegetation"] = {{"points", volumetric_count()}, {"as", name_of(decisions.volumetric)}};
     }
     decisions.save(context.create(PointOverlay::kDecisionsFile));
     return entry;
@@ -245,7 +246,7 @@ class OrientStage : public Stage {
     }
   }
 
-  std::uint64_t scattered() const {
+  std::uint64_t volumetric_count() const {
     std::uint64_t n = 0;
     ReadFile(work_ / kSupportersFile).read_at(kSupporterBins * sizeof n, &n, sizeof n);
     return n;

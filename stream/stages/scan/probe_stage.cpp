@@ -251,8 +251,8 @@ class SpacingStage : public MeasuringStage {
     ChosenSpacing chosen = choose_spacing(s);
     if (guessed)
       chosen.reason = "1.5 times a spacing guessed from a few points, too few lie together to measure it";
-    if (s.strewn > 0.0)
-      chosen.reason += "; " + number_text(round_up_2_digits(100.0 * s.strewn)) +
+    if (s.outliers > 0.0)
+      chosen.reason += "; " + number_text(round_up_2_digits(100.0 * s.outliers)) +
                        " % of the points are strewn off any surface and left out of that";
     const json result = {{"resolution", round_up_2_digits(chosen.h)},
                          {"reason", chosen.reason},
@@ -262,7 +262,7 @@ class SpacingStage : public MeasuringStage {
                          {"spacing_wide", s.wide},
                          {"gap", s.gap},
                          {"noise", s.noise},
-                         {"strewn", s.strewn},
+                         {"strewn", s.outliers},
                          {"cell", cell()},
                          {"measured", probes.size()}};
     save_json(context.create(kSpacingFile), result);

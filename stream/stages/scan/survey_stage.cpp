@@ -327,7 +327,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   nlohmann::json report = plan.to_json();
   report.erase("buckets");
   if (agreement.cells > 0) report["normal_agreement"] = to_json(agreement);
-  if (inputs_->system().known()) report["coordinate_system"] = to_json(inputs_->system());
+  if (inputs_->crs().known()) report["coordinate_system"] = to_json(inputs_->crs());
   return report;
 }
 

@@ -40,7 +40,7 @@ std::string factor_file(std::size_t round, const char* part) {
 }
 
 /// Numbers of a factor for an unknown beyond which holding it in memory is not planned; 270 on a terrain.
-constexpr std::uint64_t kHeldFactorBytes = 8 * 600;
+constexpr std::uint64_t kCachedFactorBytes = 8 * 600;
 
 class CoarseSumsStage : public Stage {
  public:
@@ -53,7 +53,7 @@ class CoarseSumsStage : public Stage {
         bends_(open_bends(state.work, plan, round)) {
     SmoothTiling tiling;
     tiling.rings = kSumsRings;
-    tiling.reach = coarse_reach(options_);
+    tiling.range = coarse_halo(options_);
     tiling.tile_bricks = state.run.tile_cells / kBrickCells;
     tiling.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
     std::uint64_t patch_vertices = 0;
@@ -67,7 +67,7 @@ class CoarseSumsStage : public Stage {
                       loaded + smooth_bytes(vertices, faces, rows) + kSumsVertexBytes * vertices) +
              kSumsPatchBytes * patch_vertices + kSlackBytes;
     };
-    tasks_ = make_smooth_tasks(store_, load_reach(state.work, base_round(plan, round)), tiling);
+    tasks_ = make_smooth_tasks(store_, load_range(state.work, base_round(plan, round)), tiling);
   }
 
   std::string name() const override { return coarse_sums_folder(round_); }
@@ -155,7 +155,7 @@ class CoarseStage : public Stage {
     entries_ = round_ == first_ ? count_.entries
                                 : ReadFile(work_ / matrix_file(first_)).size() / sizeof(CoarseEntry);
     const std::uint64_t maximum = state.run.memory_bytes * 13 / 16, need = needed_bytes();
-    factor_bytes_ = std::min(kHeldFactorBytes * count_.unknowns, maximum > need ? maximum - need : 0);
+    factor_bytes_ = std::min(kCachedFactorBytes * count_.unknowns, maximum > need ? maximum - need : 0);
   }
 
   std::string name() const override { return coarse_folder(round_); }

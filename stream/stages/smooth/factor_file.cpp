@@ -14,26 +14,27 @@ FactorFile FactorFile::open(const std::filesystem::path& path, std::uint64_t mem
   FactorFile file(path, memory_bytes);
   file.reader_.emplace(path);
   file.size_ = file.reader_->size() / sizeof(double);
-  file.held_.resize(std::min(file.size_, file.max_held_));
-  file.reader_->read_at(0, file.held_.data(), file.held_.size() * sizeof(double));
+  file.cached_.resize(std::min(file.size_, file.max_cached_));
+  file.reader_->read_at(0, file.cached_.data(), file.cached_.size() * sizeof(double));
   return file;
 }
 
 void FactorFile::reserve(std::uint64_t size) {
-  max_held_ = std::min(max_held_, size);
-  held_.reserve(max_held_);
+  max_cached_ = std::min(max_cached_, size);
+  cached_.reserve(max_cached_);
 }
 
 void FactorFile::append(std::span<const double> values) {
   writer_->write(values.data(), values.size_bytes());
   // A beginning without gaps: what does not fit as a whole ends it.
-  if (held_.size() == size_ && held_.size() + values.size() <= max_held_)
-    held_.insert(held_.end(), values.begin(), values.end());
+  if (cached_.size() == size_ && cached_.size() + values.size() <= max_cached_)
+    cached_.insert(cached_.end(), values.begin(), values.end());
   size_ += values.size();
 }
 
 std::span<const double> FactorFile::read(std::uint64_t first, std::span<double> room) {
-  if (first + room.size() <= held_.size()) return std::span<const double>(held_).subspan(first, room.size());
+  if (first + room.size() <= cached_.size())
+    return std::span<const double>(cached_).subspan(first, room.size());
   finish();
   reader_->read_at(first * sizeof(double), room.data(), room.size_bytes());
   return room;

@@ -32,11 +32,11 @@ class FactorFile final : public FactorStore {
 
  private:
   FactorFile(const std::filesystem::path& path, std::uint64_t memory_bytes)
-      : path_(path), max_held_(memory_bytes / sizeof(double)) {}
+      : path_(path), max_cached_(memory_bytes / sizeof(double)) {}
 
   std::filesystem::path path_;
-  std::uint64_t max_held_, size_ = 0;
-  std::vector<double> held_;
+  std::uint64_t max_cached_, size_ = 0;
+  std::vector<double> cached_;
   std::unique_ptr<DirectFile> writer_;
   std::optional<ReadFile> reader_;
 };

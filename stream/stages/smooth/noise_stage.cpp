@@ -33,7 +33,7 @@ std::map<int, std::uint64_t> counts_of(const json& list) {
 class NoiseStage : public Stage {
  public:
   NoiseStage(const JobState& state, const std::string& name, MeshStore mesh)
-      : name_(name), store_(std::move(mesh)), edge_(load_reach(state.work, 0).edge(store_.face_count())) {
+      : name_(name), store_(std::move(mesh)), edge_(load_range(state.work, 0).edge(store_.face_count())) {
     std::vector<std::size_t> order(store_.patches().size());
     for (std::size_t p = 0; p < order.size(); ++p) order[p] = p;
     const auto place = [&](std::size_t p) { return mix(store_.patches()[p].key); };

@@ -11,15 +11,15 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kReachPatches = 64;  ///< patches of one task
+constexpr std::uint64_t kRangePatches = 64;  ///< patches of one task
 
-class ReachStage : public Stage {
+class RangeStage : public Stage {
  public:
-  ReachStage(const JobState& state, const SmoothPlan& plan) : store_(open_smoothed(state, plan, 0)) {}
+  RangeStage(const JobState& state, const SmoothPlan& plan) : store_(open_smoothed(state, plan, 0)) {}
 
   std::string name() const override { return "reach"; }
   std::size_t task_count() const override {
-    return (store_.patches().size() + kReachPatches - 1) / kReachPatches;
+    return (store_.patches().size() + kRangePatches - 1) / kRangePatches;
   }
   std::uint64_t task_bytes(std::size_t) const override {
     return 2 * store_.largest_patch_bytes() + kTileSlackBytes;
@@ -29,8 +29,8 @@ class ReachStage : public Stage {
 
   json run(std::size_t task, TaskContext& context) const override {
     json edges = json::array();
-    const std::size_t last = std::min(store_.patches().size(), (task + 1) * kReachPatches);
-    for (std::size_t p = task * kReachPatches; p < last; ++p) {
+    const std::size_t last = std::min(store_.patches().size(), (task + 1) * kRangePatches);
+    for (std::size_t p = task * kRangePatches; p < last; ++p) {
       context.check_stop();
       const PatchEdges found = edges_of(store_.load({&p, 1}));
       edges.push_back({p, found.longest, found.squares});
@@ -40,7 +40,7 @@ class ReachStage : public Stage {
   }
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (store_.face_count() == 0) throw EmptyError("the mesh has no face to smooth");
-    save_reach(summaries, store_.patches().size(), context.create(reach_file(0)));
+    save_range(summaries, store_.patches().size(), context.create(range_file(0)));
     return {{"patches", store_.patches().size()}, {"faces", store_.face_count()}};
   }
   std::uint64_t finish_bytes() const override { return kTileSlackBytes + 500 * store_.patches().size(); }
@@ -51,12 +51,12 @@ class ReachStage : public Stage {
 
 }  // namespace
 
-std::string reach_file(std::size_t round) {
+std::string range_file(std::size_t round) {
   return (round == 0 ? "reach" : smooth_folder(round)) + "/reach.bin";
 }
 
-PatchReach load_reach(const std::filesystem::path& work, std::size_t round) {
-  return PatchReach::load(work / reach_file(round));
+PatchRange load_range(const std::filesystem::path& work, std::size_t round) {
+  return PatchRange::load(work / range_file(round));
 }
 
 PatchEdges edges_of(const MeshBlock& block) {
@@ -73,21 +73,21 @@ PatchEdges edges_of(const MeshBlock& block) {
   return {std::sqrt(longest) * (1.0 + 1e-12), squares};
 }
 
-void save_reach(const std::vector<json>& summaries, std::size_t patches, const std::filesystem::path& path) {
-  PatchReach reach;
-  reach.longest_edge.resize(patches);
-  reach.edge_squares.resize(patches);
+void save_range(const std::vector<json>& summaries, std::size_t patches, const std::filesystem::path& path) {
+  PatchRange range;
+  range.longest_edge.resize(patches);
+  range.edge_squares.resize(patches);
   for (const json& s : summaries)
     for (const json& entry : s.at("edges")) {
       const auto p = entry.at(0).get<std::size_t>();
-      reach.longest_edge.at(p) = entry.at(1).get<double>();
-      reach.edge_squares.at(p) = entry.at(2).get<double>();
+      range.longest_edge.at(p) = entry.at(1).get<double>();
+      range.edge_squares.at(p) = entry.at(2).get<double>();
     }
-  reach.save(path);
+  range.save(path);
 }
 
-std::unique_ptr<Stage> make_reach_stage(const JobState& state, const SmoothPlan& plan) {
-  return std::make_unique<ReachStage>(state, plan);
+std::unique_ptr<Stage> make_range_stage(const JobState& state, const SmoothPlan& plan) {
+  return std::make_unique<RangeStage>(state, plan);
 }
 
 }  // namespace tessera

@@ -54,7 +54,7 @@ nlohmann::json smoothing_of(const nlohmann::json& report);
 inline constexpr const char* kNoiseFile = "noise.json";
 /// Of a task that looks at so many vertices and faces at once.
 std::uint64_t noise_task_bytes(std::uint64_t vertices, std::uint64_t faces);
-/// The stage of this name measures the mesh. \pre the stage `reach` is done
+/// The stage of this name measures the mesh. \pre the stage `range` is done
 std::unique_ptr<Stage> make_noise_stage(const JobState& state, const std::string& name, MeshStore mesh);
 
 }  // namespace tessera

@@ -77,7 +77,7 @@ OptionTable option_table(SmoothOptions& o) {
 
 std::vector<StageEntry> smooth_stages(const std::vector<SmoothRound>& rounds, const SmoothPlanner& plan) {
   std::vector<StageEntry> stages;
-  stages.push_back({"reach", [=](const JobState& state) { return make_reach_stage(state, plan(state)); }});
+  stages.push_back({"reach", [=](const JobState& state) { return make_range_stage(state, plan(state)); }});
   const auto append = [&](const std::string& name, std::size_t round, auto make) {
     stages.push_back({name, [=](const JobState& state) {
                         const SmoothPlan now = plan(state);

@@ -65,7 +65,7 @@ class SmoothStage : public Stage {
     tiling_.mostly_edges = round_edges(rule_);
     if (rule_.cycle >= 0) {
       ++tiling_.rings;
-      tiling_.reach = coarse_reach(coarse_);
+      tiling_.range = coarse_halo(coarse_);
     }
     tiling_.tile_bricks = state.run.tile_cells / kBrickCells;
     // The rest of the cap is for what the process itself holds.
@@ -85,8 +85,8 @@ class SmoothStage : public Stage {
       tasks_ = {{std::move(whole)}};
       return;
     }
-    reach_ = load_reach(state.work, base_round_);
-    tasks_ = make_smooth_tasks(store_, reach_, tiling_);
+    range_ = load_range(state.work, base_round_);
+    tasks_ = make_smooth_tasks(store_, range_, tiling_);
   }
 
   std::string name() const override { return "smooth-" + std::to_string(round_); }
@@ -123,11 +123,11 @@ class SmoothStage : public Stage {
         context.check_stop();
         const std::size_t p = tile.patches[k];
         if (!tile.sure && misses(near.core_vertices[k], smoothed)) {
-          tiles.push_back(sure_tile(store_, reach_, tiling_, p));
+          tiles.push_back(sure_tile(store_, range_, tiling_, p));
           continue;
         }
         core += store_.patches()[p].faces;
-        const std::vector<Double3> positions = settled(p, near, near.core_vertices[k], smoothed, moved);
+        const std::vector<Double3> positions = limited_moves(p, near, near.core_vertices[k], smoothed, moved);
         write(p, positions, writer);
         if (bends) {
           std::vector<Float3> bend;
@@ -162,7 +162,7 @@ class SmoothStage : public Stage {
   std::uint64_t finish_bytes() const override { return kTileSlackBytes + 500 * store_.patches().size(); }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    if (!last_) save_reach(summaries, store_.patches().size(), context.create(reach_file(round_)));
+    if (!last_) save_range(summaries, store_.patches().size(), context.create(range_file(round_)));
     json out = {{"tasks", summaries.size()}, {"rings", round_rings(rule_)}};
     std::vector<const char*> counts = {"vertices", "on_lines",   "fixed",
                                        "limited",  "core_faces", "read_faces"};
@@ -243,9 +243,9 @@ class SmoothStage : public Stage {
   }
 
   /// Where the vertices of a patch (their numbers in the block) come to rest; each is counted once over all patches.
-  std::vector<Double3> settled(std::size_t p, const MeshHaloBlock& near,
-                               const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed,
-                               Movement& moved) const {
+  std::vector<Double3> limited_moves(std::size_t p, const MeshHaloBlock& near,
+                                     const std::vector<std::uint32_t>& vertices,
+                                     const SmoothedBlock& smoothed, Movement& moved) const {
     std::vector<Double3> original;
     if (from_original() && base_round_ > 0) original = original_.load({&p, 1}).position;
     const bool floats = !store_.info().double_positions;
@@ -257,7 +257,7 @@ class SmoothStage : public Stage {
                                " misses rings in its tile");
       const Double3 &from = original.empty() ? near.block.position[i] : original[v],
                     &wish = smoothed.position[i];
-      const Double3 to = settle(from, wish, tolerance_, floats);
+      const Double3 to = limit_move(from, wish, tolerance_, floats);
       if (!std::isfinite(squared_distance(to, from)))
         throw ValidationError("the vertex at (" + number_text(from[0]) + ", " + number_text(from[1]) + ", " +
                               number_text(from[2]) +
@@ -291,7 +291,7 @@ class SmoothStage : public Stage {
   CoarseOptions coarse_;
   std::filesystem::path solution_;
   SmoothTiling tiling_;
-  PatchReach reach_;  ///< of store_
+  PatchRange range_;  ///< of store_
   std::vector<SmoothTask> tasks_;
 };
 
@@ -307,7 +307,7 @@ CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std:
   const std::uint64_t faces = open_smoothed(state, plan, base).face_count();
   const FilterOptions& filter = plan.rounds[round - 1].filter;
   const CoarseOptions options =
-      coarse_options(filter.lambda, filter.order, load_reach(state.work, base).edge(faces), faces);
+      coarse_options(filter.lambda, filter.order, load_range(state.work, base).edge(faces), faces);
   if (!(options.cell > 0.0)) throw InputError("no edge has a length: there is nothing to smooth");
   return options;
 }

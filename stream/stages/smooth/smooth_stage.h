@@ -60,16 +60,16 @@ CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std:
 std::size_t base_round(const SmoothPlan& plan, std::size_t round);
 /// How the mesh bends where the round begins: empty before the first cycle of a step, and with order 1.
 PatchBends open_bends(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round);
-/// Edges of a patch, as PatchReach keeps them.
+/// Edges of a patch, as PatchRange keeps them.
 struct PatchEdges {
   double longest = 0.0, squares = 0.0;
 };
 PatchEdges edges_of(const MeshBlock& patch);
-std::string reach_file(std::size_t round);
+std::string range_file(std::size_t round);
 /// From `edges` of the summaries of a stage's tasks: [patch, longest edge, sum of squares].
-void save_reach(const std::vector<nlohmann::json>& summaries, std::size_t patches,
+void save_range(const std::vector<nlohmann::json>& summaries, std::size_t patches,
                 const std::filesystem::path& path);
-PatchReach load_reach(const std::filesystem::path& work, std::size_t round);
+PatchRange load_range(const std::filesystem::path& work, std::size_t round);
 /// Buffers of the file that a task writes, tables.
 inline constexpr std::uint64_t kTileSlackBytes = std::uint64_t{16} << 20;
 /// Bytes of a tile while it is loaded, and what stays.
@@ -79,7 +79,7 @@ std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces);
 std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,
                                 std::uint64_t patch_bytes);
 
-std::unique_ptr<Stage> make_reach_stage(const JobState& state, const SmoothPlan& plan);
+std::unique_ptr<Stage> make_range_stage(const JobState& state, const SmoothPlan& plan);
 std::unique_ptr<Stage> make_coarse_sums_stage(const JobState& state, const SmoothPlan& plan,
                                               std::size_t round);
 std::unique_ptr<Stage> make_coarse_stage(const JobState& state, const SmoothPlan& plan, std::size_t round);

@@ -19,7 +19,7 @@ constexpr std::uint64_t kMaxTasks = 400;
 constexpr double kInLine = 1.25;
 
 /// \param patches  indices
-SmoothTile look_around(const MeshStore& store, const PatchReach& reach, const SmoothTiling& tiling,
+SmoothTile look_around(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
                        std::span<const std::size_t> patches, bool sure) {
   SmoothTile tile;
   tile.patches.assign(patches.begin(), patches.end());
@@ -33,32 +33,32 @@ SmoothTile look_around(const MeshStore& store, const PatchReach& reach, const Sm
     for (const std::size_t p : store.select(grown(core, margin))) {
       vertices += store.patches()[p].vertices;
       faces += store.patches()[p].faces;
-      seen = std::max(seen, reach.longest_edge[p]);
+      seen = std::max(seen, range.longest_edge[p]);
     }
     tile.bytes = tiling.bytes(vertices, faces);
     return seen;
   };
   double longest = 0.0, edge = 0.0;
   for (const std::size_t p : patches) {
-    longest = std::max(longest, reach.longest_edge[p]);
+    longest = std::max(longest, range.longest_edge[p]);
     const auto edges = 3.0 * static_cast<double>(store.patches()[p].faces);
-    edge = std::max(edge, edges > 0.0 ? reach.edge_squares[p] / edges : 0.0);
+    edge = std::max(edge, edges > 0.0 ? range.edge_squares[p] / edges : 0.0);
   }
   if (!sure) {
-    load(kInLine * tiling.mostly_edges * std::sqrt(edge) + tiling.reach);
+    load(kInLine * tiling.mostly_edges * std::sqrt(edge) + tiling.range);
     return tile;
   }
   // A longer edge within the margin widens it; it ends at the latest when all patches are in.
   for (double seen = 0.0;; longest = seen) {
-    seen = std::max(longest, load(tiling.rings * longest + tiling.reach));
+    seen = std::max(longest, load(tiling.rings * longest + tiling.range));
     if (seen == longest) return tile;
   }
 }
 
 class Cutter {
  public:
-  Cutter(const MeshStore& store, const PatchReach& reach, const SmoothTiling& tiling)
-      : store_(store), reach_(reach), tiling_(tiling) {}
+  Cutter(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling)
+      : store_(store), range_(range), tiling_(tiling) {}
 
   /// Halves along the longest extent, by faces, until a part and its surroundings fit.
   void cut(std::span<std::size_t> patches) {
@@ -82,7 +82,7 @@ class Cutter {
     const bool small = tiling_.tile_bricks == 0 || high[axis] - low[axis] < tiling_.tile_bricks;
     // What is too large by itself is not worth looking around.
     if (patches.size() == 1 || (small && tiling_.bytes(vertices, faces) <= tiling_.tile_bytes)) {
-      SmoothTile tile = look_around(store_, reach_, tiling_, patches, !(tiling_.mostly_edges > 0.0));
+      SmoothTile tile = look_around(store_, range_, tiling_, patches, !(tiling_.mostly_edges > 0.0));
       if (!tile.sure)
         for (const std::size_t p : patches) tile.bytes = std::max(tile.bytes, surely(p));
       if (patches.size() == 1 || tile.bytes <= tiling_.tile_bytes) {
@@ -108,42 +108,42 @@ class Cutter {
   /// Bytes of the sure tile of a patch.
   std::uint64_t surely(std::size_t p) {
     if (sure_bytes_.empty()) sure_bytes_.resize(store_.patches().size(), 0);
-    if (sure_bytes_[p] == 0) sure_bytes_[p] = sure_tile(store_, reach_, tiling_, p).bytes;
+    if (sure_bytes_[p] == 0) sure_bytes_[p] = sure_tile(store_, range_, tiling_, p).bytes;
     return sure_bytes_[p];
   }
 
   const MeshStore& store_;
-  const PatchReach& reach_;
+  const PatchRange& range_;
   const SmoothTiling& tiling_;
   std::vector<std::uint64_t> sure_bytes_;  ///< of each patch, 0: not known yet
 };
 
 }  // namespace
 
-double PatchReach::edge(std::uint64_t faces) const {
+double PatchRange::edge(std::uint64_t faces) const {
   double sum = 0.0;
   for (const double squares : edge_squares) sum += squares;
   return faces > 0 ? std::sqrt(sum / (3.0 * static_cast<double>(faces))) : 0.0;
 }
 
-void PatchReach::save(const std::filesystem::path& path) const {
+void PatchRange::save(const std::filesystem::path& path) const {
   DirectFile file(path);
   for (const auto* values : {&longest_edge, &edge_squares})
     if (!values->empty()) file.write(values->data(), values->size() * sizeof(double));
   file.finish();
 }
 
-PatchReach PatchReach::load(const std::filesystem::path& path) {
+PatchRange PatchRange::load(const std::filesystem::path& path) {
   const ReadFile file(path);
-  PatchReach reach;
+  PatchRange range;
   const std::uint64_t bytes = file.size() / 2;
   std::uint64_t offset = 0;
-  for (auto* values : {&reach.longest_edge, &reach.edge_squares}) {
+  for (auto* values : {&range.longest_edge, &range.edge_squares}) {
     values->resize(bytes / sizeof(double));
     file.read_at(offset, values->data(), values->size() * sizeof(double));
     offset += bytes;
   }
-  return reach;
+  return range;
 }
 
 std::uint64_t task_bytes(const SmoothTask& task) {
@@ -152,16 +152,16 @@ std::uint64_t task_bytes(const SmoothTask& task) {
   return bytes;
 }
 
-SmoothTile sure_tile(const MeshStore& store, const PatchReach& reach, const SmoothTiling& tiling,
+SmoothTile sure_tile(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
                      std::size_t patch) {
-  return look_around(store, reach, tiling, {&patch, 1}, true);
+  return look_around(store, range, tiling, {&patch, 1}, true);
 }
 
-std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchReach& reach,
+std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,
                                           const SmoothTiling& tiling) {
-  if (reach.longest_edge.size() != store.patches().size())
+  if (range.longest_edge.size() != store.patches().size())
     throw InputError("the list of longest edges belongs to another mesh; run again with --force");
-  Cutter cutter(store, reach, tiling);
+  Cutter cutter(store, range, tiling);
   std::vector<std::size_t> all(store.patches().size());
   std::iota(all.begin(), all.end(), std::size_t{0});
   cutter.cut(all);

@@ -25,7 +25,7 @@ using SmoothTask = std::vector<SmoothTile>;
 std::uint64_t task_bytes(const SmoothTask& task);
 
 /// What a round must know of every patch, in the order of the store.
-struct PatchReach {
+struct PatchRange {
   std::vector<double> longest_edge;  ///< it bounds how far a ring reaches
   std::vector<double> edge_squares;  ///< sum of the squared edges of its faces
 
@@ -33,7 +33,7 @@ struct PatchReach {
   double edge(std::uint64_t faces) const;
 
   void save(const std::filesystem::path& path) const;
-  static PatchReach load(const std::filesystem::path& path);
+  static PatchRange load(const std::filesystem::path& path);
 };
 
 struct SmoothTiling {
@@ -41,7 +41,7 @@ struct SmoothTiling {
   /// Mean edges that are mostly enough: rings are reached by the longest edge only where many such edges lie in line.
   /// Tiles are loaded with these first, and sure_tile() does for patches that miss something. 0 = rings at once.
   double mostly_edges = 0.0;
-  double reach = 0.0;            ///< scan units, beyond the rings
+  double range = 0.0;            ///< scan units, beyond the rings
   int tile_bricks = 0;           ///< largest edge of a tile in bricks; 0 = as large as the bytes allow
   std::uint64_t tile_bytes = 0;  ///< a tile above it is split down to single patches
   /// Upper bound for a tile that reads so many vertices and faces, halo included.
@@ -49,11 +49,11 @@ struct SmoothTiling {
 };
 
 /// Every patch is in exactly one tile, whose bytes also do for the sure tile of each of its patches.
-std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchReach& reach,
+std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,
                                           const SmoothTiling& tiling);
 
 /// One patch, and all that its rings can reach.
-SmoothTile sure_tile(const MeshStore& store, const PatchReach& reach, const SmoothTiling& tiling,
+SmoothTile sure_tile(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
                      std::size_t patch);
 
 }  // namespace tessera

@@ -16,9 +16,9 @@ constexpr std::uint64_t kTileTaskBytes = std::uint64_t{12} << 20;  ///< write bu
 
 }  // namespace
 
-DistanceTiles::DistanceTiles(const JobState& state, double reach, std::uint64_t value_bytes)
+DistanceTiles::DistanceTiles(const JobState& state, double halo, std::uint64_t value_bytes)
     : plan_(Plan::of_work(state.work)),
-      reach_(reach * plan_.lattice.h),
+      halo_(halo * plan_.lattice.h),
       value_bytes_(value_bytes),
       mesh_(open_solid_mesh(state.work)),
       signs_(load_solid_signs(state.work)),
@@ -47,7 +47,7 @@ MeshBox DistanceTiles::surroundings(const Tile& tile) const {
     box.low[a] = plan_.lattice.world(static_cast<int>(a), corner[a]);
     box.high[a] = plan_.lattice.world(static_cast<int>(a), corner[a] + edges[a]);
   }
-  return grown(box, reach_);
+  return grown(box, halo_);
 }
 
 std::vector<std::uint64_t> DistanceTiles::find_cubes() const {
@@ -59,7 +59,7 @@ std::vector<std::uint64_t> DistanceTiles::find_cubes() const {
   const double edge = plan_.lattice.h * kBrickCells * kSuper;
   std::size_t sorted = 0;
   for (const MeshPatchEntry& e : mesh_.patches()) {
-    const MeshBox box = grown(e.box, reach_);
+    const MeshBox box = grown(e.box, halo_);
     Int3 low, high;
     for (std::size_t a = 0; a < 3; ++a) {
       const double origin = plan_.lattice.world(static_cast<int>(a), 0.0);

@@ -15,8 +15,8 @@ namespace tessera {
 
 class DistanceTiles {
  public:
-  /// \param reach  how far from a tile faces matter, cells  \param value_bytes  what a leaf of the tile takes beside
-  DistanceTiles(const JobState& state, double reach, std::uint64_t value_bytes);
+  /// \param halo  how far from a tile faces matter, cells  \param value_bytes  what a leaf of the tile takes beside
+  DistanceTiles(const JobState& state, double halo, std::uint64_t value_bytes);
 
   /// Cubes of bricks by task, in Morton order.
   const std::vector<std::vector<std::uint64_t>>& groups() const { return groups_; }
@@ -36,7 +36,7 @@ class DistanceTiles {
   std::uint64_t tile_bytes(const Tile& tile) const;
 
   Plan plan_;
-  double reach_;  ///< units of the meshes
+  double halo_;  ///< units of the meshes
   std::uint64_t value_bytes_;
   MeshStore mesh_;
   RowSigns signs_;

@@ -22,7 +22,7 @@ class OffsetStage : public Stage {
   OffsetStage(const JobState& state, const SolidModel& model)
       : model_(model),
         layer_(model.layer(Plan::of_work(state.work).lattice.h)),
-        tiles_(state, layer_.reach() + OffsetSampler::kMargin, sampled_field_bytes(1)) {}
+        tiles_(state, layer_.max_distance() + OffsetSampler::kMargin, sampled_field_bytes(1)) {}
 
   std::string name() const override { return "offset"; }
   std::size_t task_count() const override { return tiles_.groups().size(); }

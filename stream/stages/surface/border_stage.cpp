@@ -47,7 +47,7 @@ class BorderStage : public Stage {
       context.check_stop();
       context.advance(1);
       if (!reader.has_border(p)) continue;
-      if (!reader.gather(p, kBorderReach, faces)) {
+      if (!reader.gather(p, kBorderHalo, faces)) {
         ++torn;
         continue;
       }

@@ -78,13 +78,13 @@ Double3 StripReader::corner(const StripFace& face, std::size_t i, const Int3& br
   return p;
 }
 
-bool StripReader::is_near(const StripFace& face, std::size_t i, const Int3& brick, int reach) const {
+bool StripReader::is_near(const StripFace& face, std::size_t i, const Int3& brick, int halo) const {
   const Double3 at = corner(face, i, brick);
   return std::all_of(at.begin(), at.end(),
-                     [reach](double x) { return x >= -reach && x <= kBrickCells + reach; });
+                     [halo](double x) { return x >= -halo && x <= kBrickCells + halo; });
 }
 
-bool StripReader::gather(std::size_t patch, int reach, std::vector<StripFace>& faces) {
+bool StripReader::gather(std::size_t patch, int halo, std::vector<StripFace>& faces) {
   faces.clear();
   const Int3 here = brick(patch);
   std::vector<std::size_t> around;
@@ -101,7 +101,7 @@ bool StripReader::gather(std::size_t patch, int reach, std::vector<StripFace>& f
     if (strip.torn) return false;
     for (const StripFace& f : strip.faces) {
       bool near = false;
-      for (std::size_t i = 0; i < 3 && !near; ++i) near = is_near(f, i, here, reach);
+      for (std::size_t i = 0; i < 3 && !near; ++i) near = is_near(f, i, here, halo);
       if (!near) continue;
       if (faces.size() == kMaxStripFaces) return false;
       faces.push_back(f);

@@ -30,14 +30,14 @@ class StripReader {
 
   /// Whether the patch has kept faces and a border.
   bool has_border(std::size_t patch) const;
-  /// Faces at the border of which a vertex lies within `reach` cells of the patch's brick, patches in ascending order.
+  /// Faces at the border of which a vertex lies within `halo` cells of the patch's brick, patches in ascending order.
   /// \pre 0 <= reach <= 60: farther than the bricks around it sees nothing
   /// \returns false if there are more than kMaxStripFaces, or in one of the bricks
-  bool gather(std::size_t patch, int reach, std::vector<StripFace>& faces);
+  bool gather(std::size_t patch, int halo, std::vector<StripFace>& faces);
   /// Corner i of a face, in cells from the min corner of `brick`.
   Double3 corner(const StripFace& face, std::size_t i, const Int3& brick) const;
-  /// Whether it lies within `reach` cells of the brick.
-  bool is_near(const StripFace& face, std::size_t i, const Int3& brick, int reach) const;
+  /// Whether it lies within `halo` cells of the brick.
+  bool is_near(const StripFace& face, std::size_t i, const Int3& brick, int halo) const;
   Int3 brick(std::size_t patch) const { return brick_of_key(store_.patches()[patch].key); }
 
   /// Most that it holds over these patches, with the faces that are gathered.

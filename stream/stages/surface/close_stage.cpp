@@ -108,7 +108,7 @@ class CloseStage : public SerialStage {
   /// \param signs  empty: what the closing field says around the cells comes here; else they stand
   ClosingMap grow(const Seeds& seeds, const ClosingOptions& options, SignMap& signs, json& entry,
                   TaskContext& context) const {
-    const bool settled = !signs.empty();
+    const bool fixed = !signs.empty();
     Seeds pending = seeds;
     ClosingMap cells;
     std::uint64_t rounds = 0;
@@ -130,7 +130,7 @@ class CloseStage : public SerialStage {
       for (std::size_t i = 0; i < round.size(); ++i) {
         added += grown[i].added;
         stopped.insert(stopped.end(), grown[i].stopped.begin(), grown[i].stopped.end());
-        if (!settled && flows(options)) add_field_signs(grown[i].evaluated, signs);
+        if (!fixed && flows(options)) add_field_signs(grown[i].evaluated, signs);
         if (grown[i].added == 0) continue;
         std::vector<ClosingLeaf>& own = cells[round[i].first];
         leaves += grown[i].cells.size() - own.size();
@@ -191,7 +191,7 @@ class CloseStage : public SerialStage {
           multipoles_->near(points_->load(corner_of(brick), kEdges, MultipoleStore::kHaloCells));
       std::vector<float> winding(loose.size());
       WindingField(multipoles_->far(), near).evaluate(loose, winding);
-      settle_local(winding, options.level, leaves);
+      fix_local(winding, options.level, leaves);
       return leaves;
     });
     for (int round = 0; round < kFlowRounds; ++round)
@@ -295,7 +295,7 @@ class CloseStage : public SerialStage {
       field->evaluate(queries, options.level, value);
     };
     return grow_closing(corner, rims_->signs_around(brick), known, seeds, evaluate, data, options,
-                        settled_around(signs, brick));
+                        fixed_around(signs, brick));
   }
 
   JobState state_;

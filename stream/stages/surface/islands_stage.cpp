@@ -143,8 +143,8 @@ class IslandsStage : public SerialStage {
       if (stays(island[c])) kept_faces += island[c].faces;
     }
     if (kept_faces == 0) {
-      const std::string scattered = clump_sentence(state_.work);
-      throw EmptyError(all_faces + dropped_faces_ == 0 ? no_surface(scattered) : too_small(limit, scattered));
+      const std::string reason = clump_sentence(state_.work);
+      throw EmptyError(all_faces + dropped_faces_ == 0 ? no_surface(reason) : too_small(limit, reason));
     }
     PackedWriter out(context.create(kDroppedFile), kDroppedKind, std::size_t{1} << 16);
     std::vector<Section> sections;

@@ -74,7 +74,7 @@ PointBlock scaled_part(const PointBlock& points, float by, const Int3& low, cons
 
 /// Of what nodes and normals of the level itself see, and those of the next coarser one beside it.
 int LevelFieldMaker::near_halo(int level) const {
-  return (2 * (2 + reach() + kLeafCells) + scale(level) - 1) / scale(level);
+  return (2 * (2 + field_halo() + kLeafCells) + scale(level) - 1) / scale(level);
 }
 
 /// Planes of the neighbourhoods of this level in place of those that estimation saw on the coarsest one, which decided the sides.
@@ -181,7 +181,7 @@ std::unique_ptr<CoarserFits> LevelFieldMaker::coarser_fits(const PointBlock& aro
       local[a] = node[a] - places.origin()[a];
       if (local[a] < -1 || local[a] > places.cells()[a] + 1) return false;
     }
-    if (places.depth(local) < -kRimReach) return false;
+    if (places.depth(local) < -kRimMargin) return false;
     for (int d = 0; d < 27; ++d)
       if (wanted({2 * node[0] + d % 3 - 1, 2 * node[1] + d / 3 % 3 - 1, 2 * node[2] + d / 9 - 1}))
         return true;

@@ -23,7 +23,7 @@ class LevelFieldMaker {
   int edge(int level) const { return kBrickCells / scale(level); }
   /// How far around a brick points decide of it, in cells of the points: two nodes, and what those and their normals see on the
   /// coarsest level.
-  int halo() const { return 2 + reach(); }
+  int halo() const { return 2 + field_halo(); }
 
   /// Of a leaf of the octree. \param points  of it and its halo, in any surroundings  \param pause  as FieldOptions::pause
   LevelFields fields_of(const Int3& leaf, int level, const LevelSurroundings& around,
@@ -35,7 +35,7 @@ class LevelFieldMaker {
   struct BrickNodes;
   struct Seen;
 
-  int reach() const {
+  int field_halo() const {
     return field_halo_cells(field_) + (refines_normals_ ? normal_halo_cells(normals_) : 0);
   }
   int near_halo(int level) const;

@@ -28,7 +28,7 @@ constexpr std::uint64_t kShortBatchEdges = 4'000;  ///< while the strips around 
 constexpr std::uint64_t kBatchCost = 1'000'000'000;
 constexpr std::size_t kClassCache = 64;  ///< patches whose vertex classes are held at once
 /// How far from a brick loops of kMaxShortEdges go, in cells.
-constexpr int kShortReach = 40;
+constexpr int kShortHalo = 40;
 constexpr std::uint64_t kLoopBytes = std::uint64_t{20} << 20;
 
 std::string edge_file_name(std::size_t task) {
@@ -113,7 +113,7 @@ class LoopsStage : public Stage {
       context.check_stop();
       context.advance(1);
       if (!reader.has_border(p)) continue;
-      if (!reader.gather(p, kShortReach, faces)) {
+      if (!reader.gather(p, kShortHalo, faces)) {
         ++torn;
         continue;
       }
@@ -136,7 +136,7 @@ class LoopsStage : public Stage {
   static void add_records(const StripReader& reader, const Int3& brick, const StripFace& f,
                           std::vector<EdgeRecord>& records) {
     std::array<bool, 3> near{};
-    for (std::size_t i = 0; i < 3; ++i) near[i] = reader.is_near(f, i, brick, kShortReach);
+    for (std::size_t i = 0; i < 3; ++i) near[i] = reader.is_near(f, i, brick, kShortHalo);
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
       if ((f.border >> i & 1u) == 0 || (f.border >> j & 1u) == 0 || (!near[i] && !near[j])) continue;

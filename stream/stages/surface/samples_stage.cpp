@@ -23,9 +23,9 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr double kReach = 4.0;           ///< times the tolerance: distances up to here are told
-constexpr double kReachCells = 6.0;      ///< before decimation at least so many spacings of the lattice
-constexpr double kMinLeft = 1.0 / 64.0;  ///< of the tolerance, for decimation to do anything
+constexpr double kMaxDistance = 4.0;       ///< times the tolerance: distances up to here are told
+constexpr double kMaxDistanceCells = 6.0;  ///< before decimation at least so many spacings of the lattice
+constexpr double kMinLeft = 1.0 / 64.0;    ///< of the tolerance, for decimation to do anything
 constexpr const char* kLeftFile = "points/left.json";
 constexpr std::size_t kMinBricks = 16, kMaxTasks = 400;
 constexpr std::uint64_t kPointBytes = 64;  ///< records read and the block that they become
@@ -54,7 +54,7 @@ class SamplesStage : public Stage {
       : tolerance_(request.tolerance),
         before_(request.before),
         lattice_(Plan::of_work(state.work).lattice),
-        reach_(std::max(kReach * tolerance_, before_ ? kReachCells * lattice_.h : 0.0)),
+        max_distance_(std::max(kMaxDistance * tolerance_, before_ ? kMaxDistanceCells * lattice_.h : 0.0)),
         points_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
         mesh_(request.mesh(state)),
         per_task_(std::max(kMinBricks, (points_.bricks().size() + kMaxTasks - 1) / kMaxTasks)) {}
@@ -143,7 +143,7 @@ class SamplesStage : public Stage {
       box.low[a] = world(a, at[a] * double{kBrickCells});
       box.high[a] = world(a, (at[a] + 1) * double{kBrickCells});
     }
-    return grown(box, reach_ * (1.0 + 0x1p-20));
+    return grown(box, max_distance_ * (1.0 + 0x1p-20));
   }
 
   void measure(const BrickEntry& brick, SampleSums& sums) const {
@@ -163,10 +163,10 @@ class SamplesStage : public Stage {
                          world(2, corner[2] + double{points.z[i]})};
       const Double3 local = {p[0] - near.low[0], p[1] - near.low[1], p[2] - near.low[2]};
       const ClosestFaces::Hit hit =
-          faces.empty() ? ClosestFaces::Hit{} : faces.closest(local, reach_ * reach_, hint);
+          faces.empty() ? ClosestFaces::Hit{} : faces.closest(local, max_distance_ * max_distance_, hint);
       const bool known = hit.slot != ClosestFaces::kNone;
       if (known) hint = hit.slot;
-      const double distance = known ? std::sqrt(hit.square) + rounding : reach_;
+      const double distance = known ? std::sqrt(hit.square) + rounding : max_distance_;
       ++sums.samples;
       sums.beyond += !known;
       sums.over += distance > tolerance_;
@@ -183,7 +183,7 @@ class SamplesStage : public Stage {
   double tolerance_;
   bool before_;
   Lattice lattice_;
-  double reach_;  ///< distances up to here are told
+  double max_distance_;  ///< distances up to here are told
   PointStore points_;
   MeshStore mesh_;
   std::size_t per_task_;

@@ -26,35 +26,35 @@ int super_bricks(std::uint64_t points) {
   return points < 20'000'000 ? kFirstPassEdge : kMaxSuperBricks;
 }
 
-struct Reach {
+struct HaloCounts {
   std::uint64_t points = 0;
   std::uint64_t blocks = 0;
 };
 
 /// Points and occupied blocks of all bricks that the tile's halo touches.
-Reach reach_of(std::span<const BrickEntry> bricks, const BrickSectionStore* closing, const Tile& tile,
-               int halo_cells) {
+HaloCounts halo_counts(std::span<const BrickEntry> bricks, const BrickSectionStore* closing, const Tile& tile,
+                       int halo_cells) {
   const int margin = (halo_cells + kBrickCells - 1) / kBrickCells;
-  Reach reach;
+  HaloCounts counts;
   for (int z = tile.brick[2] - margin; z < tile.brick[2] + tile.bricks + margin; ++z)
     for (int y = tile.brick[1] - margin; y < tile.brick[1] + tile.bricks + margin; ++y)
       for (int x = tile.brick[0] - margin; x < tile.brick[0] + tile.bricks + margin; ++x) {
         if (x < 0 || y < 0 || z < 0) continue;
         const BrickSection* closed = closing ? closing->find({x, y, z}) : nullptr;
-        if (closed) reach.blocks += closed->count;
+        if (closed) counts.blocks += closed->count;
         const BrickEntry* brick = find_brick(bricks, brick_key({x, y, z}));
         if (!brick) continue;
         // Only a shell of a neighbour is read, but its points may all be there.
-        reach.points += brick->points;
-        reach.blocks += brick->blocks;
+        counts.points += brick->points;
+        counts.blocks += brick->blocks;
       }
-  return reach;
+  return counts;
 }
 
 void split(std::span<const BrickEntry> bricks, const TilingOptions& options, const Tile& tile,
            TileGroup& out) {
-  const Reach reach = reach_of(bricks, options.closing, tile, options.halo_cells);
-  if (reach.blocks == 0) return;
+  const HaloCounts counts = halo_counts(bricks, options.closing, tile, options.halo_cells);
+  if (counts.blocks == 0) return;
   const bool fits = tile_bytes(bricks, options.closing, tile, options.halo_cells) <= options.tile_bytes_limit;
   const bool small = options.tile_bricks == 0 || tile.bricks <= options.tile_bricks;
   if (tile.bricks == 1 || (fits && small)) {
@@ -74,18 +74,18 @@ void split(std::span<const BrickEntry> bricks, const TilingOptions& options, con
 
 std::uint64_t tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
                          const Tile& tile, int halo_cells) {
-  const Reach reach = reach_of(bricks, closing, tile, halo_cells);
+  const HaloCounts counts = halo_counts(bricks, closing, tile, halo_cells);
   const auto leaves = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells + 2);
   const std::uint64_t slots = leaves * leaves * leaves;
-  return reach.points * (kBytesPerPoint + (closing ? kBytesPerDipole : 0)) +
-         std::min(reach.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
+  return counts.points * (kBytesPerPoint + (closing ? kBytesPerDipole : 0)) +
+         std::min(counts.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
 }
 
 std::uint64_t tile_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
                          const Tile& tile, int halo_cells) {
   // Only the tile's own blocks emit faces.
   const auto own = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells);
-  return std::min(reach_of(bricks, closing, tile, halo_cells).blocks, own * own * own) * kFacesPerBlock;
+  return std::min(halo_counts(bricks, closing, tile, halo_cells).blocks, own * own * own) * kFacesPerBlock;
 }
 
 std::vector<TileGroup> make_tile_groups(std::span<const BrickEntry> bricks, const TilingOptions& options) {

@@ -209,7 +209,7 @@ class WeldStage : public Stage {
       }
     }
     if (numbering.faces == 0) {
-      throw EmptyError(all_faces == 0 ? rules_.nothing : too_small(limit, rules_.scattered));
+      throw EmptyError(all_faces == 0 ? rules_.nothing : too_small(limit, rules_.reason));
     }
     numbering.save(context.create(kNumberingFile));
     return {{"vertices", numbering.vertices},
@@ -255,9 +255,9 @@ bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t size, std
   return size < largest / kShredShare && faces < kShredDepth * border;
 }
 
-std::string too_small(std::uint64_t limit, const std::string& scattered) {
+std::string too_small(std::uint64_t limit, const std::string& reason) {
   const std::string islands = "every island has fewer than " + std::to_string(limit) + " faces";
-  return scattered.empty() ? islands + "; lower --min-component (1 keeps all)" : islands + ": " + scattered;
+  return reason.empty() ? islands + "; lower --min-component (1 keeps all)" : islands + ": " + reason;
 }
 
 PatchStore open_patches(const std::filesystem::path& work) {
@@ -289,17 +289,16 @@ Numbering Numbering::load(const std::filesystem::path& path) {
           totals[1]};
 }
 
-std::string no_surface(const std::string& scattered) {
-  if (!scattered.empty()) return "no surface: " + scattered;
+std::string no_surface(const std::string& reason) {
+  if (!reason.empty()) return "no surface: " + reason;
   return "no surface: no lattice cell has enough points around it; try a larger --resolution or --radius, or "
          "check the "
          "normals";
 }
 
 std::unique_ptr<Stage> make_weld_stage(const JobState& state) {
-  const std::string scattered = clump_sentence(state.work);
-  return make_weld_stage_by(state,
-                            {reconstruct_options(state).min_component, no_surface(scattered), 0, scattered});
+  const std::string reason = clump_sentence(state.work);
+  return make_weld_stage_by(state, {reconstruct_options(state).min_component, no_surface(reason), 0, reason});
 }
 std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules) {
   return std::make_unique<WeldStage>(state, rules);

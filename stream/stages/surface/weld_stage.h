@@ -63,12 +63,12 @@ struct WeldRules {
   std::uint64_t min_component = 0;  ///< faces; 0 = automatic, and shreds go
   std::string nothing;              ///< what to say where there is no face at all
   std::uint64_t automatic = 0;      ///< if not 0: what 0 above means; then shreds and the largest island stay
-  std::string scattered = {};       ///< why all islands are small, if that is known
+  std::string reason = {};          ///< why all islands are small, if that is known
 };
-/// What is said when no island has as many faces as it must. \param scattered  why, or empty
-std::string too_small(std::uint64_t limit, const std::string& scattered);
+/// What is said when no island has as many faces as it must. \param reason  why, or empty
+std::string too_small(std::uint64_t limit, const std::string& reason);
 /// What is said when there is no face at all.
-std::string no_surface(const std::string& scattered);
+std::string no_surface(const std::string& reason);
 std::unique_ptr<Stage> make_weld_stage(const JobState& state);
 std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules);
 

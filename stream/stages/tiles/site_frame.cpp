@@ -17,16 +17,15 @@ using Context = ProjContext;
 constexpr double kTold_m = 0.1;  ///< a misfit from here on is worth a warning
 
 /// What of a system is in the plane.
-Handle horizontal_of(PJ_CONTEXT* context, const PJ* system) {
-  if (proj().get_type(system) == PJ_TYPE_COMPOUND_CRS)
-    return Handle(proj().crs_get_sub_crs(context, system, 0));
-  if (proj().get_type(system) == PJ_TYPE_BOUND_CRS) return Handle(proj().get_source_crs(context, system));
-  return Handle(proj().clone(context, system));
+Handle horizontal_of(PJ_CONTEXT* context, const PJ* crs) {
+  if (proj().get_type(crs) == PJ_TYPE_COMPOUND_CRS) return Handle(proj().crs_get_sub_crs(context, crs, 0));
+  if (proj().get_type(crs) == PJ_TYPE_BOUND_CRS) return Handle(proj().get_source_crs(context, crs));
+  return Handle(proj().clone(context, crs));
 }
 
 /// Metres of the horizontal unit; nothing where the system is not projected.
-std::optional<double> projected_unit(PJ_CONTEXT* context, const PJ* system) {
-  const Handle horizontal = horizontal_of(context, system);
+std::optional<double> projected_unit(PJ_CONTEXT* context, const PJ* crs) {
+  const Handle horizontal = horizontal_of(context, crs);
   if (!horizontal || proj().get_type(horizontal.get()) != PJ_TYPE_PROJECTED_CRS) return std::nullopt;
   const Handle axes(proj().crs_get_coordinate_system(context, horizontal.get()));
   double metres = 0.0;
@@ -41,17 +40,17 @@ class ToEarth {
   explicit ToEarth(const std::string& wkt) : context_(proj().context_create()) {
     proj().context_set_enable_network(context_.get(), 0);
     proj().log_level(context_.get(), PJ_LOG_NONE);
-    const Handle system(proj().create(context_.get(), wkt.c_str())),
+    const Handle crs(proj().create(context_.get(), wkt.c_str())),
         earth(proj().create(context_.get(), "EPSG:4978"));
-    if (!system || !earth) return;
-    if (const char* name = proj().get_name(system.get()); name != nullptr) name_ = name;
-    const std::optional<double> unit = projected_unit(context_.get(), system.get());
+    if (!crs || !earth) return;
+    if (const char* name = proj().get_name(crs.get()); name != nullptr) name_ = name;
+    const std::optional<double> unit = projected_unit(context_.get(), crs.get());
     if (!unit) return;
     // Where a system has no heights of its own, PROJ takes what comes for metres above the ellipsoid.
-    const bool compound = proj().get_type(system.get()) == PJ_TYPE_COMPOUND_CRS;
+    const bool compound = proj().get_type(crs.get()) == PJ_TYPE_COMPOUND_CRS;
     height_unit_ = compound ? 1.0 : *unit;
     const Handle raw(
-        proj().create_crs_to_crs_from_pj(context_.get(), system.get(), earth.get(), nullptr, nullptr));
+        proj().create_crs_to_crs_from_pj(context_.get(), crs.get(), earth.get(), nullptr, nullptr));
     // Easting before northing, whatever order the system's axes have.
     if (raw) transformation_.reset(proj().normalize_for_visualization(context_.get(), raw.get()));
   }
@@ -101,11 +100,11 @@ SiteFrame site_frame(const std::string& wkt, const Double3& origin, const Double
     return frame;
   }
   const ToEarth earth(wkt);
-  frame.system = earth.name();
+  frame.crs = earth.name();
   const Double3 middle = earth.works() ? earth(origin) : Double3{HUGE_VAL, 0, 0};
   if (!is_finite(middle)) {
     frame.warning = "the coordinate system beside the mesh is none that a site can be placed on Earth by (" +
-                    (frame.system.empty() ? std::string("unreadable") : frame.system) +
+                    (frame.crs.empty() ? std::string("unreadable") : frame.crs) +
                     "): the tileset has the coordinates of the mesh";
     return frame;
   }
@@ -129,7 +128,7 @@ SiteFrame site_frame(const std::string& wkt, const Double3& origin, const Double
   }
   if (!is_finite(axis[0]) || !is_finite(axis[1]) || !is_finite(axis[2]) || !std::isfinite(frame.misfit_m)) {
     frame.misfit_m = 0.0;
-    frame.warning = "the mesh reaches beyond where its coordinate system (" + frame.system +
+    frame.warning = "the mesh reaches beyond where its coordinate system (" + frame.crs +
                     ") is defined: the tileset has the coordinates of the mesh";
     return frame;
   }

@@ -11,7 +11,7 @@ namespace tessera {
 /// From the frame of a site (scan units, z up, relative to its origin) to the world of the tileset.
 struct SiteFrame {
   std::array<double, 16> transform{};  ///< column by column
-  std::string system;                  ///< name of the coordinate system; empty = none is known
+  std::string crs;                     ///< name of the coordinate system; empty = none is known
   bool geocentric = false;             ///< the world is WGS 84, earth-centred, metres; else that of the scan
   /// How far the corners of the box lie from where they are on Earth, which is not flat; metres.
   double misfit_m = 0.0;

@@ -84,7 +84,7 @@ class TilesStage : public Stage {
       : output_(output),
         normals_(options.normals),
         level_(level),
-        reach_(level_bound(work, level)),
+        bound_(level_bound(work, level)),
         level0_(open_level(work, 0)),
         store_(level > 0 ? open_level(work, level) : open_level(work, 0)) {
     std::vector<std::uint64_t> keys;
@@ -157,7 +157,7 @@ class TilesStage : public Stage {
     return {{"level", level_},
             {"tiles", cells_.size()},
             {"faces", store_.face_count()},
-            {"bound", reach_},
+            {"bound", bound_},
             {"grid_step", grid_.step}};
   }
 
@@ -191,7 +191,7 @@ class TilesStage : public Stage {
   MeshBox box_of(const TileCell& cell) const { return level0_.box_of(bricks_of(cell)); }
   /// All that the tile may hold faces of.
   std::vector<std::size_t> patches_of(const TileCell& cell) const {
-    return level_ == 0 ? bricks_of(cell) : store_.select(grown(box_of(cell), reach_));
+    return level_ == 0 ? bricks_of(cell) : store_.select(grown(box_of(cell), bound_));
   }
 
   std::uint64_t loaded_bytes(const TileCell& cell) const {
@@ -203,10 +203,10 @@ class TilesStage : public Stage {
 
   MeshBlock load(const TileCell& cell) const {
     if (level_ == 0) return store_.load(bricks_of(cell));
-    const MeshBlock near = store_.load_box(grown(box_of(cell), reach_));
+    const MeshBlock near = store_.load_box(grown(box_of(cell), bound_));
     std::vector<MeshBox> covered;
     for (std::uint64_t p = cell.first; p < cell.last; ++p)
-      covered.push_back(grown(level0_.patches()[p].box, reach_));
+      covered.push_back(grown(level0_.patches()[p].box, bound_));
     std::vector<std::uint8_t> keep(near.faces.size(), 0);
     std::size_t last = 0;  // neighbours in the order of faces meet the same box
     for (std::size_t f = 0; f < keep.size(); ++f) {
@@ -234,7 +234,7 @@ class TilesStage : public Stage {
   fs::path output_;
   bool normals_;
   int level_;
-  double reach_;
+  double bound_;
   MeshStore level0_;
   MeshStore store_;
   std::vector<TileCell> cells_;

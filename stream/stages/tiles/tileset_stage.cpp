@@ -101,7 +101,7 @@ class TilesetStage : public SerialStage {
       levels.push_back(std::move(level));
     }
     json frame_report = {{"geocentric", frame.geocentric}, {"transform", frame.transform}};
-    if (!frame.system.empty()) frame_report["system"] = json_text(frame.system);
+    if (!frame.crs.empty()) frame_report["system"] = json_text(frame.crs);
     if (frame.geocentric) frame_report["misfit_m"] = frame.misfit_m;
     json warnings = json::array();
     if (!frame.warning.empty()) warnings.push_back(frame.warning);

@@ -16,25 +16,25 @@ TEST_CASE("blend tracks: a fillet is one track along its middle, as wide as it i
   const bool convex = GENERATE(true, false);
   Swept s;
   s.convex = convex;
-  const std::vector<BlendTrack> tracks = search_blends(swept_block(s), 4.5, 1.2);
-  REQUIRE(tracks.size() == 1);
-  CHECK(tracks[0].convex == convex);
-  CHECK_FALSE(tracks[0].closed);
-  CHECK(tracks[0].half_width == Approx(2.4).margin(1.3));
-  CHECK(tracks[0].centre.size() > 24);
-  for (const Double3& c : tracks[0].centre) CHECK(std::fabs(c[0]) < 0.6);
+  const std::vector<BlendCurve> curves = search_blends(swept_block(s), 4.5, 1.2);
+  REQUIRE(curves.size() == 1);
+  CHECK(curves[0].convex == convex);
+  CHECK_FALSE(curves[0].closed);
+  CHECK(curves[0].half_width == Approx(2.4).margin(1.3));
+  CHECK(curves[0].centre.size() > 24);
+  for (const Double3& c : curves[0].centre) CHECK(std::fabs(c[0]) < 0.6);
 }
 
 TEST_CASE("blend tracks: a fillet around a ring closes, a box has twelve", "[unit]") {
   Swept s;
   s.bend = 20.0;
   s.closed = true;
-  const std::vector<BlendTrack> ring = search_blends(swept_block(s), 4.5, 1.2);
+  const std::vector<BlendCurve> ring = search_blends(swept_block(s), 4.5, 1.2);
   REQUIRE(ring.size() == 1);
   CHECK(ring[0].closed);
-  const std::vector<BlendTrack> box = search_blends(filleted_box(15.0, 3.0, 30, 0.3, 0.02, 4), 4.5, 1.1);
+  const std::vector<BlendCurve> box = search_blends(filleted_box(15.0, 3.0, 30, 0.3, 0.02, 4), 4.5, 1.1);
   CHECK(box.size() == 12);
-  for (const BlendTrack& t : box) CHECK(t.convex);
+  for (const BlendCurve& t : box) CHECK(t.convex);
 }
 
 TEST_CASE("blend tracks: spheres, cylinders that are too wide and flat sheets have none", "[unit]") {
@@ -47,7 +47,7 @@ TEST_CASE("blend tracks: spheres, cylinders that are too wide and flat sheets ha
 
 TEST_CASE("blend tracks: a track by hand goes through its points in even steps", "[unit]") {
   const std::vector<Double3> points = {{0, 0, 0}, {4, 0, 0}, {8, 3, 0}};
-  const BlendTrack t = track_through(points, false, 0.5);
+  const BlendCurve t = curve_through(points, false, 0.5);
   CHECK(t.centre.front() == points[0]);
   CHECK(norm(t.centre.back() - points[2]) < 1e-9);
   for (std::size_t i = 1; i < t.centre.size(); ++i)
@@ -55,9 +55,9 @@ TEST_CASE("blend tracks: a track by hand goes through its points in even steps",
   double nearest = 1e9;
   for (const Double3& c : t.centre) nearest = std::min(nearest, norm(c - points[1]));
   CHECK(nearest < 0.26);
-  CHECK_THROWS_AS(track_through(std::span(points).first(1), false, 0.5), InputError);
+  CHECK_THROWS_AS(curve_through(std::span(points).first(1), false, 0.5), InputError);
   const std::vector<Double3> twice = {{1, 1, 1}, {1, 1, 1}};
-  CHECK_THROWS_AS(track_through(twice, false, 0.5), InputError);
+  CHECK_THROWS_AS(curve_through(twice, false, 0.5), InputError);
 }
 
 }  // namespace blend_tracks_test

@@ -70,9 +70,9 @@ BlendOptions exact_options() {
 }
 
 ResampledBlend resample_only(const MeshBlock& block, const BlendOptions& options) {
-  const std::vector<BlendTrack> tracks = search_blends(block, 4.0 * kEdge, kEdge);
-  REQUIRE(tracks.size() == 1);
-  return resample_blend(block, tracks[0], options, kEdge);
+  const std::vector<BlendCurve> curves = search_blends(block, 4.0 * kEdge, kEdge);
+  REQUIRE(curves.size() == 1);
+  return resample_blend(block, curves[0], options, kEdge);
 }
 
 void check_stitched(const MeshBlock& block, const ResampledBlend& r) {
@@ -119,11 +119,11 @@ TEST_CASE("resample blend: noise goes from along and across, far below decimatio
   s.convex = GENERATE(true, false);
   s.edge = 0.6;
   const MeshBlock block = swept_block(s);
-  const std::vector<BlendTrack> tracks = search_blends(block, 2.8, 0.7);
-  REQUIRE(tracks.size() == 1);
+  const std::vector<BlendCurve> curves = search_blends(block, 2.8, 0.7);
+  REQUIRE(curves.size() == 1);
   BlendOptions o = exact_options();
   o.spacing = 1.0;
-  const ResampledBlend r = resample_blend(block, tracks[0], o, 0.7);
+  const ResampledBlend r = resample_blend(block, curves[0], o, 0.7);
   check_stitched(block, r);
   const MeshBlock small =
       decimated_to(block, block.faces.size() * r.report.faces_added / r.report.faces_removed);
@@ -134,7 +134,7 @@ TEST_CASE("resample blend: noise goes from along and across, far below decimatio
       normal[v] =
           normal[v] + triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]);
   for (Double3& n : normal) n = unit_or_zero(n);
-  REQUIRE(fit_fishbone(block.position, normal, tracks[0], {1.0, 0.7, 0.0}, bone) == FishboneOutcome::kFound);
+  REQUIRE(fit_fishbone(block.position, normal, curves[0], {1.0, 0.7, 0.0}, bone) == FishboneOutcome::kFound);
   const NormalJumps decimated = normal_jumps(bone, small.position, small.faces);
   CAPTURE(decimated.along.variance, decimated.across.variance, r.report.before.along.variance);
   CHECK(decimated.across.edges > 20);
@@ -158,11 +158,11 @@ TEST_CASE("resample blend: around a ring the grid closes, ribs never cross", "[u
 
 TEST_CASE("resample blend: the edges of a box are resampled one after the other, it stays closed", "[unit]") {
   MeshBlock box = filleted_box(14.0, 3.0, 28, 0.3, 0.02, 3);
-  const std::vector<BlendTrack> tracks = search_blends(box, 4.2, 1.1);
-  REQUIRE(tracks.size() == 12);
+  const std::vector<BlendCurve> curves = search_blends(box, 4.2, 1.1);
+  REQUIRE(curves.size() == 12);
   BlendOptions o = exact_options();
   int changed = 0;
-  for (const BlendTrack& t : tracks) {
+  for (const BlendCurve& t : curves) {
     const ResampledBlend r = resample_blend(box, t, o, 1.1);
     if (r.report.outcome != BlendOutcome::kChanged) continue;
     ++changed;
@@ -180,9 +180,9 @@ TEST_CASE("resample blend: where it runs beside a hole the rest of it is resampl
   Swept s;
   s.convex = GENERATE(true, false);
   const MeshBlock whole = swept_block(s);
-  const std::vector<BlendTrack> tracks = search_blends(whole, 4.0 * kEdge, kEdge);
-  REQUIRE(tracks.size() == 1);
-  const ResampledBlend all = resample_blend(whole, tracks[0], exact_options(), kEdge);
+  const std::vector<BlendCurve> curves = search_blends(whole, 4.0 * kEdge, kEdge);
+  REQUIRE(curves.size() == 1);
+  const ResampledBlend all = resample_blend(whole, curves[0], exact_options(), kEdge);
   // The faces around a vertex a quarter of the way along, on a flank, where the grid has its outer row.
   const auto off = [&](const Double3& p) {
     return (p[0] - 2.6) * (p[0] - 2.6) + (p[1] - 10.0) * (p[1] - 10.0);
@@ -194,7 +194,7 @@ TEST_CASE("resample blend: where it runs beside a hole the rest of it is resampl
   for (const auto& f : whole.faces)
     if (f[0] != hole && f[1] != hole && f[2] != hole) faces.push_back(f);
   const MeshBlock block = make_block(whole.position, faces);
-  const ResampledBlend r = resample_blend(block, tracks[0], exact_options(), kEdge);
+  const ResampledBlend r = resample_blend(block, curves[0], exact_options(), kEdge);
   check_stitched(block, r);
   CHECK(r.report.length < all.report.length - 5.0);
   CHECK(r.report.length > 0.5 * all.report.length);
@@ -299,7 +299,7 @@ TEST_CASE("resample blend: what cannot be resampled stays, with its reason", "[u
   SECTION("no flanks to roll a ball on") {
     s.flank = 1.0;
     const MeshBlock block = swept_block(s);
-    BlendTrack t = track_through(std::vector<Double3>{{0, 4, 0}, {0, 36, 0}}, false, kEdge);
+    BlendCurve t = curve_through(std::vector<Double3>{{0, 4, 0}, {0, 36, 0}}, false, kEdge);
     t.normal.assign(t.centre.size(), {0, 0, 1});
     t.convex = true;
     t.half_width = 2.2;
@@ -312,7 +312,7 @@ TEST_CASE("resample blend: what cannot be resampled stays, with its reason", "[u
   }
   SECTION("too short") {
     const MeshBlock block = swept_block(s);
-    BlendTrack t = track_through(std::vector<Double3>{{0, 20, 0}, {0, 22, 0}}, false, kEdge);
+    BlendCurve t = curve_through(std::vector<Double3>{{0, 20, 0}, {0, 22, 0}}, false, kEdge);
     t.normal.assign(t.centre.size(), {0, 0, 1});
     t.convex = true;
     t.half_width = 2.2;

@@ -25,11 +25,11 @@ RibPlanes bent(double bend, double step) {
   return planes_across(spine, up, false, 0, 0);
 }
 
-RibEnds ends_at(const RibPlanes& planes, double reach) {
+RibEnds ends_at(const RibPlanes& planes, double width) {
   RibEnds ends;
   for (std::size_t i = 0; i < planes.size(); ++i) {
-    ends.left.push_back(planes.at(i, -reach, -0.5));
-    ends.right.push_back(planes.at(i, reach, -0.5));
+    ends.left.push_back(planes.at(i, -width, -0.5));
+    ends.right.push_back(planes.at(i, width, -0.5));
   }
   return ends;
 }

@@ -18,7 +18,7 @@ using test::Surface;
 constexpr Double3 kOrigin = {0.5, 0.5, 0.0};
 
 CertificateOptions options_for(double tolerance) {
-  return {.tolerance = tolerance, .reach = 1.25 * tolerance, .area_unit = 0x1p-40};
+  return {.tolerance = tolerance, .max_distance = 1.25 * tolerance, .area_unit = 0x1p-40};
 }
 
 DeviationPair measure(const Surface& a, const Surface& b, double tolerance, const Box3* core = nullptr) {

@@ -14,11 +14,12 @@ namespace {
 using namespace tessera;
 using test::Surface;
 
-DeviationReport measure(const Surface& a, const Surface& b, double tolerance, double reach,
+DeviationReport measure(const Surface& a, const Surface& b, double tolerance, double max_distance,
                         std::vector<float>* bound = nullptr, const Box3* core = nullptr) {
   const ClosestFaces reference(b.position, b.faces, {0.5, 0.5, 0.5});
   return certify_deviation({a.position, a.faces}, core, reference,
-                           {.tolerance = tolerance, .reach = reach, .area_unit = 0x1p-40}, bound);
+                           {.tolerance = tolerance, .max_distance = max_distance, .area_unit = 0x1p-40},
+                           bound);
 }
 
 double flat(double, double) {
@@ -66,10 +67,10 @@ TEST_CASE("closest face: needles across the axes are found as the slow way finds
   // Walls of turned parts: fans and strips of needles in all directions, lines, and small faces between.
   for (int i = 0; i < 300; ++i) {
     const Double3 at = {random.unit(), random.unit(), random.unit()};
-    const Double3 way = {random.in(-0.7, 0.7), random.in(-0.7, 0.7), random.in(-0.7, 0.7)};
+    const Double3 direction = {random.in(-0.7, 0.7), random.in(-0.7, 0.7), random.in(-0.7, 0.7)};
     const double width = std::pow(10.0, random.in(-9.0, -2.0)), along = random.in(0.0, 1.0);
     const Double3 beside = {random.in(-width, width), random.in(-width, width), random.in(-width, width)};
-    add(at, at + way, i % 29 == 3 ? at + way : at + way * along + beside);
+    add(at, at + direction, i % 29 == 3 ? at + direction : at + direction * along + beside);
     for (int k = 0; k < 3; ++k) {
       const Double3 near = {random.unit(), random.unit(), random.unit()};
       add(near, near + Double3{0.01, 0.002, 0}, near + Double3{0, 0.01, 0.003});
@@ -200,8 +201,8 @@ TEST_CASE("certificate: no sample is ever above the bound of its face", "[proper
       b = test::soup(60, 0.3, random);
     }
     std::vector<float> bound;
-    const double reach = seed == 6 ? 2.0 : 0.1;
-    const DeviationReport r = measure(a, b, 0.01, reach, &bound);
+    const double max_distance = seed == 6 ? 2.0 : 0.1;
+    const DeviationReport r = measure(a, b, 0.01, max_distance, &bound);
     REQUIRE(bound.size() == a.faces.size());
     CHECK(r.upper <= 1.05 * r.lower);
     double maximum = 0.0;
@@ -226,8 +227,9 @@ TEST_CASE("certificate: far from the origin of coordinates it stays a bound", "[
   for (Surface* s : {&a, &b})
     for (Double3& p : s->position) p[0] += 0x1p22, p[1] -= 0x1p22;
   const ClosestFaces reference(b.position, b.faces, {0x1p22, -0x1p22, 0.0});
-  const DeviationReport there = certify_deviation({a.position, a.faces}, nullptr, reference,
-                                                  {.tolerance = 0.02, .reach = 0.02, .area_unit = 0x1p-40});
+  const DeviationReport there =
+      certify_deviation({a.position, a.faces}, nullptr, reference,
+                        {.tolerance = 0.02, .max_distance = 0.02, .area_unit = 0x1p-40});
   CHECK(there.upper == Approx(here.upper).epsilon(1e-6));
   CHECK(there.upper >= there.lower);
 }

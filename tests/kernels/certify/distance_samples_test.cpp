@@ -20,7 +20,7 @@ using test::Surface;
 constexpr Double3 kOrigin = {0.5, 0.5, 0.0};
 
 CertificateOptions generous(double tolerance) {
-  return {.tolerance = tolerance, .reach = 2.0 * tolerance, .area_unit = 0x1p-40, .samples = 1u << 14};
+  return {.tolerance = tolerance, .max_distance = 2.0 * tolerance, .area_unit = 0x1p-40, .samples = 1u << 14};
 }
 
 DeviationPair measure(const Surface& a, const Surface& b, double tolerance, const Box3* core = nullptr) {
@@ -96,7 +96,7 @@ TEST_CASE("distance samples: the histogram is that of the area, also beyond the 
   const Surface two = test::height_grid(1, 1.0, [](double, double) { return 0.0; });
   const Surface tilted = test::height_grid(1, 1.0, [](double x, double) { return 0.2 * x; });
   CertificateOptions options = generous(0.1 / std::sqrt(1.04));
-  options.reach *= 2.0;
+  options.max_distance *= 2.0;
   const DeviationReport r =
       certify_pair({two.position, two.faces}, {tilted.position, tilted.faces}, nullptr, kOrigin, options)
           .there;

@@ -42,7 +42,7 @@ std::size_t hold_to_truth(const Surface& surface, const Surface& reference, cons
   RasterFilterReport report;
   const std::vector<std::uint32_t> doubts =
       raster_doubts(faces_of(surface), core, faces_of(reference), core.low, tolerance, pixel, &report);
-  CHECK(report.faces == report.settled + doubts.size());
+  CHECK(report.faces == report.decided + doubts.size());
   std::vector<bool> open(surface.faces.size());
   for (const std::uint32_t f : doubts) open[f] = true;
   for (std::size_t f = 0; f < surface.faces.size(); ++f) {
@@ -58,7 +58,7 @@ std::size_t hold_to_truth(const Surface& surface, const Surface& reference, cons
       }
     }
   }
-  return report.settled;
+  return report.decided;
 }
 
 /// The surface of [0, 1]^3, n x n squares a side.
@@ -114,7 +114,7 @@ double hills(double x, double y) {
 
 TEST_CASE("raster filter: what it settles stays within the tolerance, measured by hand", "[property]") {
   test::Random random(1);
-  std::size_t settled = 0;
+  std::size_t decided = 0;
   for (int round = 0; round < 400; ++round) {
     Surface a, b;
     switch (round % 6) {
@@ -154,10 +154,10 @@ TEST_CASE("raster filter: what it settles stays within the tolerance, measured b
           tolerance, test::surface_distance(test::random_point(a, random.below(a.faces.size()), random), b));
     tolerance = std::max(1e-3, tolerance * random.in(0.6, 1.0));
     const double pixel = std::pow(10.0, random.in(-1.8, -0.4));
-    settled += hold_to_truth(a, b, core, tolerance, pixel, random);
-    settled += hold_to_truth(b, a, core, tolerance, pixel, random);
+    decided += hold_to_truth(a, b, core, tolerance, pixel, random);
+    decided += hold_to_truth(b, a, core, tolerance, pixel, random);
   }
-  CHECK(settled > 800);
+  CHECK(decided > 800);
 }
 
 TEST_CASE("raster filter: a hole far smaller than a pixel is not overlooked", "[unit]") {
@@ -199,7 +199,7 @@ TEST_CASE("raster filter: it settles what is near, on steep and closed surfaces 
     raster_doubts(faces_of(a), core, faces_of(b), core.low, tolerance,
                   raster_pixel(faces_of(a), faces_of(b), tolerance), &report);
     CHECK(report.faces == a.faces.size());
-    return static_cast<double>(report.settled) / static_cast<double>(report.faces);
+    return static_cast<double>(report.decided) / static_cast<double>(report.faces);
   };
   test::Random random(3);
   const Surface hilly = test::height_grid(60, 1.0, hills);
@@ -228,7 +228,7 @@ TEST_CASE("prove by raster: the answer is that of the certificate", "[property]"
     const Box3 core = box_of(a, 0.1);
     CertificateOptions options;
     options.tolerance = 0.3;
-    options.reach = 0.6;
+    options.max_distance = 0.6;
     options.area_unit = 1e-9;
     const DeviationPair pair = certify_pair(faces_of(a), faces_of(b), &core, core.low, options);
     const double upper = std::max(pair.there.upper, pair.back.upper);
@@ -236,7 +236,7 @@ TEST_CASE("prove by raster: the answer is that of the certificate", "[property]"
     int yes = 0;
     for (const double factor : {0.5, 0.9, 0.97, 1.0, 1.001, 1.03, 1.2, 2.0}) {
       options.tolerance = factor * upper;
-      options.reach = 2.0 * options.tolerance;
+      options.max_distance = 2.0 * options.tolerance;
       options.enough = options.tolerance;
       const DeviationPair exact = certify_pair(faces_of(a), faces_of(b), &core, core.low, options);
       const bool proven = std::max(exact.there.upper, exact.back.upper) <= options.tolerance;

@@ -83,7 +83,7 @@ Closed close(const test::Samples& samples, const ClosingOptions& options, bool b
     }
     for (const Int3& c : forced_cells(map)) seeds.push_back(c);
     out.grown = grow_closing(kOrigin, signs, {}, seeds, source(closing, options), data, options,
-                             settled_around(map, brick));
+                             fixed_around(map, brick));
     out.forced = add_flow_values(flow_values(map, brick), out.grown.cells);
   }
   add_closing(out.field, out.grown.cells, closing, options);

@@ -167,8 +167,8 @@ TEST_CASE("sign flow: forced nodes go to the closing cells with values of their 
     }
   CHECK(seen == forced);
   CHECK(forced_cells(f.signs).size() > 8 * forced);
-  const std::vector<SettledSigns> settled = settled_around(f.signs, brick);
-  CHECK(settled.size() > values.size());
+  const std::vector<FixedSigns> fixed = fixed_around(f.signs, brick);
+  CHECK(fixed.size() > values.size());
 }
 
 }  // namespace sign_flow_test

@@ -22,7 +22,7 @@ using namespace tessera::test;
 double certified(const MeshBlock& a, const MeshBlock& b, double tolerance) {
   CertificateOptions options;
   options.tolerance = tolerance;
-  options.reach = 100.0 * tolerance;
+  options.max_distance = 100.0 * tolerance;
   options.area_unit = 1e-6;
   return certify_deviation({a.position, a.faces}, nullptr, ClosestFaces(b.position, b.faces, b.position[0]),
                            options)
@@ -86,13 +86,14 @@ TEST_CASE("decimate: ragged borders do not creep, ears of ears count", "[propert
 
 TEST_CASE("decimate: held vertices keep their faces", "[unit]") {
   const MeshBlock reference = grid_block(20, 20, [](double, double) { return 0.0; });
-  std::vector<std::uint64_t> held;
+  std::vector<std::uint64_t> pinned;
   for (std::size_t v = 0; v < reference.key.size(); ++v)
-    if (reference.position[v][0] >= 5.0 && reference.position[v][0] <= 8.0) held.push_back(reference.key[v]);
+    if (reference.position[v][0] >= 5.0 && reference.position[v][0] <= 8.0)
+      pinned.push_back(reference.key[v]);
   DecimateOptions options;
   options.tolerance = 0.1;
   MeshBlock block = reference;
-  decimate(block, block, options, held);
+  decimate(block, block, options, pinned);
   CHECK(block.faces.size() < reference.faces.size() / 3);
   std::size_t kept = 0;
   for (const auto& f : block.faces) {

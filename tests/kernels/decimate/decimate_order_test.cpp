@@ -61,7 +61,7 @@ MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
   for (const std::uint32_t f : random_order(b.faces.size(), 2)) {
     const std::size_t turn = random_bits(seed, 3, f) % 3;
     std::array<std::uint32_t, 3> t;
-    unsigned flags = b.face_flags[f] & unsigned{kFaceSynthetic | kFaceSettled};
+    unsigned flags = b.face_flags[f] & unsigned{kFaceSynthetic | kFaceDone};
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t from = (i + turn) % 3;
       t[i] = place[b.faces[f][from]];

@@ -104,7 +104,7 @@ double sampled_distance(const MeshBlock& a, const MeshBlock& b) {
 void require_flags(const MeshBlock& b) {
   const MeshBlock again = make_block(b.position, b.faces);
   std::vector<std::uint8_t> flags = b.face_flags;
-  for (std::uint8_t& f : flags) f = static_cast<std::uint8_t>(f & ~unsigned{kFaceSettled});
+  for (std::uint8_t& f : flags) f = static_cast<std::uint8_t>(f & ~unsigned{kFaceDone});
   CHECK(again.face_flags == flags);
 }
 
@@ -314,7 +314,7 @@ TEST_CASE("decimate: every priority and placement keeps the bound and the topolo
   const MeshBlock original = bumpy_sphere(4, 0.1);
   for (const auto priority :
        {DecimatePriority::kQuadric, DecimatePriority::kProbabilistic, DecimatePriority::kSampleDistance,
-        DecimatePriority::kNormalDeviation, DecimatePriority::kRoundness, DecimatePriority::kEdgeLength})
+        DecimatePriority::kNormalDeviation, DecimatePriority::kMeanRatio, DecimatePriority::kEdgeLength})
     for (const auto placement : {DecimatePlacement::kEndpoint, DecimatePlacement::kOptimal}) {
       DecimateOptions o = within(0.02);
       o.priority = priority;
@@ -519,33 +519,33 @@ TEST_CASE("decimate: memory stays below what was promised", "[memory]") {
 
 TEST_CASE("decimate: what a pass has settled stays, another begins at what was locked", "[unit]") {
   const MeshBlock original = bumpy_sphere(4, 0.1);
-  MeshBlock settled = original;
-  const DecimateReport first = decimate(settled, original, within(0.02));
+  MeshBlock done = original;
+  const DecimateReport first = decimate(done, original, within(0.02));
   REQUIRE(first.collapses > 100);
-  for (const std::uint8_t f : settled.face_flags) CHECK((f & kFaceSettled) != 0);
-  MeshBlock again = settled;
+  for (const std::uint8_t f : done.face_flags) CHECK((f & kFaceDone) != 0);
+  MeshBlock again = done;
   CHECK(decimate(again, original, within(0.02)).candidates == 0);
-  CHECK(again.faces == settled.faces);
+  CHECK(again.faces == done.faces);
   // Its own reference: a first pass, with a tolerance of its own.
-  CHECK(decimate(again, again, within(0.2)).faces_out < settled.faces.size() / 2);
+  CHECK(decimate(again, again, within(0.2)).faces_out < done.faces.size() / 2);
 
   // Held vertices leave something to do, there alone.
   MeshBlock part = original;
-  const std::vector<std::uint64_t> held(original.key.begin(), original.key.begin() + 40);
-  const DecimateReport with_held = decimate(part, original, within(0.02), held);
+  const std::vector<std::uint64_t> pinned(original.key.begin(), original.key.begin() + 40);
+  const DecimateReport with_pinned = decimate(part, original, within(0.02), pinned);
   std::size_t open = 0;
   for (std::size_t f = 0; f < part.faces.size(); ++f) {
-    bool at_held = false;
+    bool at_pinned = false;
     for (const std::uint32_t v : part.faces[f])
-      at_held = at_held || std::binary_search(held.begin(), held.end(), part.key[v]);
-    CHECK(((part.face_flags[f] & kFaceSettled) == 0) == at_held);
-    open += at_held;
+      at_pinned = at_pinned || std::binary_search(pinned.begin(), pinned.end(), part.key[v]);
+    CHECK(((part.face_flags[f] & kFaceDone) == 0) == at_pinned);
+    open += at_pinned;
   }
   REQUIRE(open > 0);
   const DecimateReport rest = decimate(part, original, within(0.02));
   CHECK(rest.collapses > 0);
-  CHECK(rest.candidates < with_held.candidates / 2);
-  for (const std::uint8_t f : part.face_flags) CHECK((f & kFaceSettled) != 0);
+  CHECK(rest.candidates < with_pinned.candidates / 2);
+  for (const std::uint8_t f : part.face_flags) CHECK((f & kFaceDone) != 0);
 }
 
 }  // namespace decimate_test

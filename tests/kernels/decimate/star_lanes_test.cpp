@@ -59,14 +59,14 @@ TEST_CASE("star lanes: distances and folds are those of fan_gap()", "[property]"
     StarLanes lanes(0.1, 0.0);
     REQUIRE(lanes.load(s.mesh, s.centre, s.star));
     for (std::size_t at = 0; at < size; ++at) {
-      double gap = 0.0, exact = 0.0;
-      const StarLanes::Answer answer = lanes.judge(at, gap);
+      double deviation = 0.0, exact = 0.0;
+      const StarLanes::Answer answer = lanes.judge(at, deviation);
       const bool graph =
-          fan_gap(s.rim(at), s.mesh.at(s.centre) - s.mesh.at(s.star.ring[at]), kNoFlatEdge, exact);
+          fan_deviation(s.rim(at), s.mesh.at(s.centre) - s.mesh.at(s.star.ring[at]), kNoFlatEdge, exact);
       if (answer == StarLanes::Answer::kGood) {
         REQUIRE(graph);
-        CHECK(gap >= exact);
-        CHECK(gap < exact * 1.01 + 1e-4);
+        CHECK(deviation >= exact);
+        CHECK(deviation < exact * 1.01 + 1e-4);
         ++good;
       }
       refused += answer == StarLanes::Answer::kRefused;
@@ -117,8 +117,8 @@ TEST_CASE("star lanes: what is flat is left to doubles", "[unit]") {
   const OneStar s(fan(6, 0.0, 3));
   StarLanes lanes(0.1, 0.0);
   REQUIRE(lanes.load(s.mesh, s.centre, s.star));
-  double gap = 0.0;
-  for (std::size_t at = 0; at < 6; ++at) CHECK(lanes.judge(at, gap) != StarLanes::Answer::kGood);
+  double deviation = 0.0;
+  for (std::size_t at = 0; at < 6; ++at) CHECK(lanes.judge(at, deviation) != StarLanes::Answer::kGood);
 }
 
 }  // namespace tessera::star_lanes_test

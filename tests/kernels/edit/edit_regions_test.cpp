@@ -29,7 +29,7 @@ TEST_CASE("edit regions: later ones take from earlier ones, the rest is fixed", 
   EditRegion support = region(RegionRole::kSupport, RegionShape::kBox);
   support.low = {2, 2, -1}, support.high = {18, 18, 1};
   EditRegion knob = region(RegionRole::kHandle, RegionShape::kSphere, "knob");
-  knob.point = {10, 10, 0}, knob.reach = 3.0, knob.smoothness = 0.0;
+  knob.point = {10, 10, 0}, knob.radius = 3.0, knob.smoothness = 0.0;
   EditRegion side = region(RegionRole::kHandle, RegionShape::kHalfSpace, "side");
   side.point = {1, 0, 0}, side.normal = {2, 0, 0}, side.smoothness = 5.0;
   EditRegion dot = region(RegionRole::kHandle, RegionShape::kPoints, "knob");
@@ -48,7 +48,7 @@ TEST_CASE("edit regions: later ones take from earlier ones, the rest is fixed", 
     if (want == 1) CHECK(out.smoothness[v] == 2.0);
   }
   EditRegion far = region(RegionRole::kHandle, RegionShape::kSphere, "far");
-  far.point = {100, 0, 0}, far.reach = 1.0;
+  far.point = {100, 0, 0}, far.radius = 1.0;
   CHECK_THROWS_WITH(
       resolve_regions(std::vector<EditRegion>{support, far}, EditSurface{s.position, s.faces}, 2),
       Catch::Contains("region 2 ('far') takes no vertex"));

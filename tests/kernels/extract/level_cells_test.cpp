@@ -33,8 +33,8 @@ std::uint64_t mixed(std::uint64_t x) {
 /// A field of every level that is random at every node, or that of a shape: the same wherever one asks for it.
 struct World {
   std::uint64_t seed = 1;
-  Int3 middle = {0, 0, 0};  ///< finest nodes; the field is there within `reach` of it
-  int reach = 0;
+  Int3 middle = {0, 0, 0};  ///< finest nodes; the field is there within `extent` of it
+  int extent = 0;
   unsigned holes = 0;   ///< one node in so many has no value; 0 = none
   unsigned moving = 0;  ///< one root in so many lies beyond the border; 0 = none
   double radius = 0.0;  ///< of a sphere about the middle, finest cells; 0 = noise
@@ -56,7 +56,7 @@ struct World {
   }
   bool valid(int level, const Int3& n) const {
     for (std::size_t a = 0; a < 3; ++a)
-      if (std::abs(n[a] * (1 << level) - middle[a]) > reach) return false;
+      if (std::abs(n[a] * (1 << level) - middle[a]) > extent) return false;
     return holes == 0 || hash(level, n, 1) % holes != 0;
   }
   float value(int level, const Int3& n) const {
@@ -126,7 +126,7 @@ struct World {
  private:
   bool within(const Int3& leaf, int level) const {
     for (std::size_t a = 0; a < 3; ++a)
-      if ((leaf[a] + 8) * (1 << level) < middle[a] - reach || leaf[a] * (1 << level) > middle[a] + reach)
+      if ((leaf[a] + 8) * (1 << level) < middle[a] - extent || leaf[a] * (1 << level) > middle[a] + extent)
         return false;
     return true;
   }
@@ -234,8 +234,8 @@ Result mesh_of(const World& world, const LevelTree& tree, const ExtractOptions& 
                ExtractReport& report) {
   Int3 low, high;
   for (std::size_t a = 0; a < 3; ++a) {
-    low[a] = (world.middle[a] - world.reach - 12) >> kBrickBits;
-    high[a] = (world.middle[a] + world.reach + 12) >> kBrickBits;
+    low[a] = (world.middle[a] - world.extent - 12) >> kBrickBits;
+    high[a] = (world.middle[a] + world.extent + 12) >> kBrickBits;
   }
   std::set<std::pair<int, Int3>> leaves;
   for (int z = low[2]; z <= high[2]; ++z)
@@ -336,7 +336,7 @@ TEST_CASE("levels: pure noise on random levels is a manifold that ends where cel
     World world;
     world.seed = random.bits();
     world.middle = site.middle;
-    world.reach = 22;
+    world.extent = 22;
     world.holes = holes;
     world.moving = moving;
     const Result r = mesh_of(world, site.tree, named(method), report);
@@ -363,7 +363,7 @@ TEST_CASE("levels: a sphere across three levels is closed, and as round as its c
     const Site site = random_site(random);
     World world;
     world.middle = site.middle;
-    world.reach = 60;
+    world.extent = 60;
     world.radius = 41.0;
     const Result r = mesh_of(world, site.tree, named(ExtractMethod::kExtendedMarchingCubes), report);
     CAPTURE(trial, r.bricks, r.levels);

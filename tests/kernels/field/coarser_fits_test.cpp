@@ -48,7 +48,7 @@ CoarserFits coarser_of(const test::Samples& samples, const Int3& origin) {
           bool within = true;
           for (std::size_t a = 0; a < 3; ++a)
             within = within && at[a] >= -1 && at[a] <= out.places.cells()[a] + 1;
-          if (within && out.places.depth(at) >= -kRimReach)
+          if (within && out.places.depth(at) >= -kRimMargin)
             words[static_cast<std::size_t>(n >> 6)] |= std::uint64_t{1} << (n & 63);
         }
         return words;

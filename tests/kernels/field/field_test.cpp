@@ -28,7 +28,8 @@ DirectedField field_of(const test::Samples& samples, const FieldOptions& options
 }
 
 /// Points without normal, evenly within a ball.
-void add_strewn(const Double3& centre, double radius, int count, test::Random& random, test::Samples& out) {
+void add_volumetric(const Double3& centre, double radius, int count, test::Random& random,
+                    test::Samples& out) {
   while (count > 0) {
     Double3 d;
     for (double& c : d) c = random.in(-radius, radius);
@@ -186,7 +187,7 @@ TEST_CASE("field: the same bits from every block that holds a node", "[property]
   for (auto& s : samples)  // normals that contradict each other: rough nodes look farther
     for (double& n : s.n) n += (s.p[1] < 120 ? 0.5 : 0.0) * random.gaussian();
   for (auto& s : samples) s.rgba = 0xff000000u | static_cast<std::uint32_t>(random.unit() * 0xffffff);
-  add_strewn({120, 150, 128}, 14, 4000, random, samples);
+  add_volumetric({120, 150, 128}, 14, 4000, random, samples);
   FieldOptions options;
   options.radius_cells = GENERATE(3.0, 2.337);
   const bool colour = GENERATE(false, true);
@@ -400,7 +401,7 @@ TEST_CASE("field: strewn points get a closed body around them, which joins the g
   constexpr double kRadius = 13.0;
   test::Samples crown;
   // From a point in every third cell to three in each.
-  add_strewn(centre, kRadius, GENERATE(3000, 27000), random, crown);
+  add_volumetric(centre, kRadius, GENERATE(3000, 27000), random, crown);
   SECTION("in the air") {
     const test::IndexedMesh mesh = mesh_of(crown);
     const test::MeshChecks checks = test::check_mesh(mesh);

@@ -36,17 +36,17 @@ struct Counts {
 };
 
 Counts count_edges(const ZipPieces& z, const Zipped& zipped, double x_low, double x_high) {
-  std::map<std::pair<std::uint32_t, std::uint32_t>, int> way;
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> half_edges;
   const auto add = [&](const std::array<std::uint32_t, 3>& f) {
-    for (std::size_t k = 0; k < 3; ++k) ++way[{f[k], f[(k + 1) % 3]}];
+    for (std::size_t k = 0; k < 3; ++k) ++half_edges[{f[k], f[(k + 1) % 3]}];
   };
   for (std::size_t f = 0; f < z.faces.size(); ++f)
     if (!zipped.removed[f]) add(z.faces[f]);
   for (const auto& f : zipped.added) add(f);
   Counts c;
-  for (const auto& [edge, n] : way) {
+  for (const auto& [edge, n] : half_edges) {
     if (n > 1) ++c.bad;
-    if (way.count({edge.second, edge.first})) continue;
+    if (half_edges.count({edge.second, edge.first})) continue;
     const Double3 &a = z.position[edge.first], &b = z.position[edge.second];
     const double x = 0.5 * (a[0] + b[0]), y = 0.5 * (a[1] + b[1]);
     if (x > x_low && x < x_high && y > 0.2 && y < 11.8) ++c.border;

@@ -123,7 +123,7 @@ TEST_CASE("mesh repair: where the whole mesh is here, every vertex has one fan o
       }
     for (const auto& [edge, faces] : edges) CHECK(faces.size() <= 2);
     for (const auto& [vertex, faces] : around) {
-      std::set<std::size_t> reached = {faces.front()};
+      std::set<std::size_t> visited = {faces.front()};
       std::vector<std::size_t> open = {faces.front()};
       while (!open.empty()) {
         const std::size_t f = open.back();
@@ -132,10 +132,10 @@ TEST_CASE("mesh repair: where the whole mesh is here, every vertex has one fan o
           const Corner a = corner(f, c), b = corner(f, c + 1);
           if (a != vertex && b != vertex) continue;
           for (const std::size_t g : edges[std::minmax(a, b)])
-            if (reached.insert(g).second) open.push_back(g);
+            if (visited.insert(g).second) open.push_back(g);
         }
       }
-      CHECK(reached.size() == faces.size());
+      CHECK(visited.size() == faces.size());
     }
   }
   CHECK(split > 1000);  // else nothing was tried

@@ -35,15 +35,15 @@ struct Grid {
   explicit Grid(const std::function<double(int line, std::int64_t cell, const Double3& ray)>& range) {
     for (int l = 0; l < static_cast<int>(kGridLines); ++l)
       for (std::int64_t c = 30; c-- > -11;) {  // downwards, as some scanners do
-        const Double3 r = ray(l - kGridReach, c);
-        const double d = range(l - kGridReach, c, r);
+        const Double3 r = ray(l - kGridRadius, c);
+        const double d = range(l - kGridRadius, c, r);
         if (d > 0.0) lines[static_cast<std::size_t>(l)].put(c, {d * r[0], d * r[1], d * r[2]});
       }
   }
   Float3 normal(std::int64_t cell, bool half = false) const {
     std::array<const GridLine*, kGridLines> window{};
     for (std::size_t l = 0; l < kGridLines; ++l)
-      if (!half || l >= kGridReach) window[l] = &lines[l];
+      if (!half || l >= kGridRadius) window[l] = &lines[l];
     return grid_normal(window, cell);
   }
 };

@@ -22,9 +22,9 @@ struct Cloud {
   }
 };
 
-std::size_t count(const std::vector<std::uint8_t>& strewn, std::size_t first, std::size_t end) {
+std::size_t count(const std::vector<std::uint8_t>& volumetric, std::size_t first, std::size_t end) {
   std::size_t n = 0;
-  for (std::size_t i = first; i < end; ++i) n += strewn[i];
+  for (std::size_t i = first; i < end; ++i) n += volumetric[i];
   return n;
 }
 
@@ -40,11 +40,11 @@ TEST_CASE("scatter: leaves go, a floor and its rough edge stay", "[unit]") {
   for (float z = 40.5f; z < 56.0f; z += 2.0f)
     for (float y = 10.5f; y < 30.0f; y += 2.0f)
       for (float x = 10.5f; x < 30.0f; x += 2.0f) c.add({x, y, z}, 0.2f);
-  const std::vector<std::uint8_t> strewn = find_scatter({c.position, c.roughness, c.flags});
-  CHECK(count(strewn, 0, edge) == 0);
-  CHECK(count(strewn, edge, crown) == 0);
-  CHECK(count(strewn, crown, c.position.size()) == c.position.size() - crown);
-  CHECK(find_scatter({c.position, c.roughness, {}}) == strewn);
+  const std::vector<std::uint8_t> volumetric = find_volumetric({c.position, c.roughness, c.flags});
+  CHECK(count(volumetric, 0, edge) == 0);
+  CHECK(count(volumetric, edge, crown) == 0);
+  CHECK(count(volumetric, crown, c.position.size()) == c.position.size() - crown);
+  CHECK(find_volumetric({c.position, c.roughness, {}}) == volumetric);
 }
 
 TEST_CASE("scatter: ground is never strewn, an echo goes sooner than a last return", "[unit]") {
@@ -54,10 +54,10 @@ TEST_CASE("scatter: ground is never strewn, an echo goes sooner than a last retu
   for (float x = 8.5f; x < 56.0f; x += 1.0f) c.add({x, 40.5f, 40.5f}, 0.05f, kPointNotLast);
   const std::size_t last = c.position.size();
   for (float x = 8.5f; x < 56.0f; x += 1.0f) c.add({x, 8.5f, 40.5f}, 0.05f);
-  const std::vector<std::uint8_t> strewn = find_scatter({c.position, c.roughness, c.flags});
-  CHECK(count(strewn, 0, echoes) == 0);
-  CHECK(count(strewn, echoes, last) == last - echoes);
-  CHECK(count(strewn, last, c.position.size()) == 0);
+  const std::vector<std::uint8_t> volumetric = find_volumetric({c.position, c.roughness, c.flags});
+  CHECK(count(volumetric, 0, echoes) == 0);
+  CHECK(count(volumetric, echoes, last) == last - echoes);
+  CHECK(count(volumetric, last, c.position.size()) == 0);
 }
 
 TEST_CASE("scatter: what grows on the ground does not tilt its planes", "[unit]") {

@@ -36,10 +36,10 @@ RemeshOptions options_for(double edge) {
 }
 
 MeshBlock remeshed(MeshBlock block, const RemeshOptions& options, RemeshReport* report = nullptr,
-                   const std::vector<std::uint64_t>& held = {}) {
+                   const std::vector<std::uint64_t>& pinned = {}) {
   canonicalise(block);
   const MeshBlock reference = block;
-  const RemeshReport r = remesh(block, reference, options, held);
+  const RemeshReport r = remesh(block, reference, options, pinned);
   if (report) *report = r;
   return block;
 }
@@ -92,7 +92,7 @@ MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
 
 double certified(const MeshBlock& a, const MeshBlock& b, double scale) {
   const ClosestFaces there(b.position, b.faces, {}), back(a.position, a.faces, {});
-  const CertificateOptions options{.tolerance = scale, .reach = 4.0 * scale, .area_unit = 0x1p-40};
+  const CertificateOptions options{.tolerance = scale, .max_distance = 4.0 * scale, .area_unit = 0x1p-40};
   return std::max(certify_deviation({a.position, a.faces}, nullptr, there, options).upper,
                   certify_deviation({b.position, b.faces}, nullptr, back, options).upper);
 }
@@ -308,16 +308,16 @@ TEST_CASE("remesh: faces at held vertices stay as they are", "[unit]") {
   MeshBlock sphere = sphere_block(5);
   add_noise(sphere, 0.003, 9);
   canonicalise(sphere);
-  std::vector<std::uint64_t> held;
+  std::vector<std::uint64_t> pinned;
   for (std::size_t v = 0; v < sphere.key.size(); ++v)
-    if (sphere.position[v][2] > 0.6) held.push_back(sphere.key[v]);
-  const MeshBlock out = remeshed(sphere, options_for(0.05), nullptr, held);
+    if (sphere.position[v][2] > 0.6) pinned.push_back(sphere.key[v]);
+  const MeshBlock out = remeshed(sphere, options_for(0.05), nullptr, pinned);
   std::map<std::array<std::uint64_t, 3>, int> faces;
   for (const auto& f : out.faces) ++faces[{out.key[f[0]], out.key[f[1]], out.key[f[2]]}];
   std::size_t found = 0, expected = 0;
   for (const auto& f : sphere.faces) {
     bool any = false;
-    for (const std::uint32_t v : f) any |= std::binary_search(held.begin(), held.end(), sphere.key[v]);
+    for (const std::uint32_t v : f) any |= std::binary_search(pinned.begin(), pinned.end(), sphere.key[v]);
     if (!any) continue;
     ++expected;
     found += faces.count({sphere.key[f[0]], sphere.key[f[1]], sphere.key[f[2]]});

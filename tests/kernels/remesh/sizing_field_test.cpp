@@ -40,8 +40,8 @@ TEST_CASE("sizing field: lengths grow slowly away from what bends, and are the l
   for (const auto& f : fold.faces)
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t a = f[k], b = f[(k + 1) % 3];
-      const double way = norm(fold.position[a] - fold.position[b]);
-      REQUIRE(std::fabs(static_cast<double>(length[a] - length[b])) <= kSizingGrowth * way + 1e-5);
+      const double distance = norm(fold.position[a] - fold.position[b]);
+      REQUIRE(std::fabs(static_cast<double>(length[a] - length[b])) <= kSizingGrowth * distance + 1e-5);
     }
   for (std::size_t v = 0; v < length.size(); ++v) {
     if (fold.position[v][0] > 95.0) CHECK(length[v] == 15.0f);

@@ -39,8 +39,8 @@ std::unique_ptr<Scene> cube_mesh() {
                           {1, 3, 5},
                           {3, 7, 5}});
 }
-Double3 somewhere(Random& random, double reach) {
-  return {random.in(-reach, reach), random.in(-reach, reach), random.in(-reach, reach)};
+Double3 somewhere(Random& random, double extent) {
+  return {random.in(-extent, extent), random.in(-extent, extent), random.in(-extent, extent)};
 }
 
 }  // namespace
@@ -81,9 +81,9 @@ TEST_CASE("mesh scene: no ray slips through an edge or a vertex, and crossings c
     for (std::size_t k = 0; k < 3; ++k) {
       const Double3 a = corner(f[k]), b = corner(f[(k + 1) % 3]);
       for (const double t : {0.0, 0.3, 0.5}) {
-        const Double3 way = unit(a + (b - a) * t);
-        CHECK(scene->intersect({centre, way}, 2.0, hit));
-        CHECK(scene->intersect({centre + way * 3.0, -way}, 2.2, hit));
+        const Double3 direction = unit(a + (b - a) * t);
+        CHECK(scene->intersect({centre, direction}, 2.0, hit));
+        CHECK(scene->intersect({centre + direction * 3.0, -direction}, 2.2, hit));
       }
     }
   CHECK_FALSE(scene->intersect({centre, {0, 0, 1}}, 0.5, hit));

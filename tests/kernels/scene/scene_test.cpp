@@ -215,13 +215,13 @@ TEST_CASE("rays hit the surface where nothing is before it", "[property]") {
     for (std::size_t i = 0; i < targets.points.size(); ++i) {
       // From far outside towards a point of the surface: something must be hit, not behind that point.
       const Double3 from = targets.points[i] + unit(targets.normals[i] + Double3{0.1, 0.2, 0.3}) * size;
-      const Double3 way = targets.points[i] - from;
-      const Ray ray{from, tessera::unit(way)};
+      const Double3 delta = targets.points[i] - from;
+      const Ray ray{from, tessera::unit(delta)};
       RayHit hit;
       const bool found = scene->intersect(ray, 2.0 * size, hit);
       if (!found) continue;  // grazes a border or a crease
       ++hits;
-      CHECK(hit.range <= norm(way) + 1e-6 * size);
+      CHECK(hit.range <= norm(delta) + 1e-6 * size);
       CHECK(norm(scene->closest(hit.point.position).position - hit.point.position) < 1e-9 * size);
       CHECK(norm(ray.origin + ray.direction * hit.range - hit.point.position) < 1e-8 * size);
     }
@@ -321,8 +321,9 @@ TEST_CASE("sensors: noise-free returns lie on the surface, in sight, near the nu
           REQUIRE(dot(n, {batch.dx[i], batch.dy[i], batch.dz[i]}) < 0.0);
           if (kind != SensorKind::kAirborne && i % 16 == 0) {
             RayHit before;
-            const Double3 way = p - scan.origin;
-            CHECK_FALSE(scene->intersect({scan.origin, tessera::unit(way)}, norm(way) - 1e-3 * size, before));
+            const Double3 delta = p - scan.origin;
+            CHECK_FALSE(
+                scene->intersect({scan.origin, tessera::unit(delta)}, norm(delta) - 1e-3 * size, before));
           }
           ++count;
         }

@@ -95,7 +95,7 @@ TEST_CASE("border fairing: what is far away along the border decides nothing", "
   const double minimum = 50.0, maximum = 60.0;
   for (const auto& f : whole.faces) {
     const auto near = [&](std::uint32_t v) {
-      return whole.position[v][0] >= minimum - kBorderReach && whole.position[v][0] <= maximum + kBorderReach;
+      return whole.position[v][0] >= minimum - kBorderHalo && whole.position[v][0] <= maximum + kBorderHalo;
     };
     if (!near(f[0]) && !near(f[1]) && !near(f[2])) continue;
     auto& face = cut.faces.emplace_back();

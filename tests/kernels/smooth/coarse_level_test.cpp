@@ -268,7 +268,7 @@ TEST_CASE("coarse level: sums have the same bits in every block that holds the s
       different += l[k].row != loads[k].row || l[k].moved != loads[k].moved || l[k].bend != loads[k].bend;
     CHECK(different == 0);
   };
-  in_piece(coarse_reach(options) + 4 * 0.06);
+  in_piece(coarse_halo(options) + 4 * 0.06);
   CHECK_THROWS_AS(in_piece(0.3 * options.cell), std::logic_error);
 }
 

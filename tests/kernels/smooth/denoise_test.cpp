@@ -72,7 +72,7 @@ MeshBlock roof(int size, double degrees) {
   return test::grid_block(size, size, [&](double x, double) { return -slope * std::abs(x - size / 2); });
 }
 
-WindowSamples scatter(int count, double noise, unsigned seed, double (*height)(double, double)) {
+WindowSamples random_samples(int count, double noise, unsigned seed, double (*height)(double, double)) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> place(-1.0, 1.0);
   std::normal_distribution<double> normal(0.0, 1.0);
@@ -91,13 +91,13 @@ double quadric(double s, double t) {
 }  // namespace
 
 TEST_CASE("window fit: a quadric is found exactly, a plane where it is one", "[unit]") {
-  const WindowSamples samples = scatter(101, 0.0, 1, quadric);
+  const WindowSamples samples = random_samples(101, 0.0, 1, quadric);
   const auto fit = fit_window(samples, 0.9, 6);
   REQUIRE(fit);
   const std::array<double, 6> expected = {0.3, -0.2, 0.5, 0.7, -0.4, 0.1};
   for (std::size_t i = 0; i < 6; ++i) CHECK(fit->c[i] == Approx(expected[i]).margin(1e-12));
   CHECK(fit->residual_square < 1e-12);
-  const WindowSamples flat = scatter(50, 0.0, 2, [](double s, double t) { return 2.0 + s - t; });
+  const WindowSamples flat = random_samples(50, 0.0, 2, [](double s, double t) { return 2.0 + s - t; });
   const auto plane = fit_window(flat, 2.0, 3);
   REQUIRE(plane);
   CHECK(plane->c[0] == Approx(2.0));
@@ -107,8 +107,8 @@ TEST_CASE("window fit: a quadric is found exactly, a plane where it is one", "[u
 }
 
 TEST_CASE("window fit: too few samples, or samples on a line, make no fit", "[unit]") {
-  CHECK_FALSE(fit_window(scatter(7, 0.0, 3, quadric), 5.0, 6));
-  CHECK(fit_window(scatter(7, 0.0, 3, quadric), 5.0, 3));
+  CHECK_FALSE(fit_window(random_samples(7, 0.0, 3, quadric), 5.0, 6));
+  CHECK(fit_window(random_samples(7, 0.0, 3, quadric), 5.0, 3));
   WindowSamples line;
   for (int i = -20; i <= 20; ++i) line.add(0.01 * i, 0.02 * i, 0.0, 1.0);
   CHECK_FALSE(fit_window(line, 5.0, 6));
@@ -121,7 +121,7 @@ TEST_CASE("window fit: its variance is that of repeated fits, its residual the n
   double squares = 0.0, expected = 0.0, residual = 0.0;
   std::vector<double> between;
   for (int i = 0; i < repeats; ++i) {
-    const WindowSamples samples = scatter(150, noise, 100 + static_cast<unsigned>(i), quadric);
+    const WindowSamples samples = random_samples(150, noise, 100 + static_cast<unsigned>(i), quadric);
     const auto fit = fit_window(samples, 1.0, 6);
     REQUIRE(fit);
     squares += (fit->c[0] - 0.3) * (fit->c[0] - 0.3);
@@ -138,7 +138,7 @@ TEST_CASE("window fit: its variance is that of repeated fits, its residual the n
 TEST_CASE("window choice: wide on a smooth surface, narrow before a step", "[unit]") {
   const double noise = 0.02;
   const auto chosen = [&](double (*height)(double, double)) {
-    const WindowSamples samples = scatter(2000, noise, 7, height);
+    const WindowSamples samples = random_samples(2000, noise, 7, height);
     WindowChoice choice(noise);
     int windows = 0;
     for (double radius = 0.15; radius < 1.0 && choice.offer(samples, radius); radius *= 1.35) ++windows;

@@ -298,7 +298,7 @@ TEST_CASE("smooth: nothing moves farther than the tolerance", "[property]") {
     Double3 from = block.position[v];
     if (floats)
       for (double& x : from) x = static_cast<double>(static_cast<float>(x));
-    const Double3 p = settle(from, out.position[v], tolerance, floats);
+    const Double3 p = limit_move(from, out.position[v], tolerance, floats);
     const double x = p[0] - from[0], y = p[1] - from[1], z = p[2] - from[2];
     CHECK(std::sqrt(x * x + y * y + z * z) <= tolerance);
     clamped += distance(p, out.position[v]) > 1e-6;
@@ -306,8 +306,8 @@ TEST_CASE("smooth: nothing moves farther than the tolerance", "[property]") {
   }
   CHECK(clamped > 10);
   const Double3 near = {1, 1, 1.0000001};
-  CHECK(settle({1, 1, 1}, near, 1e-3, false) == near);
-  CHECK(settle({1, 1, 1}, near, 0.0, false) == near);
+  CHECK(limit_move({1, 1, 1}, near, 1e-3, false) == near);
+  CHECK(limit_move({1, 1, 1}, near, 0.0, false) == near);
 }
 
 TEST_CASE("smooth: borders are smoothed along themselves, their corners stay", "[unit]") {

@@ -35,12 +35,12 @@ TEST_CASE("blended shape: two planes at any angle get a cylinder of the radius, 
     const double g = dot(floor, wall);
     const Double3 centre = (floor + wall) * (radius / (1.0 + g));
     for (int step = 0; step <= 20; ++step) {
-      const Double3 way = unit(floor * (step / 20.0) + wall * (1.0 - step / 20.0));
-      const Double3 p = centre - way * radius + Double3{0, 3.0 * step, 0};
+      const Double3 direction = unit(floor * (step / 20.0) + wall * (1.0 - step / 20.0));
+      const Double3 p = centre - direction * radius + Double3{0, 3.0 * step, 0};
       CHECK(blend->distance(p) == Approx(0.0).margin(1e-10));
-      CHECK(blend->distance(p + way * 0.3) == Approx(0.3).margin(1e-10));
-      CHECK(blend->distance(p - way * 0.1) == Approx(-0.1).margin(1e-10));
-      if (step > 0 && step < 20) CHECK(norm(unit(blend->direction(p)) - way) < 1e-9);
+      CHECK(blend->distance(p + direction * 0.3) == Approx(0.3).margin(1e-10));
+      CHECK(blend->distance(p - direction * 0.1) == Approx(-0.1).margin(1e-10));
+      if (step > 0 && step < 20) CHECK(norm(unit(blend->direction(p)) - direction) < 1e-9);
     }
     CHECK(blend->distance(floor * 0.01 + (wall - floor * g) * 10.0) == Approx(0.01).margin(1e-10));
   }
@@ -69,8 +69,8 @@ TEST_CASE("blended shape: curved surfaces get what a ball leaves that rolls alon
       // From the contact with one ball to that with the other.
       const Double3 centre = {x, ring * about.cos, ring * about.sin};
       const Double3 first = unit(Double3{0, 0, 0} - centre), last = unit(Double3{4, 0, 0} - centre);
-      const Double3 way = unit(first * (1.0 - step / 10.0) + last * (step / 10.0));
-      CHECK(balls->distance(centre + way * 0.5) == Approx(0.0).margin(1e-10));
+      const Double3 direction = unit(first * (1.0 - step / 10.0) + last * (step / 10.0));
+      CHECK(balls->distance(centre + direction * 0.5) == Approx(0.0).margin(1e-10));
     }
   }
 }
@@ -100,15 +100,15 @@ TEST_CASE("blended shape: values never pass the distance, sharp joints stay what
                           : join == SolidTree::Join::kIntersect ? in_box < 0 && in_rod < 0
                                                                 : in_box < 0 && !(in_rod < 0);
       CHECK((sharp->value(p) < 0.0) == inside);
-      const bool held = round->value(p) < 0.0;
-      filled += held && !inside;
-      gone += !held && inside;
-      if (held)
+      const bool contained = round->value(p) < 0.0;
+      filled += contained && !inside;
+      gone += !contained && inside;
+      if (contained)
         for (std::size_t k = 0; k < 3; ++k) CHECK((p[k] >= low[k] && p[k] <= high[k]));
       // No surface is passed within the value.
       const double value = round->value(p);
       const Double3 q = p + unit(point()) * (0.999 * std::fabs(value));
-      CHECK((round->value(q) < 0.0) == held);
+      CHECK((round->value(q) < 0.0) == contained);
     }
     CHECK((join == SolidTree::Join::kUnite ? filled : gone) > 2);
     CHECK((join == SolidTree::Join::kUnite ? gone : filled) == 0);

@@ -12,8 +12,8 @@ using test::Random;
 
 namespace {
 
-Double3 somewhere(Random& random, double reach) {
-  return {random.in(-reach, reach), random.in(-reach, reach), random.in(-reach, reach)};
+Double3 somewhere(Random& random, double extent) {
+  return {random.in(-extent, extent), random.in(-extent, extent), random.in(-extent, extent)};
 }
 
 /// Turns, stands still and crosses itself.

@@ -49,13 +49,14 @@ TEST_CASE("compared before: cells far from every change are the same, byte by by
   const MeshStore reference = wavy_sheet(folder), now = raised(folder, reference, "now", 0.2);
   CompareOptions options;
   options.tolerance = kTolerance;
-  options.reach = 1.25 * kTolerance;
+  options.max_distance = 1.25 * kTolerance;
   options.cell_faces = kCellFaces;
   const MeshComparison begun = begin_comparison(now, reference, options);
-  const auto cells = make_compare_cells(now, reference, options.reach, kCellFaces);
+  const auto cells = make_compare_cells(now, reference, options.max_distance, kCellFaces);
   const MeshStore earlier = raised(folder, reference, "earlier", 0.1);
-  const ComparedBefore before(raised(folder, reference, "before", 0.1), reference, options.reach, kCellFaces);
-  const auto then = make_compare_cells(earlier, reference, options.reach, kCellFaces);
+  const ComparedBefore before(raised(folder, reference, "before", 0.1), reference, options.max_distance,
+                              kCellFaces);
+  const auto then = make_compare_cells(earlier, reference, options.max_distance, kCellFaces);
   REQUIRE(before.cells() == then.size());
   std::size_t same = 0;
   for (const CompareCell& cell : cells) {

@@ -233,10 +233,10 @@ TEST_CASE("check: random complexes agree with plain counting at every cap", "[pr
       points.push_back({static_cast<double>(random.below(1000)), static_cast<double>(random.below(1000)),
                         static_cast<double>(i)});
     }
-    const std::uint64_t reach = round % 3 == 0 ? n : 5;  // near in number, or anywhere
+    const std::uint64_t range = round % 3 == 0 ? n : 5;  // near in number, or anywhere
     for (std::uint64_t i = 0; i < n; ++i) {
       const std::uint64_t a = random.below(n);
-      faces.push_back({a, (a + random.below(reach)) % n, (a + random.below(reach)) % n});
+      faces.push_back({a, (a + random.below(range)) % n, (a + random.below(range)) % n});
     }
     const MemoryMesh mesh(points, faces);
     const Plain want = plain_counts(mesh);

@@ -116,9 +116,9 @@ TEST_CASE("output aside: one process at a time, and nothing planted is written t
   const Place p;
   const fs::path aside = output_aside(p.out);
   SECTION("a second writer is told") {
-    const int held = create_aside(p.out);
+    const int fd = create_aside(p.out);
     CHECK_THROWS_AS(create_aside(p.out), UsageError);
-    ::close(held);
+    ::close(fd);
     const int again = create_aside(p.out);  // a leftover
     CHECK(again >= 0);
     ::close(again);

@@ -53,7 +53,7 @@ struct Result {
   std::vector<std::string> told;
 };
 
-Result opened(const std::vector<std::filesystem::path>& paths, const SystemOptions& options,
+Result opened(const std::vector<std::filesystem::path>& paths, const CrsOptions& options,
               const ReadOptions& read = {}) {
   Result r;
   for (const auto& path : paths) r.files.push_back(open_point_file(path, read));
@@ -61,7 +61,7 @@ Result opened(const std::vector<std::filesystem::path>& paths, const SystemOptio
   return r;
 }
 
-std::string refusal(const std::vector<std::filesystem::path>& paths, const SystemOptions& options = {}) {
+std::string refusal(const std::vector<std::filesystem::path>& paths, const CrsOptions& options = {}) {
   try {
     opened(paths, options);
   } catch (const InputError& e) {
@@ -95,8 +95,8 @@ TEST_CASE("projected inputs: auto takes the UTM zone of the middle of all files"
   const auto path = folder.write("d.xyz", terrain(60, true));
   Result r = opened({path}, {.project = "auto"});
   REQUIRE(r.files.size() == 1);
-  CHECK(r.files[0]->info().system.horizontal == 32632);
-  CHECK(r.files[0]->info().system.wkt.rfind("PROJCS[", 0) == 0);
+  CHECK(r.files[0]->info().crs.horizontal == 32632);
+  CHECK(r.files[0]->info().crs.wkt.rfind("PROJCS[", 0) == 0);
   REQUIRE(r.told.size() == 1);
   CHECK_THAT(r.told[0], Catch::Contains("EPSG:32632"));
   PointChunk all;
@@ -116,11 +116,11 @@ TEST_CASE("projected inputs: auto takes the UTM zone of the middle of all files"
   const auto metres = folder.write("m.xyz", terrain(600, false));
   CHECK_THAT(refusal({metres}, {.project = "auto"}), Catch::Contains("--crs"));
   r = opened({metres}, {.crs = "EPSG:25832", .project = "auto"});
-  CHECK(r.files[0]->info().system.horizontal == 25832);
+  CHECK(r.files[0]->info().crs.horizontal == 25832);
   // Both beside each other; the order does not matter.
   r = opened({folder.write("u.xyz", "500000 5300000 1\n500001 5300000 1\n")},
              {.crs = "EPSG:25832", .project = "EPSG:4839"});
-  CHECK(r.files[0]->info().system.horizontal == 4839);
+  CHECK(r.files[0]->info().crs.horizontal == 4839);
   CHECK_THAT(refusal({folder.write("w.csv", "lon,lat,z\n-100,48,300\n100,48,300\n")}, {.project = "auto"}),
              Catch::Contains("too wide"));
 }
@@ -131,7 +131,7 @@ TEST_CASE("projected inputs: what a user names overrules the files, and is told"
   const auto path =
       folder.write("d.csv", "lon,lat,z\n500000,5300000,3\n500001,5300000,3\n500000,5300001,3\n");
   const Result r = opened({path}, {.crs = "EPSG:25832"});
-  CHECK(r.files[0]->info().system.horizontal == 25832);
+  CHECK(r.files[0]->info().crs.horizontal == 25832);
   REQUIRE(r.told.size() == 1);
   CHECK_THAT(r.told[0], Catch::Contains("overrules"));
   CHECK_THROWS_AS(opened({path}, {.crs = "nonsense"}), UsageError);

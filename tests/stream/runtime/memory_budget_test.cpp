@@ -22,7 +22,7 @@ constexpr std::uint64_t kMiB = 1u << 20;
 constexpr std::uint64_t kGiB = 1u << 30;
 
 /// A system with 16 GiB and nothing else.
-LimitSources plain_system(const TempFolder& root) {
+LimitSources plain_sources(const TempFolder& root) {
   spill(root / "proc/meminfo", "MemTotal:       16777216 kB\nMemFree: 1 kB\n");
   return {root.path(), [](const char*) -> const char* { return nullptr; }, false};
 }
@@ -59,7 +59,7 @@ TEST_CASE("sizes: printed with three digits", "[unit]") {
 
 TEST_CASE("cap: physical memory times 0.8 when nothing else limits", "[unit]") {
   const TempFolder root;
-  const MemoryCap cap = detect_memory_cap(plain_system(root));
+  const MemoryCap cap = detect_memory_cap(plain_sources(root));
   CHECK(cap.limit == 16 * kGiB);
   CHECK(cap.bytes == static_cast<std::uint64_t>(0.8 * 16 * static_cast<double>(kGiB)));
   CHECK(cap.source == "physical memory");
@@ -67,49 +67,49 @@ TEST_CASE("cap: physical memory times 0.8 when nothing else limits", "[unit]") {
 
 TEST_CASE("cap: the smallest limit wins and is named", "[unit]") {
   const TempFolder root;
-  LimitSources system = plain_system(root);
+  LimitSources sources = plain_sources(root);
   SECTION("cgroup v2, the parent is tighter than the group") {
     spill(root / "proc/self/cgroup", "0::/user/job\n");
     spill(root / "sys/fs/cgroup/user/job/memory.max", "max\n");
     spill(root / "sys/fs/cgroup/user/memory.max", "2147483648\n");
-    const MemoryCap cap = detect_memory_cap(system);
+    const MemoryCap cap = detect_memory_cap(sources);
     CHECK(cap.limit == 2 * kGiB);
     CHECK(cap.source == "cgroup v2 /user");
   }
   SECTION("cgroup v2 at the mount, as a container sees it") {
     spill(root / "proc/self/cgroup", "0::/../elsewhere\n");
     spill(root / "sys/fs/cgroup/memory.max", "1073741824\n");
-    CHECK(detect_memory_cap(system).limit == kGiB);
+    CHECK(detect_memory_cap(sources).limit == kGiB);
   }
   SECTION("cgroup v1, whose no-limit is a huge number") {
     spill(root / "proc/self/cgroup", "3:cpu:/a\n7:hugetlb,memory:/slurm/job_3\n");
     spill(root / "sys/fs/cgroup/memory/memory.limit_in_bytes", "9223372036854771712\n");
     spill(root / "sys/fs/cgroup/memory/slurm/job_3/memory.limit_in_bytes", "3221225472\n");
-    const MemoryCap cap = detect_memory_cap(system);
+    const MemoryCap cap = detect_memory_cap(sources);
     CHECK(cap.limit == 3 * kGiB);
     CHECK(cap.source == "cgroup v1 /slurm/job_3");
   }
   SECTION("SLURM per node, in MiB") {
-    system.variable = [](const char* name) {
+    sources.variable = [](const char* name) {
       return std::string(name) == "SLURM_MEM_PER_NODE" ? "4096" : nullptr;
     };
-    CHECK(detect_memory_cap(system).limit == 4 * kGiB);
-    CHECK(detect_memory_cap(system).source == "SLURM_MEM_PER_NODE");
+    CHECK(detect_memory_cap(sources).limit == 4 * kGiB);
+    CHECK(detect_memory_cap(sources).source == "SLURM_MEM_PER_NODE");
   }
   SECTION("SLURM per processor") {
-    system.variable = [](const char* name) -> const char* {
+    sources.variable = [](const char* name) -> const char* {
       const std::map<std::string, const char*> set = {{"SLURM_MEM_PER_CPU", "1024"},
                                                       {"SLURM_CPUS_ON_NODE", "3"}};
       const auto at = set.find(name);
       return at == set.end() ? nullptr : at->second;
     };
-    CHECK(detect_memory_cap(system).limit == 3 * kGiB);
+    CHECK(detect_memory_cap(sources).limit == 3 * kGiB);
   }
   SECTION("SLURM 0 means the whole node") {
-    system.variable = [](const char* name) {
+    sources.variable = [](const char* name) {
       return std::string(name) == "SLURM_MEM_PER_NODE" ? "0" : nullptr;
     };
-    CHECK(detect_memory_cap(system).source == "physical memory");
+    CHECK(detect_memory_cap(sources).source == "physical memory");
   }
 }
 
@@ -158,7 +158,7 @@ TEST_CASE("budget: reservations go back, once, when they go", "[unit]") {
 
 TEST_CASE("budget: random loads from many threads never exceed it and all end", "[property]") {
   MemoryBudget budget(64, 0);  // capacity 62
-  std::atomic<std::uint64_t> held{0};
+  std::atomic<std::uint64_t> taken{0};
   std::atomic<std::uint64_t> highest{0};
   std::atomic<int> served{0};
   std::vector<std::thread> threads;
@@ -169,11 +169,11 @@ TEST_CASE("budget: random loads from many threads never exceed it and all end", 
         // One in eight asks for everything: small ones must not keep it waiting for ever.
         const std::uint64_t need = random() % 8 == 0 ? budget.capacity() : random() % 40;
         const auto reservation = budget.reserve(need);
-        const std::uint64_t now = held += need;
+        const std::uint64_t now = taken += need;
         for (std::uint64_t seen = highest; now > seen && !highest.compare_exchange_weak(seen, now);) {
         }
         ++served;
-        held -= need;
+        taken -= need;
       }
     });
   }

@@ -68,7 +68,7 @@ TEST_CASE("option table: what is typed is read, or refused by name", "[unit]") {
   std::uint32_t edges = 0;
   std::uint64_t bytes = 0;
   bool flag = false;
-  std::string way = "emc";
+  std::string method = "emc";
   std::vector<std::string> columns = {"old"};
   std::vector<Double3> places;
   std::optional<Double3> up;
@@ -78,7 +78,7 @@ TEST_CASE("option table: what is typed is read, or refused by name", "[unit]") {
   t.add("edges", &edges, "edges");
   t.add("memory", &bytes, "cap").bytes();
   t.add("flag", &flag, "a flag");
-  t.add("way", &way, "how").one_of({"emc", "mc"});
+  t.add("way", &method, "how").one_of({"emc", "mc"});
   t.add("columns", &columns, "names").split();
   t.add("places", &places, "places");
   t.add("up", &up, "upwards");
@@ -121,7 +121,7 @@ TEST_CASE("option table: what is typed is read, or refused by name", "[unit]") {
   refused("way", "m", "not one of emc, mc");
   for (const char* word : {"1,2", "1,2,3,4", "1,2,nan", "1, 2, 3", "x"}) refused("up", word, "three numbers");
   CHECK(length == 0.25);
-  CHECK(way == "emc");
+  CHECK(method == "emc");
 }
 
 TEST_CASE("option table: a word that stands for a number is typed, kept and shown as the word", "[unit]") {
@@ -160,11 +160,11 @@ TEST_CASE("option table: keys that are none are refused with the nearest one", "
 
 TEST_CASE("option table: a row of the README", "[unit]") {
   double share = 0.5;
-  std::string way = "emc";
+  std::string method = "emc";
   bool hidden = false;
   OptionTable t;
   t.add("h,s", &share, "a share").shown_as("F");
-  t.add("way", &way, "emc: this; mc: that").one_of({"emc", "mc"});
+  t.add("way", &method, "emc: this; mc: that").one_of({"emc", "mc"});
   t.add("secret", &hidden, "for tests").hidden();
   CHECK(t.markdown() ==
         "| option | default | meaning |\n|---|---|---|\n| `--h F` | 0.5 | a share |\n"

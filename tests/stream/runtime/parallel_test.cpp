@@ -160,15 +160,15 @@ TEST_CASE("parallel: a failure inside a loop inside a task comes out", "[unit]")
 TEST_CASE("parallel: tasks over the budget run one after another, and none waits for ever", "[property]") {
   WorkerPool pool(4);
   MemoryBudget budget(3200, 0);  // capacity 3100
-  std::atomic<std::uint64_t> held{0};
+  std::atomic<std::uint64_t> taken{0};
   std::atomic<bool> over{false};
   pool.run_tasks(
       50, [](std::size_t k) { return std::uint64_t{k % 5 == 0 ? 3100u : 900u}; }, budget,
       [&](std::size_t k) {
         const std::uint64_t need = k % 5 == 0 ? 3100 : 900;
-        if ((held += need) > 3100) over = true;
+        if ((taken += need) > 3100) over = true;
         pause_us(300);
-        held -= need;
+        taken -= need;
       });
   CHECK_FALSE(over);
   CHECK(budget.reserved() == 0);

@@ -45,31 +45,29 @@ std::string header(const std::vector<std::string>& records, std::uint32_t claime
   return f;
 }
 
-CoordinateSystem read(const std::string& bytes, std::size_t expected_warnings = 0) {
+Crs read(const std::string& bytes, std::size_t expected_warnings = 0) {
   const test::TempFolder folder;
   std::vector<std::string> warnings;
-  const CoordinateSystem system = las_coordinate_system(ReadFile(folder.write("a.las", bytes)), warnings);
+  const Crs crs = las_crs(ReadFile(folder.write("a.las", bytes)), warnings);
   CHECK(warnings.size() == expected_warnings);
-  return system;
+  return crs;
 }
 
 }  // namespace
 
 TEST_CASE("coordinate system: WKT gives name and codes, those of the parts it is based on are not taken",
           "[unit]") {
-  const CoordinateSystem system =
-      read(header({record("LASF_Projection", 2112, kWkt + std::string(3, '\0'))}));
-  CHECK(system.name == "Grid + heights");
-  CHECK(system.wkt == kWkt);
-  CHECK(system.horizontal == 32633);
-  CHECK(system.vertical == 5703);
-  CHECK(system_of_wkt("PROJCS[\"X\",GEOGCS[\"Y\",AUTHORITY[\"EPSG\",\"4326\"]],UNIT[\"m\",1]]").horizontal ==
-        0);
-  CHECK(system_of_wkt("PROJCRS[\"X\",BASEGEOGCRS[\"Y\",ID[\"EPSG\",4326]],ID[\"EPSG\",2154]]").horizontal ==
+  const Crs crs = read(header({record("LASF_Projection", 2112, kWkt + std::string(3, '\0'))}));
+  CHECK(crs.name == "Grid + heights");
+  CHECK(crs.wkt == kWkt);
+  CHECK(crs.horizontal == 32633);
+  CHECK(crs.vertical == 5703);
+  CHECK(crs_of_wkt("PROJCS[\"X\",GEOGCS[\"Y\",AUTHORITY[\"EPSG\",\"4326\"]],UNIT[\"m\",1]]").horizontal == 0);
+  CHECK(crs_of_wkt("PROJCRS[\"X\",BASEGEOGCRS[\"Y\",ID[\"EPSG\",4326]],ID[\"EPSG\",2154]]").horizontal ==
         2154);
   for (const char* odd :
        {"", "PROJCS", "PROJCS[", "PROJCS[\"", "]]]]", "\"\"", "PROJCS[\"a\",AUTHORITY[\"EPSG\",\"9"})
-    CHECK(system_of_wkt(odd).horizontal == 0);
+    CHECK(crs_of_wkt(odd).horizontal == 0);
 }
 
 TEST_CASE("coordinate system: GeoTIFF keys give codes, else what they cite", "[unit]") {
@@ -102,9 +100,9 @@ TEST_CASE("coordinate system: the WKT counts where the header says so, else GeoT
   const std::string feet = "PROJCS[\"Feet\",GEOGCS[\"G\"],UNIT[\"Foot_US\",0.3048006096012192]]";
   file = header({keys32, record("LASF_Projection", 2112, feet)});
   file[6] = 16;
-  const CoordinateSystem system = read(file);
-  CHECK(system.name == "Feet");
-  CHECK(system.horizontal == 0);
+  const Crs crs = read(file);
+  CHECK(crs.name == "Feet");
+  CHECK(crs.horizontal == 0);
 }
 
 TEST_CASE("coordinate system: degrees and units of heights are told", "[unit]") {
@@ -117,12 +115,12 @@ TEST_CASE("coordinate system: degrees and units of heights are told", "[unit]") 
                                   keys({1024, 0, 1, 1, 2048, 0, 1, 4269, 3072, 0, 1, 2229}))}))
                   .geographic);
   const std::string degrees = "GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\"],UNIT[\"degree\",0.0174532925199433]]";
-  CHECK(system_of_wkt(degrees).geographic);
-  CHECK(system_of_wkt("GEOGCRS[\"WGS 84\",CS[ellipsoidal,2]]").geographic);
-  CHECK_FALSE(system_of_wkt("GEODCRS[\"WGS 84\",CS[Cartesian,3]]").geographic);
-  CHECK_FALSE(system_of_wkt(kWkt).geographic);
-  const CoordinateSystem both = system_of_wkt(
-      "COMPD_CS[\"a\"," + degrees + ",VERT_CS[\"h\",VERT_DATUM[\"d\",2005],UNIT[\"foot\",0.3048]]]");
+  CHECK(crs_of_wkt(degrees).geographic);
+  CHECK(crs_of_wkt("GEOGCRS[\"WGS 84\",CS[ellipsoidal,2]]").geographic);
+  CHECK_FALSE(crs_of_wkt("GEODCRS[\"WGS 84\",CS[Cartesian,3]]").geographic);
+  CHECK_FALSE(crs_of_wkt(kWkt).geographic);
+  const Crs both = crs_of_wkt("COMPD_CS[\"a\"," + degrees +
+                              ",VERT_CS[\"h\",VERT_DATUM[\"d\",2005],UNIT[\"foot\",0.3048]]]");
   CHECK(both.geographic);
   CHECK(both.height_unit == 0.3048);
 }
@@ -137,10 +135,8 @@ TEST_CASE("coordinate system: damaged records are told and survived", "[fault]")
 }
 
 TEST_CASE("coordinate system: systems differ where codes or, without codes, texts and names do", "[unit]") {
-  const CoordinateSystem none, a{"EPSG:1", "", 1, 0}, b{"EPSG:2", "", 2, 0},
-      high{"EPSG:1 + EPSG:9", "", 1, 9};
-  const CoordinateSystem other{"EPSG:1 + EPSG:8", "", 1, 8}, text{"N", "A[\"N\"]", 0, 0},
-      spaced{"N", "A[ \"N\" ]", 0, 0};
+  const Crs none, a{"EPSG:1", "", 1, 0}, b{"EPSG:2", "", 2, 0}, high{"EPSG:1 + EPSG:9", "", 1, 9};
+  const Crs other{"EPSG:1 + EPSG:8", "", 1, 8}, text{"N", "A[\"N\"]", 0, 0}, spaced{"N", "A[ \"N\" ]", 0, 0};
   CHECK(may_be_same(none, a));
   CHECK(may_be_same(a, a));
   CHECK_FALSE(may_be_same(a, b));
@@ -154,7 +150,7 @@ TEST_CASE("coordinate system: as real files have it", "[unit][.shared]") {
   if (!test::has_shared_data()) return;
   std::vector<std::string> warnings;
   const auto of = [&](const char* name) {
-    return las_coordinate_system(ReadFile(test::kSharedData / "lidar" / name), warnings);
+    return las_crs(ReadFile(test::kSharedData / "lidar" / name), warnings);
   };
   CHECK(of("autzen-trim.las").name == "NAD_1983_HARN_Lambert_Conformal_Conic");
   CHECK(of("autzen-trim.las").wkt.substr(0, 8) == "PROJCS[\"");

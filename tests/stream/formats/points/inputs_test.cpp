@@ -93,10 +93,10 @@ TEST_CASE("inputs: an EPT folder is the scan of all nodes that its hierarchy lis
   folder.write("site/ept/ept-data/1-0-0-0.laz", laz_of(30, 2));
   folder.write("site/ept/ept-data/1-1-0-0.laz", laz_of(20, 3));
   const std::string at = folder.path().string() + "/";
-  for (const char* way : {"site", "site/ept", "site/ept/ept.json", "si*", "site/**"}) {
-    CAPTURE(way);
+  for (const char* spelling : {"site", "site/ept", "site/ept/ept.json", "si*", "site/**"}) {
+    CAPTURE(spelling);
     std::uint64_t points = 0;
-    const auto paths = expand_inputs({at + way});
+    const auto paths = expand_inputs({at + spelling});
     REQUIRE(paths.size() == 3);
     for (const auto& path : paths) {
       const auto r = test::read_points(path);

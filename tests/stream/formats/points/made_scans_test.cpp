@@ -335,7 +335,7 @@ TEST_CASE("made scans: the coordinate system of a LAS file, as three programs wr
   };
   const test::TempFolder folder;
   std::vector<std::string> warnings;
-  const auto system_of = [&](int minor, const std::vector<std::string>& records) {
+  const auto crs_of = [&](int minor, const std::vector<std::string>& records) {
     test::LazSample s;
     s.minor = minor;
     s.format = minor == 4 ? 7 : 3;
@@ -345,7 +345,7 @@ TEST_CASE("made scans: the coordinate system of a LAS file, as three programs wr
     test::set_bytes(head, 100, static_cast<std::uint32_t>(records.size()));
     for (const std::string& r : records) head += r;
     test::set_bytes(head, 96, static_cast<std::uint32_t>(head.size()));
-    return las_coordinate_system(ReadFile(folder.write("a.las", head + test::las_records(s))), warnings);
+    return las_crs(ReadFile(folder.write("a.las", head + test::las_records(s))), warnings);
   };
   const std::string esri =
       "PROJCS[\"NAD_1983_HARN_Lambert_Conformal_Conic\",GEOGCS[\"GCS_North_American_1983_HARN\",DATUM["
@@ -354,17 +354,17 @@ TEST_CASE("made scans: the coordinate system of a LAS file, as three programs wr
       "UNIT[\"Degree\",0.0174532925199433]],PROJECTION[\"Lambert_Conformal_Conic\"],PARAMETER[\"False_"
       "Easting\","
       "1312335.958],UNIT[\"Foot\",0.3048]]";
-  const CoordinateSystem named = system_of(2, {record(2112, esri + std::string(1, '\0'))});
+  const Crs named = crs_of(2, {record(2112, esri + std::string(1, '\0'))});
   CHECK(named.name == "NAD_1983_HARN_Lambert_Conformal_Conic");
   CHECK(named.wkt == esri);
   std::string keys;
   for (const int word : {1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2229})
     put(keys, static_cast<std::uint16_t>(word));
-  CHECK(system_of(2, {record(34735, keys)}).horizontal == 2229);
+  CHECK(crs_of(2, {record(34735, keys)}).horizontal == 2229);
   const std::string coded =
       "PROJCS[\"RGF93 v1 / Lambert-93\",GEOGCS[\"RGF93 v1\",AUTHORITY[\"EPSG\",\"4171\"]],PROJECTION["
       "\"Lambert_Conformal_Conic_2SP\"],UNIT[\"metre\",1],AUTHORITY[\"EPSG\",\"2154\"]]";
-  const CoordinateSystem lambert = system_of(4, {record(2112, coded)});
+  const Crs lambert = crs_of(4, {record(2112, coded)});
   CHECK(lambert.name == "RGF93 v1 / Lambert-93");
   CHECK(lambert.horizontal == 2154);
   CHECK(warnings.empty());

@@ -17,8 +17,8 @@ bool has_proj() {
   return false;
 }
 
-CoordinateSystem code(int epsg) {
-  CoordinateSystem s;
+Crs code(int epsg) {
+  Crs s;
   s.horizontal = epsg;
   s.name = "EPSG:" + std::to_string(epsg);
   return s;
@@ -49,35 +49,35 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 
 TEST_CASE("projection: one system in several styles is one, other parameters are another", "[unit]") {
   if (!has_proj()) return;
-  const CoordinateSystem ogc = system_of_wkt(kOgc), esri = system_of_wkt(kEsri), utm32 = code(32632);
-  const CoordinateSystem compound = system_of_wkt(
-      "COMPD_CS[\"both\"," + kOgc + ",VERT_CS[\"h\",VERT_DATUM[\"g\",2005],UNIT[\"metre\",1]]]");
+  const Crs ogc = crs_of_wkt(kOgc), esri = crs_of_wkt(kEsri), utm32 = code(32632);
+  const Crs compound =
+      crs_of_wkt("COMPD_CS[\"both\"," + kOgc + ",VERT_CS[\"h\",VERT_DATUM[\"g\",2005],UNIT[\"metre\",1]]]");
   for (const auto* a : {&ogc, &esri, &compound, &utm32})
     for (const auto* b : {&ogc, &esri, &compound, &utm32}) {
       CAPTURE(a->name, b->name);
-      CHECK(is_same_system(*a, *b));
+      CHECK(is_same_crs(*a, *b));
     }
-  CHECK_FALSE(is_same_system(esri, code(32633)));
-  CHECK_FALSE(is_same_system(esri, code(25832)));
-  CHECK_FALSE(is_same_system(code(25832), code(25833)));
-  CHECK_FALSE(is_same_system(ogc, system_of_wkt(replaced(kEsri, "9.0]", "15.0]"))));
+  CHECK_FALSE(is_same_crs(esri, code(32633)));
+  CHECK_FALSE(is_same_crs(esri, code(25832)));
+  CHECK_FALSE(is_same_crs(code(25832), code(25833)));
+  CHECK_FALSE(is_same_crs(ogc, crs_of_wkt(replaced(kEsri, "9.0]", "15.0]"))));
   CHECK_FALSE(
-      is_same_system(ogc, system_of_wkt(replaced(kEsri, "\"Meter\",1.0", "\"Foot_US\",0.3048006096012192"))));
-  CHECK_FALSE(is_same_system(ogc, system_of_wkt("PROJCS[\"nonsense\"]")));
-  CHECK(is_same_system(CoordinateSystem{}, ogc));
+      is_same_crs(ogc, crs_of_wkt(replaced(kEsri, "\"Meter\",1.0", "\"Foot_US\",0.3048006096012192"))));
+  CHECK_FALSE(is_same_crs(ogc, crs_of_wkt("PROJCS[\"nonsense\"]")));
+  CHECK(is_same_crs(Crs{}, ogc));
 }
 
 TEST_CASE("projection: a user names systems by code or text, nothing else", "[unit]") {
   if (!has_proj()) return;
-  const CoordinateSystem utm = system_of_user("EPSG:25832", "--crs");
+  const Crs utm = user_crs("EPSG:25832", "--crs");
   CHECK(utm.horizontal == 25832);
   CHECK(utm.wkt.rfind("PROJCS[", 0) == 0);
   CHECK(utm.wkt.find('\n') == std::string::npos);
-  CHECK(system_of_user("EPSG:4326", "--crs").geographic);
-  CHECK(system_of_user(kEsri, "--crs").name.find("32N") != std::string::npos);
+  CHECK(user_crs("EPSG:4326", "--crs").geographic);
+  CHECK(user_crs(kEsri, "--crs").name.find("32N") != std::string::npos);
   for (const char* odd : {"EPSG:1", "utm", "32632x", "EPSG:9122"}) {
     CAPTURE(odd);
-    CHECK_THROWS_AS(system_of_user(odd, "--crs"), UsageError);
+    CHECK_THROWS_AS(user_crs(odd, "--crs"), UsageError);
   }
 }
 
@@ -98,10 +98,10 @@ TEST_CASE("projection: the UTM zone of a place, on its datum", "[unit]") {
 
 TEST_CASE("projection: points go where the formulas of the projection have them", "[unit]") {
   if (!has_proj()) return;
-  const Projection way(code(4326), code(32632));
+  const Projection projection(code(4326), code(32632));
   // On the central meridian easting is 500 km, northing the meridian arc times 0.9996 (48 degrees: 5,318,354.8 m).
   std::vector<double> x = {9, 9, 10, 1e300}, y = {0, 48, 48, 48}, z = {1, 2, 3, 4};
-  way.apply(x, y, z);
+  projection.apply(x, y, z);
   CHECK(x[0] == 500000);
   CHECK(y[0] == 0);
   CHECK(x[1] == 500000);
@@ -113,7 +113,7 @@ TEST_CASE("projection: points go where the formulas of the projection have them"
   CHECK(z == std::vector<double>{1, 2, 3, 4});
   for (const double v : {x[1], y[1], x[2], y[2]}) CHECK(v * 16384 == std::floor(v * 16384));
   // Heights take the unit of the result.
-  CoordinateSystem feet = code(4326);
+  Crs feet = code(4326);
   feet.height_unit = 0.3048;
   z = {10};
   x = {9}, y = {48};

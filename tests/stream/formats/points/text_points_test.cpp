@@ -181,7 +181,7 @@ TEST_CASE("text points: names of surveyors, text of any extension with its colum
         Doubles{4});  // the plainest names
   auto r = t.read("Lat,Lon,Alt\n48,9,300\n", {}, "a.csv");
   CHECK(r.points.x == Doubles{9});
-  CHECK(r.info.system.geographic);
+  CHECK(r.info.crs.geographic);
   for (const char* name : {"a.txt", "a.dat", "a.neu", "a.asc", "a"}) {
     CAPTURE(name);
     r = t.read("P0 1 2 3 10\nP1 4 5 6 20\n", {"skip", "y", "x", "z", "i"}, name);

@@ -340,7 +340,7 @@ TEST_CASE("resolution: strewn points do not coarsen it, few or many, near or in 
           {{0.3 * i, 0.3 * j, std::sin(0.05 * i) + std::cos(0.04 * j) + random.in(-0.03, 0.03)}, {}, 0});
   const double clean = measured_resolution(ground);
   CHECK(clean == Approx(0.46).epsilon(0.05));
-  const auto strewn = [&](double share, double wide, double high) {
+  const auto with_outliers = [&](double share, double wide, double high) {
     std::vector<TestPoint> points = ground;
     const double middle = 22.5;
     const auto count = static_cast<int>(share / (1.0 - share) * static_cast<double>(ground.size()));
@@ -353,11 +353,11 @@ TEST_CASE("resolution: strewn points do not coarsen it, few or many, near or in 
     CHECK(measured_resolution(points) == Approx(clean).epsilon(0.16));
   };
   for (const double share : {0.003, 0.01, 0.03, 0.1, 0.2}) {
-    for (const double high : {20.0, 8.0, 4.0, 3.0}) strewn(share, 22.5, high);
-    strewn(share, 400.0, 400.0);
+    for (const double high : {20.0, 8.0, 4.0, 3.0}) with_outliers(share, 22.5, high);
+    with_outliers(share, 400.0, 400.0);
   }
-  strewn(0.2, 22.5, 2.5);
-  strewn(0.2, 30.0, 6.0);
+  with_outliers(0.2, 22.5, 2.5);
+  with_outliers(0.2, 30.0, 6.0);
 }
 
 TEST_CASE("survey: the agreement of given normals is measured, whatever the order", "[property]") {

@@ -37,15 +37,15 @@ TEST_CASE("factor file: the same numbers whatever is held, while it is new and l
   for (std::size_t run = kRuns; run-- > 0;)
     for (std::size_t i = 0; i < kRun; ++i) expected.push_back(forwards[run * kRun + i]);
   // None, some runs and a bit, all.
-  const std::uint64_t held = GENERATE(0, 8 * 3500, 8 * kRun * kRuns);
-  CAPTURE(held);
-  FactorFile file = FactorFile::create(folder.path() / "new.factor", held);
+  const std::uint64_t cached = GENERATE(0, 8 * 3500, 8 * kRun * kRuns);
+  CAPTURE(cached);
+  FactorFile file = FactorFile::create(folder.path() / "new.factor", cached);
   file.reserve(kRun * kRuns);
   for (std::size_t run = 0; run < kRuns; ++run) file.append(std::span(forwards).subspan(run * kRun, kRun));
   CHECK(file.size() == kRun * kRuns);
   CHECK(all_of(file) == expected);
   CHECK(file.finish() == 8 * kRun * kRuns);
-  FactorFile again = FactorFile::open(folder.path() / "new.factor", held);
+  FactorFile again = FactorFile::open(folder.path() / "new.factor", cached);
   CHECK(again.size() == kRun * kRuns);
   CHECK(all_of(again) == expected);
 }

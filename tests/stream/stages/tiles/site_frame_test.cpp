@@ -38,7 +38,7 @@ TEST_CASE("site frame: on the equator at nine degrees east, axes and heights are
   const SiteFrame frame = site_frame(utm_32("metre", "1"), {500000, 0, 100}, {100, 100, 10});
   INFO(frame.warning);
   REQUIRE(frame.geocentric);
-  CHECK(frame.system == "WGS 84 / UTM zone 32N");
+  CHECK(frame.crs == "WGS 84 / UTM zone 32N");
   const SinCos nine = sin_cos(9.0 * kPi / 180.0);
   CHECK(norm(column(frame, 3) - Double3{6378237.0 * nine.cos, 6378237.0 * nine.sin, 0.0}) < 1e-6);
   CHECK(norm(column(frame, 2) - Double3{nine.cos, nine.sin, 0.0}) < 1e-6);  // up
