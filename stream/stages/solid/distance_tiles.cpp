@@ -9,7 +9,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kMaxGroups = 400;
+constexpr std::size_t kMaxCubeGroups = 400;
 constexpr int kSuper = 4;  ///< tasks are made of cubes of so many bricks
 constexpr int kSuperBits = 6;
 constexpr std::uint64_t kTileTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
@@ -24,7 +24,7 @@ DistanceTiles::DistanceTiles(const JobState& state, double halo, std::uint64_t v
       signs_(load_solid_signs(state.work)),
       mesh_files_(list_task_files(state.work / "solid", ".tmm").size()) {
   const std::vector<std::uint64_t> cubes = find_cubes();
-  const std::size_t each = (cubes.size() + kMaxGroups - 1) / kMaxGroups;
+  const std::size_t each = (cubes.size() + kMaxCubeGroups - 1) / kMaxCubeGroups;
   for (std::size_t first = 0; first < cubes.size(); first += each)
     groups_.emplace_back(cubes.begin() + static_cast<std::ptrdiff_t>(first),
                          cubes.begin() + static_cast<std::ptrdiff_t>(std::min(first + each, cubes.size())));
