@@ -223,7 +223,7 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
                   0.5 * (n[1] * p[2] + n[2] * p[1])};
   for (std::size_t i = 0; i < 6; ++i) turn[i] -= np[i], spread[i] = whole[i] - pp[i];
   const double size = spread[0] + spread[1] + spread[2];
-  Six bend{};  // the Hessian
+  Six hessian{};  // the Hessian
   double explained = dot(n, n);
   if (size > 1e-6 * (whole[0] + whole[1] + whole[2])) {
     const auto [xx, yy, zz, xy, xz, yz] = spread;
@@ -237,26 +237,27 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
         0, yz, yz, xz, xy, yy + zz + 2 * ridge;
     SmallMatrix<6> factor = k;
     if (!cholesky_factor(factor)) return {};
-    bend = {turn[0] + ridge * sphere,
-            turn[1] + ridge * sphere,
-            turn[2] + ridge * sphere,
-            2 * turn[3],
-            2 * turn[4],
-            2 * turn[5]};
-    cholesky_solve(factor, bend);
+    hessian = {turn[0] + ridge * sphere,
+               turn[1] + ridge * sphere,
+               turn[2] + ridge * sphere,
+               2 * turn[3],
+               2 * turn[4],
+               2 * turn[5]};
+    cholesky_solve(factor, hessian);
     // What is left of the normals' variance: that of A p - n.
-    double steep = -ridge * (bend[0] * bend[0] + bend[1] * bend[1] + bend[2] * bend[2] +
-                             2 * (bend[3] * bend[3] + bend[4] * bend[4] + bend[5] * bend[5]));
+    double steep =
+        -ridge * (hessian[0] * hessian[0] + hessian[1] * hessian[1] + hessian[2] * hessian[2] +
+                  2 * (hessian[3] * hessian[3] + hessian[4] * hessian[4] + hessian[5] * hessian[5]));
     for (std::size_t i = 0; i < 6; ++i)
-      for (std::size_t j = 0; j < 6; ++j) steep += bend[i] * k.coeff(i, j) * bend[j];
-    explained += 2.0 * contract(bend, turn) - steep;
+      for (std::size_t j = 0; j < 6; ++j) steep += hessian[i] * k.coeff(i, j) * hessian[j];
+    explained += 2.0 * contract(hessian, turn) - steep;
   }
-  const Double3 ap = times(bend, p);
+  const Double3 ap = times(hessian, p);
   const Double3 u = n - ap;
-  const double value = -(dot(u, p) + 0.5 * contract(bend, whole));
+  const double value = -(dot(u, p) + 0.5 * contract(hessian, whole));
   const double slope2 = dot(u, u);
   if (!(slope2 > 1e-12)) return {};
-  const double curve = dot(u, times(bend, u)) / slope2;
+  const double curve = dot(u, times(hessian, u)) / slope2;
   const double below = std::sqrt(slope2) + std::sqrt(std::max(slope2 - 2.0 * curve * value, 0.0));
   return {static_cast<float>(2.0 * value / below), static_cast<float>(std::clamp(1.0 - explained, 0.0, 1.0))};
 }

@@ -10,8 +10,8 @@ namespace tessera {
 EnvelopeCholesky::EnvelopeCholesky(const SparseMatrix& a) {
   const auto n = static_cast<std::uint32_t>(a.rows);
   const std::vector<std::int32_t> order = reverse_cuthill_mckee(a);
-  place_.resize(n);
-  for (std::uint32_t i = 0; i < n; ++i) place_[static_cast<std::size_t>(order[i])] = i;
+  slot_.resize(n);
+  for (std::uint32_t i = 0; i < n; ++i) slot_[static_cast<std::size_t>(order[i])] = i;
   start_.resize(n);
   for (std::uint32_t i = 0; i < n; ++i) start_[i] = i;
   for_lower(a, [&](std::uint32_t row, std::uint32_t column, double) {
@@ -23,10 +23,10 @@ EnvelopeCholesky::EnvelopeCholesky(const SparseMatrix& a) {
 
 template <class Sink>
 void EnvelopeCholesky::for_lower(const SparseMatrix& a, const Sink& sink) const {
-  for (std::size_t r = 0; r < place_.size(); ++r)
+  for (std::size_t r = 0; r < slot_.size(); ++r)
     for (std::int32_t k = a.start[r]; k < a.start[r + 1]; ++k) {
       const auto at = static_cast<std::size_t>(k);
-      const std::uint32_t i = place_[r], j = place_[static_cast<std::size_t>(a.column[at])];
+      const std::uint32_t i = slot_[r], j = slot_[static_cast<std::size_t>(a.column[at])];
       if (j <= i) sink(i, j, a.value[at]);
     }
 }
@@ -59,7 +59,7 @@ void EnvelopeCholesky::solve(std::span<double> b) const {
   const std::size_t n = start_.size();
   assert(b.size() == n);
   std::vector<double> x(n);
-  for (std::size_t i = 0; i < n; ++i) x[place_[i]] = b[i];
+  for (std::size_t i = 0; i < n; ++i) x[slot_[i]] = b[i];
   for (std::size_t i = 0; i < n; ++i) {
     const double* row = entry_.data() + first_[i];
     for (std::size_t k = start_[i]; k < i; ++k) x[i] -= row[k - start_[i]] * x[k];
@@ -70,7 +70,7 @@ void EnvelopeCholesky::solve(std::span<double> b) const {
     x[i] /= row[i - start_[i]];
     for (std::size_t k = start_[i]; k < i; ++k) x[k] -= row[k - start_[i]] * x[i];
   }
-  for (std::size_t i = 0; i < n; ++i) b[i] = x[place_[i]];
+  for (std::size_t i = 0; i < n; ++i) b[i] = x[slot_[i]];
 }
 
 }  // namespace tessera

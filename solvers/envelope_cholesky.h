@@ -29,7 +29,7 @@ class EnvelopeCholesky {
   template <class Sink>
   void for_lower(const SparseMatrix& a, const Sink& sink) const;
 
-  std::vector<std::uint32_t> place_;  ///< new number of every unknown
+  std::vector<std::uint32_t> slot_;   ///< new number of every unknown
   std::vector<std::uint32_t> start_;  ///< first column of every row inside the envelope
   std::vector<std::uint64_t> first_;  ///< offset of that entry; row r ends before first_[r + 1]
   std::vector<double> entry_;

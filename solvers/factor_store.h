@@ -16,8 +16,8 @@ class FactorStore {
   /// So many will be appended, at most.
   virtual void reserve(std::uint64_t size) = 0;
   virtual void append(std::span<const double> values) = 0;
-  /// The numbers from `first` on: a view that holds until the next call, in `room` where they are not in memory.
-  virtual std::span<const double> read(std::uint64_t first, std::span<double> room) = 0;
+  /// The numbers from `first` on: a view that holds until the next call, in `buffer` where they are not in memory.
+  virtual std::span<const double> read(std::uint64_t first, std::span<double> buffer) = 0;
 };
 
 class MemoryFactorStore final : public FactorStore {
@@ -27,8 +27,8 @@ class MemoryFactorStore final : public FactorStore {
   void append(std::span<const double> values) override {
     values_.insert(values_.end(), values.begin(), values.end());
   }
-  std::span<const double> read(std::uint64_t first, std::span<double> room) override {
-    return std::span<const double>(values_).subspan(first, room.size());
+  std::span<const double> read(std::uint64_t first, std::span<double> buffer) override {
+    return std::span<const double>(values_).subspan(first, buffer.size());
   }
 
  private:

@@ -57,9 +57,9 @@ FrontTree::FrontTree(const SparseMatrix& a, Ordering ordering) {
   flops_ = analysis.flops();
   const auto* permutation = static_cast<const std::int32_t*>(f->Perm);
   unknown_.assign(permutation, permutation + a.rows);
-  place_.resize(unknown_.size());
+  slot_.resize(unknown_.size());
   for (std::size_t i = 0; i < unknown_.size(); ++i)
-    place_[static_cast<std::size_t>(unknown_[i])] = static_cast<std::int32_t>(i);
+    slot_[static_cast<std::size_t>(unknown_[i])] = static_cast<std::int32_t>(i);
   const auto* super = static_cast<const std::int32_t*>(f->super);
   const auto* pi = static_cast<const std::int32_t*>(f->pi);
   const auto* s = static_cast<const std::int32_t*>(f->s);
@@ -103,7 +103,7 @@ void FrontTree::measure() {
 }
 
 std::uint64_t FrontTree::bytes() const {
-  return sizeof(std::int32_t) * (unknown_.size() + place_.size() + rows_.size()) +
+  return sizeof(std::int32_t) * (unknown_.size() + slot_.size() + rows_.size()) +
          (sizeof(Front) + sizeof(std::size_t) + sizeof(std::uint64_t)) * fronts_.size();
 }
 

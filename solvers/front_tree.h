@@ -30,8 +30,8 @@ class FrontTree {
   std::span<const std::int32_t> rows(std::size_t front) const {
     return std::span(rows_).subspan(rows_start_[front], size(front));
   }
-  std::int32_t unknown(std::int32_t place) const { return unknown_[static_cast<std::size_t>(place)]; }
-  std::int32_t place(std::int32_t unknown) const { return place_[static_cast<std::size_t>(unknown)]; }
+  std::int32_t unknown(std::int32_t slot) const { return unknown_[static_cast<std::size_t>(slot)]; }
+  std::int32_t slot(std::int32_t unknown) const { return slot_[static_cast<std::size_t>(unknown)]; }
 
   /// Where a front's columns begin in a store of all columns, each from its diagonal down; of count(): the end.
   std::uint64_t first(std::size_t front) const { return first_[front]; }
@@ -54,7 +54,7 @@ class FrontTree {
   void measure();
 
   std::vector<std::int32_t> unknown_;  ///< in the order of elimination
-  std::vector<std::int32_t> place_;    ///< of each unknown in it
+  std::vector<std::int32_t> slot_;     ///< of each unknown in it
   std::vector<Front> fronts_;
   std::vector<std::size_t> rows_start_;
   std::vector<std::int32_t> rows_;

@@ -124,7 +124,7 @@ SparseMatrix assemble(std::size_t n, std::span<const std::array<std::uint32_t, 3
     std::stable_sort(row.begin(), row.end(),
                      [](const Entry& a, const Entry& b) { return a.column < b.column; });
     double diagonal = 0.0;
-    std::size_t place = m.column.size();
+    std::size_t slot = m.column.size();
     bool placed = false;
     for (std::size_t e = 0; e < row.size();) {
       const std::int32_t j = row[e].column;
@@ -136,7 +136,7 @@ SparseMatrix assemble(std::size_t n, std::span<const std::array<std::uint32_t, 3
         if (kind == LaplacianWeights::kClampedCotangent) w = 0.0;
       }
       if (!placed && j > self) {
-        place = m.column.size();
+        slot = m.column.size();
         placed = true;
         m.column.push_back(self);
         m.value.push_back(0.0);
@@ -146,11 +146,11 @@ SparseMatrix assemble(std::size_t n, std::span<const std::array<std::uint32_t, 3
       diagonal -= w;
     }
     if (!placed) {
-      place = m.column.size();
+      slot = m.column.size();
       m.column.push_back(self);
       m.value.push_back(0.0);
     }
-    m.value[place] = diagonal;
+    m.value[slot] = diagonal;
     if (m.entries() > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()))
       throw ResourceError("a Laplacian has more than 2^31 entries: split the mesh");
     m.start[i + 1] = static_cast<std::int32_t>(m.entries());

@@ -36,7 +36,7 @@ void MultifrontalCholesky::assemble(const SparseMatrix& a, std::size_t front, st
     const auto unknown = static_cast<std::size_t>(tree_.unknown(rows[j]));
     double* column = value.data() + j * rows.size();
     for (std::int32_t e = a.start[unknown]; e < a.start[unknown + 1]; ++e) {
-      const std::int32_t row = tree_.place(a.column[static_cast<std::size_t>(e)]);
+      const std::int32_t row = tree_.slot(a.column[static_cast<std::size_t>(e)]);
       if (row >= rows[j]) column[slot[static_cast<std::size_t>(row)]] = a.value[static_cast<std::size_t>(e)];
     }
   }
@@ -83,10 +83,10 @@ std::int64_t MultifrontalCholesky::factor(const SparseMatrix& a, FactorStore& st
 
 void MultifrontalCholesky::solve(FactorStore& store, std::span<double> b, int width) const {
   assert(store.size() == entries());
-  std::vector<double> room(tree_.largest_columns());
+  std::vector<double> buffer(tree_.largest_columns());
   const auto columns = [&](std::size_t k) {
     const std::uint64_t first = tree_.first(k);
-    return FrontColumns{store.read(first, std::span(room).first(tree_.first(k + 1) - first)), tree_.size(k),
+    return FrontColumns{store.read(first, std::span(buffer).first(tree_.first(k + 1) - first)), tree_.size(k),
                         tree_.eliminated(k)};
   };
   sweep_fronts(

@@ -46,8 +46,8 @@ void MultifrontalLu::assemble(const SparseMatrix& a, const SparseMatrix& transpo
     const auto unknown = static_cast<std::size_t>(tree_.unknown(rows[j]));
     const auto each_later = [&](const SparseMatrix& m, const auto& use) {
       for (std::int32_t e = m.start[unknown]; e < m.start[unknown + 1]; ++e)
-        if (const std::int32_t place = tree_.place(m.column[static_cast<std::size_t>(e)]); place >= rows[j])
-          use(static_cast<std::size_t>(slot[static_cast<std::size_t>(place)]),
+        if (const std::int32_t slot = tree_.slot(m.column[static_cast<std::size_t>(e)]); slot >= rows[j])
+          use(static_cast<std::size_t>(slot[static_cast<std::size_t>(slot)]),
               m.value[static_cast<std::size_t>(e)]);
     };
     each_later(a, [&](std::size_t column, double v) { value[column * rows.size() + j] = v; });
@@ -112,11 +112,11 @@ std::int64_t MultifrontalLu::factor(const SparseMatrix& a, FactorStore& store) {
 
 void MultifrontalLu::solve(FactorStore& store, std::span<double> b, int width) const {
   assert(store.size() == entries());
-  std::vector<double> room(tree_.largest_columns());
+  std::vector<double> buffer(tree_.largest_columns());
   // Of each front the columns of L, then the rows of U.
   const auto columns = [&](std::size_t k, bool upper) {
     const std::uint64_t first = tree_.first(k), count = tree_.first(k + 1) - first;
-    return FrontColumns{store.read(2 * first + (upper ? count : 0), std::span(room).first(count)),
+    return FrontColumns{store.read(2 * first + (upper ? count : 0), std::span(buffer).first(count)),
                         tree_.size(k), tree_.eliminated(k)};
   };
   sweep_fronts(

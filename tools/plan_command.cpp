@@ -55,7 +55,7 @@ void print_forecast(const Forecast& forecast, const nlohmann::json& report) {
 
 void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOptions& options,
                 const JobState& state, const nlohmann::json& report) {
-  const PointFates& p = plan.fates;
+  const PointDispositions& p = plan.dispositions;
   fmt::print("points       {} read, {} kept", p.read, p.kept);
   if (p.other_class > 0) fmt::print(", {} of other classes", p.other_class);
   if (p.other_return > 0) fmt::print(", {} of other returns", p.other_return);
@@ -193,13 +193,13 @@ void print_makespans(const Simulation& simulation, const MeasuredJob& measured, 
              "longest steps");
   for (const int nodes : simulation.counts()) {
     const Cluster cluster{nodes, threads, static_cast<double>(simulation.io_rate)};
-    Makespan told = makespan(stages, plan_job().only_stages, cluster, {});
-    fmt::print("{:>8}{:>12.1f}{:>12.2f}{:>12.1f}{:>12}/s ", nodes, told.seconds, told.efficiency,
-               told.serial_seconds, format_bytes(static_cast<std::uint64_t>(told.busiest_io)));
-    std::stable_sort(told.steps.begin(), told.steps.end(),
+    Makespan estimate = makespan(stages, plan_job().only_stages, cluster, {});
+    fmt::print("{:>8}{:>12.1f}{:>12.2f}{:>12.1f}{:>12}/s ", nodes, estimate.seconds, estimate.efficiency,
+               estimate.serial_seconds, format_bytes(static_cast<std::uint64_t>(estimate.busiest_io)));
+    std::stable_sort(estimate.steps.begin(), estimate.steps.end(),
                      [](const StepSpan& a, const StepSpan& b) { return a.seconds > b.seconds; });
-    told.steps.resize(std::min<std::size_t>(3, told.steps.size()));
-    for (const StepSpan& span : told.steps)
+    estimate.steps.resize(std::min<std::size_t>(3, estimate.steps.size()));
+    for (const StepSpan& span : estimate.steps)
       fmt::print(" {} {:.0f} s ({})", span.step.name, span.seconds, span.bound);
     fmt::print("\n");
   }
@@ -231,9 +231,9 @@ void run_plan(const ReconstructOptions& options, JobState state, const fs::path&
   if (!tiles.empty()) print_site_plan(plan, forecast, state, tiles);
   if (measured) print_makespans(simulation, *measured, plan, state.run.threads);
   if (!state.run.report.empty()) {
-    nlohmann::json told = plan.to_json();
-    told.update(forecast.to_json());
-    write_durably(state.run.report, dump_json(told, 1) + "\n");
+    nlohmann::json estimate = plan.to_json();
+    estimate.update(forecast.to_json());
+    write_durably(state.run.report, dump_json(estimate, 1) + "\n");
   }
   if (kept)
     fmt::print("\n{} holds the plan; reconstruct with the same inputs and options goes on from it\n",

@@ -53,13 +53,13 @@ void run_render(const RenderCommand& command) {
     throw UsageError("--sheet excludes --view: it is four views of its own");
   if (command.options.eye.has_value() != command.options.target.has_value())
     throw UsageError("--eye needs --target, and --target needs --eye");
-  const RenderOptions& asked = command.options;
-  std::vector<std::filesystem::path> reads = cli::also_read(asked.inputs);
-  for (const std::vector<std::string>& names : {asked.inputs, asked.compare})
+  const RenderOptions& requested = command.options;
+  std::vector<std::filesystem::path> reads = cli::also_read(requested.inputs);
+  for (const std::vector<std::string>& names : {requested.inputs, requested.compare})
     for (const std::filesystem::path& file : expand_inputs(names)) reads.push_back(file);
-  reads.push_back(asked.deviation);
-  reads.push_back(asked.uncertain);
-  cli::require_new_output(asked.output, command.force, reads);
+  reads.push_back(requested.deviation);
+  reads.push_back(requested.uncertain);
+  cli::require_new_output(requested.output, command.force, reads);
   // llvmpipe takes the number of its threads from the environment alone, when its library is loaded.
   if (command.threads > 0) ::setenv("LP_NUM_THREADS", std::to_string(command.threads).c_str(), 1);
   RenderOptions options = command.options;

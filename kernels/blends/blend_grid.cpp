@@ -84,7 +84,7 @@ class GridMaker {
       grid_.sharp = options_.edit == BlendEdit::kRound && options_.radius == 0.0;
       return;
     }
-    const double half = 0.5 * bone_.mean_turn(), r = bone_.mean_radius();
+    const double half = 0.5 * bone_.mean_arc_angle(), r = bone_.mean_radius();
     grid_.sharp = bone_.mean_arc() < kSharpArc * spacing_ &&
                   r * (1.0 / sin_cos(half).cos - 1.0) < kSharpShare * options_.tolerance;
   }
@@ -135,8 +135,8 @@ class GridMaker {
       grid_.extent.push_back(0.5 * was.arc_length() + outer_.back() - was.tangent_length());
     }
     if (!grid_.sharp) {
-      const double turn = bone_.mean_turn(), r = longest / std::max(turn, 1e-3);
-      const double by_sagitta = 0.5 * turn * std::sqrt(r / (2.0 * kSagittaShare * options_.tolerance));
+      const double arc_angle = bone_.mean_arc_angle(), r = longest / std::max(arc_angle, 1e-3);
+      const double by_sagitta = 0.5 * arc_angle * std::sqrt(r / (2.0 * kSagittaShare * options_.tolerance));
       grid_.arcs = std::max({kMinArcs, static_cast<std::size_t>(std::ceil(longest / spacing_)),
                              static_cast<std::size_t>(std::ceil(by_sagitta))});
     }
@@ -146,7 +146,7 @@ class GridMaker {
       for (std::size_t i = 1; i < curve_.size(); ++i)
         length += norm2({curve_[i][0] - curve_[i - 1][0], curve_[i][1] - curve_[i - 1][1]});
       const RibProfile& p = profiles_[grid_.ribs / 2];
-      const double chord = 2.0 * std::fabs(p.radius) * sin_cos(0.5 * p.turn()).sin;
+      const double chord = 2.0 * std::fabs(p.radius) * sin_cos(0.5 * p.arc_angle()).sin;
       grid_.arcs = std::max(grid_.arcs, static_cast<std::size_t>(std::ceil(length * chord / spacing_)));
       curve_ = hermite_curve(options_.profile, grid_.arcs);
     }

@@ -43,7 +43,7 @@ class Band {
   void trace(std::vector<BlendCurve>& out) {
     std::vector<std::uint32_t> seeds;
     for (const std::uint32_t v : members_)
-      if (std::fabs(all_[v].across) * options_.radius >= options_.sure_turn) seeds.push_back(v);
+      if (std::fabs(all_[v].across) * options_.radius >= options_.sure_angle) seeds.push_back(v);
     if (seeds.size() < options_.min_sure) return;
     std::sort(seeds.begin(), seeds.end(), [&](std::uint32_t a, std::uint32_t b) {
       const double x = std::fabs(all_[a].across), y = std::fabs(all_[b].across);
@@ -275,7 +275,7 @@ void keep_apart(std::vector<BlendCurve>& curves, double step) {
 }  // namespace
 
 bool is_in_band(double across, double minimum, const BandOptions& o) {
-  return std::fabs(across) * o.radius >= o.min_turn && std::fabs(minimum) <= o.min_ratio * std::fabs(across);
+  return std::fabs(across) * o.radius >= o.min_angle && std::fabs(minimum) <= o.min_ratio * std::fabs(across);
 }
 
 std::vector<BlendCurve> trace_bands(std::span<const BandVertex> band,

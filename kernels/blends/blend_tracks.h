@@ -18,8 +18,8 @@ namespace tessera {
 /// When a vertex belongs to a blend. Turns are of the surface within the ball that its bend was measured over.
 struct BandOptions {
   double radius = 0.0;       ///< of that ball, > 0, scan units
-  double min_turn = 0.2;     ///< radians: curvature across times radius
-  double sure_turn = 0.4;    ///< a band has some that turn by so much
+  double min_angle = 0.2;    ///< radians: curvature across times radius
+  double sure_angle = 0.4;   ///< a band has some that turn by so much
   double min_ratio = 0.35;   ///< curvature along over that across: above it a vertex bends both ways
   std::size_t min_sure = 8;  ///< vertices that turn so much
 };

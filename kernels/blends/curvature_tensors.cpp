@@ -12,9 +12,9 @@ namespace {
 
 constexpr std::uint32_t kNoVertex = 0xffffffffu;
 
-class Bends {
+class Curvatures {
  public:
-  Bends(const MeshBlock& block, double radius) : block_(block), square_(radius * radius), at_(block) {
+  Curvatures(const MeshBlock& block, double radius) : block_(block), square_(radius * radius), at_(block) {
     const std::size_t faces = block.faces.size();
     doubled_.resize(faces), area_.resize(faces), middle_.resize(faces);
     for (std::size_t f = 0; f < faces; ++f) {
@@ -46,7 +46,7 @@ class Bends {
         const Edge& edge = edges_[e];
         const double w = weight(edge.middle - centre);
         if (!(w > 0.0)) continue;
-        const double share = w * edge.turn;
+        const double share = w * edge.dihedral;
         const Double3& d = edge.direction;
         sum[0] += share * d[0] * d[0], sum[1] += share * d[0] * d[1], sum[2] += share * d[0] * d[2];
         sum[3] += share * d[1] * d[1], sum[4] += share * d[1] * d[2], sum[5] += share * d[2] * d[2];
@@ -99,7 +99,7 @@ class Bends {
   /// An edge that turns, of the face that runs along it from its lower corner: once.
   struct Edge {
     Double3 middle, direction;
-    double turn;  ///< by its length
+    double dihedral;  ///< by its length
   };
   void add_edge(std::uint32_t f, std::uint32_t a, std::uint32_t b) {
     if (a > b) return;
@@ -115,8 +115,8 @@ class Bends {
     const double length = norm(d);
     if (!(length > 0.0) || dot(m, m) == 0.0 || dot(n, n) == 0.0) return;
     // f lies on the left of the way from a to b, so at a convex edge its normal turns about that way to the other one.
-    const double turn = angle_between(m, n) * (dot(cross(m, n), d) > 0.0 ? 1.0 : -1.0);
-    if (turn != 0.0) edges_.push_back({(p + q) * 0.5, d, turn / length});
+    const double dihedral = angle_between(m, n) * (dot(cross(m, n), d) > 0.0 ? 1.0 : -1.0);
+    if (dihedral != 0.0) edges_.push_back({(p + q) * 0.5, d, dihedral / length});
   }
 
   const MeshBlock& block_;
@@ -134,10 +134,10 @@ class Bends {
 
 std::vector<CurvatureTensor> curvature_tensors(const MeshBlock& block,
                                                const std::vector<std::uint8_t>& wanted, double radius) {
-  Bends bends(block, radius);
+  Curvatures curvatures(block, radius);
   std::vector<CurvatureTensor> out(block.key.size());
   for (std::uint32_t v = 0; v < out.size(); ++v)
-    if (wanted[v]) out[v] = bends.at(v);
+    if (wanted[v]) out[v] = curvatures.at(v);
   return out;
 }
 

@@ -88,7 +88,7 @@ std::size_t nearest_from(const RibPlanes& planes, const Double3& p, std::size_t 
 }
 
 bool in_order(const RibVertex& a, const RibVertex& b) {
-  return a.place.rib != b.place.rib ? a.place.rib < b.place.rib : a.vertex < b.vertex;
+  return a.position.rib != b.position.rib ? a.position.rib < b.position.rib : a.vertex < b.vertex;
 }
 
 /// Where vertices are beside a fishbone.
@@ -101,14 +101,14 @@ class Placing {
     return 1.5 * (0.5 * bone.mean_arc() + radius + bone.planes.spacing()) + off;
   }
   /// \param rib  the nearest one
-  std::optional<RibVertex> place(std::uint32_t v, const Double3& p, const Double3& normal,
-                                 std::size_t rib) const {
+  std::optional<RibVertex> position(std::uint32_t v, const Double3& p, const Double3& normal,
+                                    std::size_t rib) const {
     const RibPlane& plane = bone_.planes[rib];
     if (squared_distance(plane.origin, p) >= limit_ * limit_) return std::nullopt;
     const auto at = bone_.planes.locate(p, rib);
     if (!at) return std::nullopt;
     const RibProfile q = bone_.profile_at(at->rib);
-    const ProfilePlace beside = place_beside(q, {at->x, at->y});
+    const ProfilePosition beside = place_beside(q, {at->x, at->y});
     const double half = 0.5 * q.arc_length();
     if (std::fabs(beside.distance) > off_ || std::fabs(beside.run) > half + radius_) return std::nullopt;
     const double share = half > 0.0 ? std::clamp(0.5 + 0.5 * beside.run / half, 0.0, 1.0) : 0.5;
@@ -197,9 +197,9 @@ class Fit {
     const double n = static_cast<double>(ribs());
     const auto range = [&](double low, double high) {
       RibVertex key;
-      key.place.rib = low;
+      key.position.rib = low;
       for (auto at = std::lower_bound(all.begin(), all.end(), key, in_order);
-           at != all.end() && at->place.rib <= high; ++at)
+           at != all.end() && at->position.rib <= high; ++at)
         use(*at);
     };
     const double r = static_cast<double>(i);
@@ -232,7 +232,7 @@ class Fit {
       const Placing placing(out_, out_.flank, off);
       for (std::uint32_t v = 0; v < position_.size(); ++v) {
         rib_[v] = static_cast<std::uint32_t>(nearest_from(out_.planes, position_[v], rib_[v]));
-        if (const auto at = placing.place(v, position_[v], normal_[v], rib_[v])) all.push_back(*at);
+        if (const auto at = placing.position(v, position_[v], normal_[v], rib_[v])) all.push_back(*at);
       }
     }
     std::sort(all.begin(), all.end(), in_order);
@@ -240,7 +240,7 @@ class Fit {
     std::vector<Double2> points;
     for (std::size_t i = 0; i < ribs(); ++i) {
       points.clear();
-      for_near(all, i, [&](const RibVertex& v) { points.push_back({v.place.x, v.place.y}); });
+      for_near(all, i, [&](const RibVertex& v) { points.push_back({v.position.x, v.position.y}); });
       RibProfile start = out_.profiles[i];
       if (first) {
         const ProfileFit guess = guess_profile(points, curve_.half_width, out_.convex);
@@ -326,13 +326,13 @@ class Fit {
     out_.planes = planes_across(std::move(spine), std::move(up), out_.planes.closed(), ribs(), kSpineSmooths);
     // The same profiles seen from the new origins: the middle of the arc is (0, 0), its normal is up.
     for (RibProfile& p : out_.profiles) {
-      const double turn = p.middle_angle();
+      const double arc_angle = p.middle_angle();
       const Double2 m = p.middle();
       for (std::size_t k = 0; k < 2; ++k) {
         const Double2 n = p.flank_normal(k);
         p.offset[k] -= n[0] * m[0] + n[1] * m[1];
       }
-      p.angle[0] -= turn, p.angle[1] -= turn;
+      p.angle[0] -= arc_angle, p.angle[1] -= arc_angle;
     }
     double maximum = 0.0;
     for (std::size_t i = 0; i < ribs(); ++i) {
@@ -408,9 +408,9 @@ double Fishbone::mean_radius() const {
   for (const RibProfile& p : profiles) sum += std::fabs(p.radius);
   return sum / static_cast<double>(profiles.size());
 }
-double Fishbone::mean_turn() const {
+double Fishbone::mean_arc_angle() const {
   double sum = 0.0;
-  for (const RibProfile& p : profiles) sum += p.turn();
+  for (const RibProfile& p : profiles) sum += p.arc_angle();
   return sum / static_cast<double>(profiles.size());
 }
 double Fishbone::mean_arc() const {
@@ -427,7 +427,7 @@ std::vector<RibVertex> place_vertices(const Fishbone& bone, std::span<const Doub
   for (std::uint32_t v = 0; v < position.size(); ++v) {
     const std::int64_t i = near.nearest(position[v]);
     if (i < 0) continue;
-    if (const auto at = placing.place(v, position[v], normal[v], static_cast<std::size_t>(i)))
+    if (const auto at = placing.position(v, position[v], normal[v], static_cast<std::size_t>(i)))
       out.push_back(*at);
   }
   std::sort(out.begin(), out.end(), in_order);

@@ -17,8 +17,8 @@ namespace tessera {
 /// A vertex beside a fishbone.
 struct RibVertex {
   std::uint32_t vertex = 0;
-  RibPlace place;
-  ProfilePlace beside;
+  RibPosition position;
+  ProfilePosition beside;
 };
 
 struct Fishbone {
@@ -34,8 +34,8 @@ struct Fishbone {
   RibProfile profile_at(double rib) const;
   /// Keeps ribs first, first + 1, ... of them, `count` below all: then it is open. \pre count >= 3
   void keep(std::size_t first, std::size_t count);
-  double mean_radius() const;  ///< >= 0
-  double mean_turn() const;    ///< radians
+  double mean_radius() const;     ///< >= 0
+  double mean_arc_angle() const;  ///< radians
   double mean_arc() const;
 };
 

@@ -76,12 +76,12 @@ class Resampler {
     ring_.clear(), old_.clear(), added_.clear();
     pieces_ = {};
     const double max_distance = flank_beyond(bone_, options_, spacing_) + (1.0 + kClear) * spacing_;
-    near_ = place(max_distance + 2.0 * edge_);
+    near_ = position(max_distance + 2.0 * edge_);
     grid_ = make_blend_grid(bone_, near_, options_, spacing_, follows_);
     describe();
     if (grid_.sharp && options_.edit == BlendEdit::kNone) return BlendOutcome::kSharp;
     // Again, as far as faces that begin under the grid can reach.
-    near_ = place(max_distance + longest_edge_near());
+    near_ = position(max_distance + longest_edge_near());
     if (const BlendOutcome o = clear(); o != BlendOutcome::kChanged) return o;
     if (const BlendOutcome o = stitch(); o != BlendOutcome::kChanged) return o;
     if (folds()) return BlendOutcome::kFolds;
@@ -182,14 +182,14 @@ class Resampler {
   }
 
   double off() const { return kOffEdges * edge_ + 0.5 * bone_.mean_arc(); }
-  std::vector<RibVertex> place(double max_distance) const {
+  std::vector<RibVertex> position(double max_distance) const {
     return place_vertices(bone_, block_.position, normal_, max_distance, off());
   }
 
   double local_edge() const {
     std::vector<std::uint8_t> in(block_.key.size(), 0);
-    for (const RibVertex& v : place(edge_))
-      if (in_length(v.place.rib)) in[v.vertex] = 1;
+    for (const RibVertex& v : position(edge_))
+      if (in_length(v.position.rib)) in[v.vertex] = 1;
     double sum = 0.0, count = 0.0;
     for (const Face& f : block_.faces)
       for (std::size_t k = 0; k < 3; ++k) {
@@ -206,7 +206,7 @@ class Resampler {
   double longest_edge_near() const {
     std::vector<std::uint8_t> in(block_.key.size(), 0);
     for (const RibVertex& v : near_)
-      if (in_length(v.place.rib)) in[v.vertex] = 1;
+      if (in_length(v.position.rib)) in[v.vertex] = 1;
     double square = edge_ * edge_;
     for (const Face& f : block_.faces)
       for (std::size_t k = 0; k < 3; ++k)
@@ -223,22 +223,22 @@ class Resampler {
     r.length = bone_.planes.length();
     r.radius = bone_.mean_radius();
     r.new_radius = grid_.radius_of_arcs();
-    r.turn = bone_.mean_turn();
+    r.arc_angle = bone_.mean_arc_angle();
     r.rms = bone_.rms;
   }
 
   /// Faces under the grid, and a little around it, that hang together.
   BlendOutcome clear() {
     constexpr double kFar = 1e300;
-    std::vector<Double2> place(block_.key.size(), {kFar, kFar});
+    std::vector<Double2> position(block_.key.size(), {kFar, kFar});
     rib_of_.assign(block_.key.size(), kNone);
     double mean = 0.0;
     for (const double e : grid_.extent) mean += e / static_cast<double>(grid_.ribs);
     const double step = bone_.planes.spacing();
     for (const RibVertex& v : near_) {
       const double last = static_cast<double>(grid_.ribs - 1);
-      const auto rib = static_cast<std::size_t>(std::clamp(std::round(v.place.rib), 0.0, last));
-      place[v.vertex] = {v.place.rib * step, v.beside.run * mean / grid_.extent[rib]};
+      const auto rib = static_cast<std::size_t>(std::clamp(std::round(v.position.rib), 0.0, last));
+      position[v.vertex] = {v.position.rib * step, v.beside.run * mean / grid_.extent[rib]};
       rib_of_[v.vertex] = static_cast<std::uint32_t>(rib);
     }
     const double clear = kClear * std::min(spacing_, edge_);
@@ -248,7 +248,7 @@ class Resampler {
       std::array<Double2, 3> t;
       bool known = true, within = false;
       for (std::size_t k = 0; k < 3; ++k) {
-        t[k] = place[block_.faces[f][k]];
+        t[k] = position[block_.faces[f][k]];
         known = known && t[k][0] != kFar;
         within = within || (t[k][0] != kFar && std::fabs(t[k][1]) <= mean + clear &&
                             (grid_.closed || (t[k][0] >= -clear && t[k][0] <= length + clear)));
@@ -292,12 +292,12 @@ class Resampler {
         for (const std::uint32_t v : block_.faces[f]) ring[f] |= near[v];
     }
     const Double3 origin = curve_.centre[0];
-    std::vector<std::uint32_t> place(block_.key.size(), kNone);
+    std::vector<std::uint32_t> position(block_.key.size(), kNone);
     for (std::uint32_t f = 0; f < ring.size(); ++f) {
       if (!ring[f] || removed_[f]) continue;
       Face face;
       for (std::size_t k = 0; k < 3; ++k) {
-        std::uint32_t& at = place[block_.faces[f][k]];
+        std::uint32_t& at = position[block_.faces[f][k]];
         if (at == kNone) {
           at = static_cast<std::uint32_t>(old_.size());
           old_.push_back(block_.faces[f][k]);
@@ -322,7 +322,7 @@ class Resampler {
       pieces_.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
       pieces_.edges.push_back(0);
     }
-    bridge_creases(place);
+    bridge_creases(position);
     zipped_ = zip(pieces_, kGapRows * std::max({spacing_, edge_, bone_.planes.spacing()}));
     for (std::size_t f = 0; f < ring_.size(); ++f)
       if (zipped_.removed[f]) removed_[ring_[f]] = 1;
@@ -337,8 +337,8 @@ class Resampler {
 
   /// Where a crease was edited and goes on beyond an end, a fan leads from the end's arc, or its middle, to the next vertex of
   /// the crease: the gaps on both flanks are flat then, and nothing is stitched across the edge.
-  /// \param place  of vertices among the pieces
-  void bridge_creases(const std::vector<std::uint32_t>& place) {
+  /// \param position  of vertices among the pieces
+  void bridge_creases(const std::vector<std::uint32_t>& position) {
     if (grid_.closed || bone_.mean_arc() > kCreaseArc * spacing_) return;
     std::vector<std::uint8_t> at_hole(block_.key.size(), 0);
     for (std::size_t f = 0; f < removed_.size(); ++f)
@@ -349,8 +349,8 @@ class Resampler {
       std::uint32_t best = kNone;
       double minimum = kOnCrease * spacing_;
       for (const RibVertex& v : near_) {
-        const double beyond = begins ? -v.place.rib : v.place.rib - last;
-        if (!at_hole[v.vertex] || place[v.vertex] == kNone || !(beyond > 0.0) || beyond > kBridgeRibs)
+        const double beyond = begins ? -v.position.rib : v.position.rib - last;
+        if (!at_hole[v.vertex] || position[v.vertex] == kNone || !(beyond > 0.0) || beyond > kBridgeRibs)
           continue;
         const double off = std::max(std::fabs(v.beside.run), std::fabs(v.beside.distance));
         if (off < minimum) minimum = off, best = v.vertex;
@@ -369,7 +369,7 @@ class Resampler {
         if (last_one != kNone && removed_[last_one]) before = block_.faces[f][(k + 2) % 3];
       }
       if (onwards == kNone || before == kNone) continue;
-      const std::uint32_t c = place[best];
+      const std::uint32_t c = position[best];
       const auto node = [&](std::size_t row) {
         return static_cast<std::uint32_t>(old_.size() + grid_.at(rib, row));
       };
@@ -379,8 +379,8 @@ class Resampler {
       };
       for (std::size_t row = first; row < end; ++row)
         add(begins ? Face{node(row), node(row + 1), c} : Face{node(row + 1), node(row), c});
-      add({c, place[before], node(begins ? first : end)});
-      add({place[onwards], c, node(begins ? end : first)});
+      add({c, position[before], node(begins ? first : end)});
+      add({position[onwards], c, node(begins ? end : first)});
     }
   }
 

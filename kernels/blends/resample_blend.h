@@ -61,7 +61,7 @@ struct BlendReport {
   double length = 0.0;             ///< of the spine, scan units
   double radius = 0.0;             ///< as it was, in the mean; 0: a crease
   double new_radius = 0.0;         ///< as it is away from the ends of an edit, measured on the grid
-  double turn = 0.0;               ///< radians
+  double arc_angle = 0.0;          ///< radians
   double rms = 0.0;                ///< of the vertices that were there against the fishbone
   double distance = 0.0;           ///< certified, both ways; 0 where nothing was changed
   std::size_t faces_removed = 0, faces_added = 0;

@@ -88,7 +88,7 @@ Double3 RibPlanes::at(std::size_t rib, double x, double y) const {
   return p.origin + p.across * x + p.up * y;
 }
 
-RibPlace RibPlanes::between(std::size_t rib, const Double3& p) const {
+RibPosition RibPlanes::between(std::size_t rib, const Double3& p) const {
   const RibPlane &a = planes_[rib], &b = planes_[(rib + 1) % planes_.size()];
   const double chord = norm(b.origin - a.origin);
   // Cubic after Hermite: within (turn of the spine)^4 / 400 of its radius where the spine is an arc.
@@ -116,14 +116,14 @@ RibPlace RibPlanes::between(std::size_t rib, const Double3& p) const {
   return {static_cast<double>(rib) + t, dot(d, at.across), dot(d, at.up)};
 }
 
-std::optional<RibPlace> RibPlanes::locate(const Double3& p, std::size_t near) const {
+std::optional<RibPosition> RibPlanes::locate(const Double3& p, std::size_t near) const {
   const std::size_t n = planes_.size();
   std::size_t i = near;
   for (int step = 0; step < kMaxSteps; ++step) {
     if (height(i, p) < 0.0) {
       if (i == 0 && !closed_) {
         const Double3 d = p - planes_[0].origin;
-        return RibPlace{height(0, p) / spacing_, dot(d, planes_[0].across), dot(d, planes_[0].up)};
+        return RibPosition{height(0, p) / spacing_, dot(d, planes_[0].across), dot(d, planes_[0].up)};
       }
       i = (i + n - 1) % n;
       if (height(i, p) >= 0.0) return between(i, p);
@@ -132,8 +132,8 @@ std::optional<RibPlace> RibPlanes::locate(const Double3& p, std::size_t near) co
     if (i + 1 == n && !closed_) {
       const RibPlane& last = planes_[n - 1];
       const Double3 d = p - last.origin;
-      return RibPlace{static_cast<double>(n - 1) + height(n - 1, p) / spacing_, dot(d, last.across),
-                      dot(d, last.up)};
+      return RibPosition{static_cast<double>(n - 1) + height(n - 1, p) / spacing_, dot(d, last.across),
+                         dot(d, last.up)};
     }
     if (height((i + 1) % n, p) < 0.0) return between(i, p);
     i = (i + 1) % n;

@@ -22,7 +22,7 @@ struct RibPlane {
   Double3 up{};      ///< its y: out of the surface
 };
 
-struct RibPlace {
+struct RibPosition {
   double rib = 0.0;  ///< below 0 and beyond the last where a spine that is open goes on straight
   double x = 0.0, y = 0.0;
 };
@@ -41,13 +41,13 @@ class RibPlanes {
   Double3 at(std::size_t rib, double x, double y) const;
   /// \param near  a rib near it
   /// \returns nothing where planes cross around the point
-  std::optional<RibPlace> locate(const Double3& p, std::size_t near) const;
+  std::optional<RibPosition> locate(const Double3& p, std::size_t near) const;
 
  private:
   double height(std::size_t rib, const Double3& p) const {
     return dot(p - planes_[rib].origin, planes_[rib].along);
   }
-  RibPlace between(std::size_t rib, const Double3& p) const;
+  RibPosition between(std::size_t rib, const Double3& p) const;
   std::vector<RibPlane> planes_;
   bool closed_ = false;
   double spacing_ = 0.0;

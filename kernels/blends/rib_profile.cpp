@@ -9,8 +9,8 @@
 namespace tessera {
 namespace {
 
-constexpr double kMinTurn = 0.08;  ///< radians: flatter ones have no corner to speak of
-constexpr double kMaxTurn = 2.9;
+constexpr double kMinAngle = 0.08;  ///< radians: flatter ones have no corner to speak of
+constexpr double kMaxAngle = 2.9;
 constexpr int kMaxFitSteps = 40;
 constexpr double kEnough = 1e-12;  ///< of the extent: a step that changes nothing,
 constexpr double kEnoughOfNoise =
@@ -135,21 +135,21 @@ double cost_of(const RibProfile& q, std::span<const Double2> points) {
 }
 
 bool is_sound(const RibProfile& q, bool convex) {
-  const double turn = convex ? q.angle[1] - q.angle[0] : q.angle[0] - q.angle[1];
-  return turn > kMinTurn && turn < kMaxTurn && std::fabs(q.angle[0]) < 0.5 * kPi &&
+  const double arc_angle = convex ? q.angle[1] - q.angle[0] : q.angle[0] - q.angle[1];
+  return arc_angle > kMinAngle && arc_angle < kMaxAngle && std::fabs(q.angle[0]) < 0.5 * kPi &&
          std::fabs(q.angle[1]) < 0.5 * kPi;
 }
 
 }  // namespace
 
-double RibProfile::turn() const {
+double RibProfile::arc_angle() const {
   return std::fabs(angle[1] - angle[0]);
 }
 double RibProfile::arc_length() const {
-  return std::fabs(radius) * turn();
+  return std::fabs(radius) * arc_angle();
 }
 double RibProfile::tangent_length() const {
-  return std::fabs(radius) * tan_half(turn());
+  return std::fabs(radius) * tan_half(arc_angle());
 }
 Double2 RibProfile::centre() const {
   const double determinant = sin_cos(angle[0] - angle[1]).sin;
@@ -181,9 +181,9 @@ Double2 RibProfile::on_flank(std::size_t side, double from_corner) const {
   return {c[0] + signed_length * t[0], c[1] + signed_length * t[1]};
 }
 
-ProfilePlace place_beside(const RibProfile& q, const Double2& p) {
+ProfilePosition place_beside(const RibProfile& q, const Double2& p) {
   const Laid laid(q);
-  ProfilePlace out;
+  ProfilePosition out;
   double along = 0.0;
   out.zone = laid.zone(p, along, out.distance);
   if (out.zone == RibZone::kLeft) {
@@ -206,7 +206,7 @@ ProfileFit guess_profile(std::span<const Double2> points, double half_width, boo
   for (std::size_t k = 0; k < 2; ++k)
     if (!fit_line(side[k], q.angle[k], q.offset[k])) return out;
   if (!is_sound(q, convex)) return out;
-  const double r = half_width / std::max(0.05, sin_cos(0.5 * q.turn()).sin);
+  const double r = half_width / std::max(0.05, sin_cos(0.5 * q.arc_angle()).sin);
   q.radius = convex ? r : -r;
   out.found = true;
   return out;

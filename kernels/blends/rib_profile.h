@@ -22,7 +22,7 @@ struct RibProfile {
   std::array<double, 2> offset{};
   double radius = 0.0;  ///< of the arc, with the sign of the blend
 
-  double turn() const;  ///< of the arc, radians, >= 0
+  double arc_angle() const;  ///< of the arc, radians, >= 0
   Double2 centre() const;
   Double2 corner() const;  ///< where the flanks would meet
   Double2 middle() const;  ///< of the arc
@@ -40,12 +40,12 @@ struct RibProfile {
 
 enum class RibZone { kLeft, kArc, kRight };
 /// Where a point is beside a profile.
-struct ProfilePlace {
+struct ProfilePosition {
   RibZone zone = RibZone::kArc;
   double run = 0.0;       ///< arc length of its foot from the middle of the arc
   double distance = 0.0;  ///< above 0 outside
 };
-ProfilePlace place_beside(const RibProfile& profile, const Double2& p);
+ProfilePosition place_beside(const RibProfile& profile, const Double2& p);
 
 struct ProfileFit {
   RibProfile profile;

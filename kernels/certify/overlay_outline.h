@@ -50,7 +50,7 @@ struct Flat {
   double x, y;
 };
 /// Twice the area of a, b, c.
-inline double turn(const Flat& a, const Flat& b, const Flat& c) {
+inline double orient2d(const Flat& a, const Flat& b, const Flat& c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
@@ -86,7 +86,7 @@ struct Outline {
   }
   double area() const {
     double sum = 0.0;
-    for (int i = 1; i + 1 < corners; ++i) sum += turn(at[0], at[i], at[i + 1]);
+    for (int i = 1; i + 1 < corners; ++i) sum += orient2d(at[0], at[i], at[i + 1]);
     return 0.5 * sum;
   }
 };

@@ -204,14 +204,14 @@ class Overlay {
     for (int step = 0; step < kMaxSteps && f != kNoFace; ++step) {
       const auto& v = fine_.faces[f];
       const Flat p[3] = {place(v[0]).at, place(v[1]).at, place(v[2]).at};
-      const double up = turn(p[0], p[1], p[2]) < 0.0 ? -1.0 : 1.0;
+      const double up = orient2d(p[0], p[1], p[2]) < 0.0 ? -1.0 : 1.0;
       double minimum = 0.0;
       std::uint32_t side = kNoFace;
       bool safe = true;
       for (std::uint32_t i = 0; i < 3; ++i) {
         const Flat &a = p[i], &b = p[i == 2 ? 0 : i + 1];
         const double dx = b.x - a.x, dy = b.y - a.y, size = std::sqrt(dx * dx + dy * dy);
-        const double inside = up * turn(a, b, to);
+        const double inside = up * orient2d(a, b, to);
         safe = safe && inside > 4.0 * grown_ * size;
         if (size > 0.0 && inside / size < minimum && across_fine_[f][i] >> 2 != came)
           minimum = inside / size, side = i;
@@ -304,7 +304,7 @@ class Overlay {
     }
     // Corners of the outline over the face.
     if ((outside & (outside - 1)) == 0) return over;  // beyond one side alone
-    const double full = turn(p[0]->at, p[1]->at, p[2]->at), up = full < 0.0 ? -1.0 : 1.0;
+    const double full = orient2d(p[0]->at, p[1]->at, p[2]->at), up = full < 0.0 ? -1.0 : 1.0;
     const double size = longest(p), slack = -4.0 * grown_ * size;
     for (int i = 0; i < outline_.corners; ++i) {
       const int before = i == 0 ? outline_.corners - 1 : i - 1;
@@ -312,7 +312,7 @@ class Overlay {
       double w[3];
       bool inside = true;
       for (std::size_t c = 0; c < 3; ++c) {
-        w[c] = up * turn(p[(c + 1) % 3]->at, p[(c + 2) % 3]->at, outline_.at[i]);
+        w[c] = up * orient2d(p[(c + 1) % 3]->at, p[(c + 2) % 3]->at, outline_.at[i]);
         inside = inside && w[c] >= slack;
       }
       if (!inside) continue;
@@ -348,7 +348,7 @@ class Overlay {
   bool cover(std::uint32_t t, std::uint32_t seed, double& height) {
     bool covered = true;
     const auto& s = fine_.faces[seed];
-    const double up = turn(place(s[0]).at, place(s[1]).at, place(s[2]).at) < 0.0 ? -1.0 : 1.0;
+    const double up = orient2d(place(s[0]).at, place(s[1]).at, place(s[2]).at) < 0.0 ? -1.0 : 1.0;
     stack_.assign(1, seed);
     state_[seed].stamp = stamp_;
     while (!stack_.empty()) {
@@ -356,7 +356,7 @@ class Overlay {
       stack_.pop_back();
       const auto& v = fine_.faces[f];
       const Point* const p[3] = {&place(v[0]), &place(v[1]), &place(v[2])};
-      const double area = up * turn(p[0]->at, p[1]->at, p[2]->at);
+      const double area = up * orient2d(p[0]->at, p[1]->at, p[2]->at);
       if (!(area > 4.0 * grown_ * longest(p))) covered = covered && !near_centre(p);
       look_at(t, f, p, height);
       for (std::uint32_t i = 0; i < 3; ++i) {

@@ -64,7 +64,7 @@ inline constexpr float kMaxClosingLimit = 56.0f;
 /// Cells of the block from which closing starts: for every pair of cells that share a crossed face, one of
 /// them local, the other not. A pair belongs to the block that holds its upper cell; its lower one may lie
 /// just below the block. Global coordinates, ascending by Morton code, no repeats.
-std::vector<Int3> rim_cells(const DirectedField& field);
+std::vector<Int3> boundary_cells(const DirectedField& field);
 
 /// Signs of the leaves of one brick of the block. \param brick  within the block
 std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& brick);

@@ -234,7 +234,7 @@ class CellBits {
 
 }  // namespace
 
-std::vector<Int3> rim_cells(const DirectedField& field) {
+std::vector<Int3> boundary_cells(const DirectedField& field) {
   std::vector<Int3> out;
   const auto node = [&](int i, int j, int k, bool& valid, bool& inside) {
     const BandLeaf* leaf = field.leaf_at(i, j, k);

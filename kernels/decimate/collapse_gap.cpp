@@ -16,14 +16,14 @@ struct Flat {
 };
 
 /// Twice the area of a, b, c, seen along the normal.
-constexpr double turn(const Flat& a, const Flat& b, const Flat& c) {
+constexpr double orient2d(const Flat& a, const Flat& b, const Flat& c) {
   return cross_2d(b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
 }
 
 /// Adds to `deviation` the height of p over a, b, c. \return false where p lies outside of the triangle
 bool height_over(const Flat& p, const Flat& a, const Flat& b, const Flat& c, double rounding,
                  double& deviation) {
-  const double wa = turn(p, b, c), wb = turn(p, c, a), wc = turn(p, a, b), sum = wa + wb + wc;
+  const double wa = orient2d(p, b, c), wb = orient2d(p, c, a), wc = orient2d(p, a, b), sum = wa + wb + wc;
   if (wa < rounding || wb < rounding || wc < rounding || !(sum > 0.0)) return false;
   deviation = std::fmax(deviation, std::fabs((wa * a.z + wb * b.z + wc * c.z) / sum - p.z));
   return true;
@@ -31,7 +31,7 @@ bool height_over(const Flat& p, const Flat& a, const Flat& b, const Flat& c, dou
 
 }  // namespace
 
-bool fan_deviation(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, double& deviation,
+bool fan_deviation(const LinkLoop& loop, const Double3& apex, std::size_t flat_edge, double& deviation,
                    FanFoot* foot) {
   deviation = 0.0;
   const std::size_t size = loop.size;
@@ -80,10 +80,10 @@ bool fan_deviation(const RimLoop& loop, const Double3& apex, std::size_t flat_ed
   // parallel to all, whose crossings are not numbers.
   if (size < 4) return true;
   const std::size_t spokes = size - 3;
-  alignas(32) std::array<double, kMaxRing + 2 + kLanes> sx, sy, sz, turned;
+  alignas(32) std::array<double, kMaxRing + 2 + kLanes> sx, sy, sz, flipped;
   for (std::size_t j = 0; j < spokes; ++j)
-    sx[j] = x[j + 2], sy[j] = y[j + 2], sz[j] = z[j + 2], turned[j] = -before[j + 2];
-  for (std::size_t j = spokes; j < spokes + kLanes - 1; ++j) sx[j] = sy[j] = sz[j] = turned[j] = 0.0;
+    sx[j] = x[j + 2], sy[j] = y[j + 2], sz[j] = z[j + 2], flipped[j] = -before[j + 2];
+  for (std::size_t j = spokes; j < spokes + kLanes - 1; ++j) sx[j] = sy[j] = sz[j] = flipped[j] = 0.0;
   constexpr double kSlack = 1e-9;
   const __m256d low = _mm256_set1_pd(-kSlack), high = _mm256_set1_pd(1.0 + kSlack);
   const __m256d absolute = _mm256_castsi256_pd(_mm256_set1_epi64x(0x7fffffffffffffff));
@@ -93,9 +93,10 @@ bool fan_deviation(const RimLoop& loop, const Double3& apex, std::size_t flat_ed
                   dz = _mm256_set1_pd(z[i] - az), start = _mm256_set1_pd(az);
     const __m256d side = _mm256_set1_pd(-before[i]);
     for (std::size_t j = 0; j < spokes; j += kLanes) {
-      const __m256d turn =
+      const __m256d orient2d =
           _mm256_sub_pd(_mm256_mul_pd(dx, _mm256_load_pd(&sy[j])), _mm256_mul_pd(dy, _mm256_load_pd(&sx[j])));
-      const __m256d t = _mm256_div_pd(_mm256_load_pd(&turned[j]), turn), s = _mm256_div_pd(side, turn);
+      const __m256d t = _mm256_div_pd(_mm256_load_pd(&flipped[j]), orient2d),
+                    s = _mm256_div_pd(side, orient2d);
       const __m256d height =
           _mm256_sub_pd(_mm256_add_pd(start, _mm256_mul_pd(t, dz)), _mm256_mul_pd(s, _mm256_load_pd(&sz[j])));
       __m256d crosses = _mm256_and_pd(_mm256_cmp_pd(t, low, _CMP_GT_OQ), _mm256_cmp_pd(t, high, _CMP_LT_OQ));
@@ -116,7 +117,7 @@ bool fan_deviation(const RimLoop& loop, const Double3& apex, std::size_t flat_ed
   return true;
 }
 
-bool edge_deviation(const RimLoop& loop, const Double3& u, const Double3& v, std::size_t first,
+bool edge_deviation(const LinkLoop& loop, const Double3& u, const Double3& v, std::size_t first,
                     double& deviation) {
   deviation = 0.0;
   const std::size_t size = loop.size;
@@ -128,29 +129,29 @@ bool edge_deviation(const RimLoop& loop, const Double3& u, const Double3& v, std
   const Double3 n = area * (1.0 / std::sqrt(length2));
   const Double3 ex = any_orthogonal(n), ey = cross(n, ex);
   const auto flat = [&](const Double3& p) { return Flat{dot(p, ex), dot(p, ey), dot(p, n)}; };
-  std::array<Flat, kMaxRing + 2> rim;
-  for (std::size_t i = 0; i < size; ++i) rim[i] = flat(loop.at[i]);
+  std::array<Flat, kMaxRing + 2> link;
+  for (std::size_t i = 0; i < size; ++i) link[i] = flat(loop.at[i]);
   const Flat centre[2] = {flat(u), flat(v)}, zero{0.0, 0.0, 0.0};
   const double rounding = -1e-13 * std::sqrt(length2);
   // Both are graphs over the polygon: the new fan once around, the old faces all the same way up.
-  int turns = 0;
+  int flips = 0;
   for (std::size_t i = 1; i < size; ++i) {
     const std::size_t j = after(i);
-    if (!(cross_2d(rim[i].x, rim[i].y, rim[j].x, rim[j].y) > 0.0)) return false;
-    turns += rim[i].y < 0.0 && rim[j].y >= 0.0;
-    if (turn(centre[i > first], rim[i], rim[j]) < rounding) return false;
+    if (!(cross_2d(link[i].x, link[i].y, link[j].x, link[j].y) > 0.0)) return false;
+    flips += link[i].y < 0.0 && link[j].y >= 0.0;
+    if (orient2d(centre[i > first], link[i], link[j]) < rounding) return false;
   }
-  const Flat &left = rim[1], &right = rim[first + 1];
-  if (turns != 1 || turn(centre[0], centre[1], left) < rounding ||
-      turn(centre[0], right, centre[1]) < rounding)
+  const Flat &left = link[1], &right = link[first + 1];
+  if (flips != 1 || orient2d(centre[0], centre[1], left) < rounding ||
+      orient2d(centre[0], right, centre[1]) < rounding)
     return false;
   // Old centres over the new fan, the new one over the old faces.
   bool found[3] = {false, false, false};
   for (std::size_t i = 1; i < size; ++i) {
     const std::size_t j = after(i);
     for (std::size_t c = 0; c < 2; ++c)
-      found[c] = height_over(centre[c], zero, rim[i], rim[j], rounding, deviation) || found[c];
-    found[2] = height_over(zero, centre[i > first], rim[i], rim[j], rounding, deviation) || found[2];
+      found[c] = height_over(centre[c], zero, link[i], link[j], rounding, deviation) || found[c];
+    found[2] = height_over(zero, centre[i > first], link[i], link[j], rounding, deviation) || found[2];
   }
   found[2] = height_over(zero, centre[0], centre[1], left, rounding, deviation) || found[2];
   found[2] = height_over(zero, centre[0], right, centre[1], rounding, deviation) || found[2];
@@ -159,18 +160,18 @@ bool edge_deviation(const RimLoop& loop, const Double3& u, const Double3& v, std
     constexpr double kSlack = 1e-9;
     const double dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z, side = cross_2d(a.x, a.y, dx, dy);
     for (std::size_t j = 1; j < size; ++j) {
-      const double per = 1.0 / cross_2d(dx, dy, rim[j].x, rim[j].y);
-      const double t = -cross_2d(a.x, a.y, rim[j].x, rim[j].y) * per, s = -side * per;
+      const double per = 1.0 / cross_2d(dx, dy, link[j].x, link[j].y);
+      const double t = -cross_2d(a.x, a.y, link[j].x, link[j].y) * per, s = -side * per;
       if (t > -kSlack && t < 1.0 + kSlack && s > -kSlack && s < 1.0 + kSlack) {
-        const double height = std::fabs(a.z + t * dz - s * rim[j].z);
+        const double height = std::fabs(a.z + t * dz - s * link[j].z);
         deviation = height > deviation ? height : deviation;
       }
     }
   };
   cross_spokes(centre[0], centre[1]);
-  for (std::size_t i = 1; i <= first + 1; ++i) cross_spokes(centre[0], rim[i]);
-  for (std::size_t i = first + 1; i < size; ++i) cross_spokes(centre[1], rim[i]);
-  cross_spokes(centre[1], rim[1]);
+  for (std::size_t i = 1; i <= first + 1; ++i) cross_spokes(centre[0], link[i]);
+  for (std::size_t i = first + 1; i < size; ++i) cross_spokes(centre[1], link[i]);
+  cross_spokes(centre[1], link[1]);
   return true;
 }
 

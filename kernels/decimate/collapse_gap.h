@@ -12,7 +12,7 @@
 namespace tessera {
 
 /// The rim of one side of a star as a closed loop, counter-clockwise, from the vertex that takes over.
-struct RimLoop {
+struct LinkLoop {
   std::size_t size = 0;
   std::uint64_t borders = 0, creases = 0;  ///< bit i: what the edge from at[i] to at[i + 1] is
   std::uint64_t ends = 0;                  ///< bit i: creases or borders run through at[i]
@@ -33,14 +33,14 @@ struct FanFoot {
 /// \param flat_edge  i: the apex lies on the edge from at[i] to at[i + 1]; kNoFlatEdge: inside
 /// \param[out] deviation   every point of either fan lies within it of the other fan
 /// \return false where one of the fans is no graph over the loop's polygon: the collapse would fold
-bool fan_deviation(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, double& deviation,
+bool fan_deviation(const LinkLoop& loop, const Double3& apex, std::size_t flat_edge, double& deviation,
                    FanFoot* foot = nullptr);
 
 /// The same for two neighbouring stars that become one fan around a new place.
 /// \param loop   at[0] = 0 the new place, then the rim of both stars, counter-clockwise
 /// \param u, v   the old centres, relative to the new place
 /// \param first  u has the faces at the rim edges 1 .. first, v those after it; at[1] and at[first + 1] see both
-bool edge_deviation(const RimLoop& loop, const Double3& u, const Double3& v, std::size_t first,
+bool edge_deviation(const LinkLoop& loop, const Double3& u, const Double3& v, std::size_t first,
                     double& deviation);
 
 }  // namespace tessera

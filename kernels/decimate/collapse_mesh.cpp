@@ -17,16 +17,16 @@ constexpr unsigned kFlagOppositeCorner[3] = {kFaceBorder12, kFaceBorder20, kFace
 static_assert(kFaceCrease01 == kFaceBorder01 << 5 && kFaceCrease20 == kFaceBorder20 << 5);
 
 /// Numbers 0 to n - 1 in the Morton order of cells, a 1024th of the extent wide: in the low half of each entry.
-/// \param place  position of a number, no coordinate far below 0
-template <class Place>
-std::vector<std::uint64_t> in_morton_order(std::size_t n, const Place& place) {
+/// \param slot  position of a number, no coordinate far below 0
+template <class Position>
+std::vector<std::uint64_t> in_morton_order(std::size_t n, const Position& slot) {
   double extent = 0.0;
   for (std::size_t v = 0; v < n; ++v)
-    for (const double x : place(v)) extent = std::max(extent, x);
+    for (const double x : slot(v)) extent = std::max(extent, x);
   const double scale = extent > 0.0 ? 1023.0 / extent : 0.0;
   std::vector<std::uint64_t> order(n), other(n);
   for (std::size_t v = 0; v < n; ++v) {
-    const Double3 p = place(v);
+    const Double3 p = slot(v);
     std::uint32_t cell[3];
     for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::uint32_t>(std::max(0.0, p[a] * scale));
     order[v] = morton_encode(cell[0], cell[1], cell[2]) << 32 | v;
@@ -58,12 +58,12 @@ bool lies_in_order(const MeshBlock& block) {
 }  // namespace
 
 CollapseMesh::CollapseMesh(const MeshBlock& block, const Double3& origin, Order order) {
-  std::vector<std::uint32_t> place;
-  number_vertices(block, origin, order, place);
-  if (place.empty())
+  std::vector<std::uint32_t> slot;
+  number_vertices(block, origin, order, slot);
+  if (slot.empty())
     copy_faces(block);
   else
-    fill_faces(block, place);
+    fill_faces(block, slot);
   match_edges(block);
   find_fans();
 }
@@ -89,23 +89,23 @@ CollapseFace face_of(const MeshBlock& block, std::size_t f, std::size_t first) {
 
 }  // namespace
 
-/// \param place  of each vertex of the block; left empty where they stay as they are
-void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin, Order asked,
-                                   std::vector<std::uint32_t>& place) {
+/// \param slot  of each vertex of the block; left empty where they stay as they are
+void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin, Order requested,
+                                   std::vector<std::uint32_t>& slot) {
   const std::size_t n = block.position.size();
   block_vertex_.resize(n);
   vertices_.resize(n);
   state_.assign(n, 0);
   corner_.assign(n, kNoCorner);
-  if (asked == Order::kNearEnough && lies_in_order(block)) {
+  if (requested == Order::kNearEnough && lies_in_order(block)) {
     std::iota(block_vertex_.begin(), block_vertex_.end(), 0u);
   } else {
     const std::vector<std::uint64_t> order =
         in_morton_order(n, [&](std::size_t v) { return block.position[v] - origin; });
-    place.resize(n);
+    slot.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
       block_vertex_[i] = static_cast<std::uint32_t>(order[i]);
-      place[block_vertex_[i]] = static_cast<std::uint32_t>(i);
+      slot[block_vertex_[i]] = static_cast<std::uint32_t>(i);
     }
   }
   for (std::size_t i = 0; i < n; ++i) vertices_[i].at = block.position[block_vertex_[i]] - origin;
@@ -119,12 +119,12 @@ void CollapseMesh::copy_faces(const MeshBlock& block) {
   }
 }
 
-void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& place) {
+void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& slot) {
   const std::size_t n = block.position.size(), m = block.faces.size();
   // Faces by their lowest vertex: a counting sort.
   std::vector<std::uint32_t> begin(n + 1, 0);
   const auto lowest = [&](const std::array<std::uint32_t, 3>& t) {
-    return std::min({place[t[0]], place[t[1]], place[t[2]]});
+    return std::min({slot[t[0]], slot[t[1]], slot[t[2]]});
   };
   for (const auto& t : block.faces) ++begin[lowest(t) + 1];
   for (std::size_t v = 0; v < n; ++v) begin[v + 1] += begin[v];
@@ -134,9 +134,9 @@ void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uin
     CollapseFace& face = faces_[begin[lowest(t)]++];
     // The lowest vertex first, so that the order of the input leaves no trace.
     const std::size_t first =
-        place[t[0]] < place[t[1]] ? (place[t[0]] < place[t[2]] ? 0 : 2) : (place[t[1]] < place[t[2]] ? 1 : 2);
+        slot[t[0]] < slot[t[1]] ? (slot[t[0]] < slot[t[2]] ? 0 : 2) : (slot[t[1]] < slot[t[2]] ? 1 : 2);
     face = face_of(block, f, first);
-    for (std::size_t i = 0; i < 3; ++i) face.vertex[i] = place[t[first + i < 3 ? first + i : first + i - 3]];
+    for (std::size_t i = 0; i < 3; ++i) face.vertex[i] = slot[t[first + i < 3 ? first + i : first + i - 3]];
   }
   for (std::size_t f = 0; f < m;) {
     std::size_t end = f + 1;
@@ -416,7 +416,7 @@ void CollapseMesh::compact(std::vector<std::uint32_t>& kept) {
   block_vertex_.resize(kept.size()), state_.resize(kept.size());
 }
 
-void CollapseMesh::sort_by_place(std::vector<std::uint32_t>& kept) {
+void CollapseMesh::sort_by_position(std::vector<std::uint32_t>& kept) {
   compact(kept);
   const std::size_t n = vertices_.size();
   const std::vector<std::uint64_t> order = in_morton_order(n, [&](std::size_t v) { return vertices_[v].at; });

@@ -80,13 +80,13 @@ struct alignas(32) CollapseVertex {
 class CollapseMesh {
  public:
   enum class Order : std::uint8_t {
-    kByPlace,    ///< Morton order of the places of vertices, for the caches
-    kNearEnough  ///< the order of the block where that is canonical and comes close to one of places
+    kByPosition,  ///< Morton order of the places of vertices, for the caches
+    kNearEnough   ///< the order of the block where that is canonical and comes close to one of places
   };
   /// Takes over the block with vertices and faces in this order.
   /// \param origin  subtracted from all positions
   /// \throws InputError  an edge with more than two faces, or two in the same direction
-  CollapseMesh(const MeshBlock& block, const Double3& origin, Order order = Order::kByPlace);
+  CollapseMesh(const MeshBlock& block, const Double3& origin, Order order = Order::kByPosition);
 
   std::size_t vertices() const { return vertices_.size(); }
   std::uint32_t vertex(std::uint32_t c) const { return faces_[c >> 2].vertex[c & 3u]; }
@@ -152,13 +152,13 @@ class CollapseMesh {
 
   /// The same, and vertices and faces get the Morton order of their places again: splits append theirs at the end, far from
   /// their neighbours. Allocates about 60 bytes a face for a while. \param[out] kept  per vertex, its number before
-  void sort_by_place(std::vector<std::uint32_t>& kept);
+  void sort_by_position(std::vector<std::uint32_t>& kept);
 
  private:
   void number_vertices(const MeshBlock& block, const Double3& origin, Order order,
-                       std::vector<std::uint32_t>& place);
+                       std::vector<std::uint32_t>& slot);
   void copy_faces(const MeshBlock& block);
-  void fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& place);
+  void fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& slot);
   void match_edges(const MeshBlock& block);
   void find_fans();
   void join(std::uint32_t a, std::uint32_t b, unsigned lost_flags);

@@ -82,7 +82,8 @@ void DecimateOptions::validate() const {
   need(max_cost_class < kCostClasses, "max_cost_class", "below 2048");
   need(noise >= 0.0 && std::isfinite(noise), "noise", "a length of 0 or more");
   need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
-  need(max_normal_turn_deg >= 0.0 && max_normal_turn_deg <= 180.0, "max_normal_turn_deg", "in [0, 180]");
+  need(max_normal_deviation_deg >= 0.0 && max_normal_deviation_deg <= 180.0, "max_normal_turn_deg",
+       "in [0, 180]");
   need(min_mean_ratio >= 0.0 && min_mean_ratio < 1.0, "min_roundness", "in [0, 1)");
   need(colour_weight >= 0.0 && std::isfinite(colour_weight), "colour_weight", "a length of 0 or more");
 }
@@ -114,7 +115,8 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
   // Sweeps go by places; where there are none, sorting gains nothing.
   const bool fresh = std::all_of(block.face_bound.begin(), block.face_bound.end(),
                                  [](float bound) { return !(bound > 0.0f); });
-  CollapseMesh mesh(block, origin, fresh ? CollapseMesh::Order::kByPlace : CollapseMesh::Order::kNearEnough);
+  CollapseMesh mesh(block, origin,
+                    fresh ? CollapseMesh::Order::kByPosition : CollapseMesh::Order::kNearEnough);
   {
     std::optional<CollapseMesh> apart;
     std::vector<std::uint32_t> reference_vertex(mesh.vertices());

@@ -48,7 +48,7 @@ struct DecimateOptions {
   /// Largest angle of a new face to the original faces it stands for; 0 = free. Not counted where moving one
   /// corner of the original face by half the tolerance and a 32nd of the largest height of the faces around
   /// its corners explains the turn: noise turns slivers.
-  double max_normal_turn_deg = 0.0;
+  double max_normal_deviation_deg = 0.0;
   /// Smallest 4 sqrt(3) area / (sum of squared edges), unless it was worse before.
   double min_mean_ratio = 0.02;
   double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth; 0 = ignored

@@ -29,9 +29,10 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       lanes_(options.tolerance > 0.0 ? options.tolerance : 1.0, options.min_mean_ratio),
       reference_vertex_(std::move(reference_vertex)) {
   if (options.tolerance > 0.0)
-    reference_deviation_ = ReferenceDeviation(reference, options.max_normal_turn_deg > 0.0);
+    reference_deviation_ = ReferenceDeviation(reference, options.max_normal_deviation_deg > 0.0);
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
-  if (options.max_normal_turn_deg > 0.0) min_cosine_ = cosine_of_degrees(options.max_normal_turn_deg);
+  if (options.max_normal_deviation_deg > 0.0)
+    min_cosine_ = cosine_of_degrees(options.max_normal_deviation_deg);
   accumulate_quadrics();
 }
 
@@ -98,12 +99,12 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
     const std::size_t j = i + 1 < size ? i + 1 : 0;
     if (i == at_ring || j == at_ring) continue;
     const Double3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
-    const Double3 rim = b - a, to_u = pu - a, to_v = pv - a;
-    const Double3 before = cross(rim, to_u), after = cross(rim, to_v);
+    const Double3 link = b - a, to_u = pu - a, to_v = pv - a;
+    const Double3 before = cross(link, to_u), after = cross(link, to_v);
     const double along = dot(before, after), before2 = dot(before, before), after2 = dot(after, after);
     if (!(after2 > 0.0) || along < 0.0 || along * along < 0.04 * before2 * after2) return Refusal::kFold;
     const Double3 last = pv - b;
-    const double edges = dot(rim, rim) + dot(to_v, to_v) + dot(last, last);
+    const double edges = dot(link, link) + dot(to_v, to_v) + dot(last, last);
     thin = thin || after2 < minimum * edges * edges;
   }
   if (!thin) return Refusal::kNone;
@@ -127,7 +128,7 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
     if (answer == StarLanes::Answer::kGood) {
       new_bound_ = rounded_up(largest_bound(star) + deviation);
       if (static_cast<double>(new_bound_) <= options_.tolerance) return Refusal::kNone;
-      lay_rim(star, at_ring);
+      lay_link(star, at_ring);
       return ask_reference(u, star, at_ring, false, 0.0);
     }
   }

@@ -126,9 +126,9 @@ class Decimator {
   bool linked(const Star& star, std::size_t at);
   Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
   bool bound_by_sum(std::uint32_t u, const Star& star, std::size_t at);
-  void lay_rim(const Star& star, std::size_t at);
+  void lay_link(const Star& star, std::size_t at);
   bool may_move(std::uint32_t u, std::uint32_t v) const;
-  Double3 best_place(const Quadric& q, std::uint32_t u, std::uint32_t v) const;
+  Double3 best_position(const Quadric& q, std::uint32_t u, std::uint32_t v) const;
   Double3 as_stored(const Double3& p) const;
   bool check_optimal(std::uint32_t u, const Star& star, std::size_t at);
   void move_vertex(std::uint32_t u, std::uint32_t v);
@@ -136,8 +136,8 @@ class Decimator {
   Refusal ask_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum,
                         double line_deviation);
   void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
-                 RimLoop& loop) const;
-  void add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const;
+                 LinkLoop& loop) const;
+  void add_link(std::uint32_t v, std::uint32_t w, std::uint32_t corner, LinkLoop& loop) const;
   Doubt ask_coarse(std::uint32_t u, const Star& star, std::size_t at);
   void remove(std::uint32_t u, const Star& star, std::size_t at);
   void commit(std::uint32_t u, const Star& star, std::size_t at, std::uint32_t cost_class_now);
@@ -159,7 +159,7 @@ class Decimator {
   // Of the candidate at hand.
   StarLanes lanes_;
   bool in_lanes_ = false;  ///< they hold the star that was gathered last
-  RimLoop loops_[2];
+  LinkLoop loops_[2];
   std::size_t sides_ = 0, flat_edge_[2] = {kNoFlatEdge, kNoFlatEdge};
   Foot foot_;
   Star other_star_;

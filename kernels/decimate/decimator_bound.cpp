@@ -9,14 +9,14 @@ namespace tessera {
 
 /// The side of the star whose ring runs from place `from` to `to`, counter-clockwise; one of them takes over.
 void Decimator::make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
-                          RimLoop& loop) const {
+                          LinkLoop& loop) const {
   const std::size_t size = star.ring_size();
   const bool border = (mesh_.state(v) & kVertexBorder) != 0 && !star.closed;
   loop.clear();
   // The loop starts with v; the edge between v and the other end closes it and is the line.
   const auto add_line = [&](std::uint32_t w) {
     (border ? loop.borders : loop.creases) |= std::uint64_t{1} << loop.size;
-    add_rim(v, w, kNoCorner, loop);
+    add_link(v, w, kNoCorner, loop);
   };
   if (!v_first) add_line(v);
   for (std::size_t i = from;; i = i + 1 < size ? i + 1 : 0) {
@@ -24,12 +24,12 @@ void Decimator::make_side(const Star& star, std::uint32_t v, std::size_t from, s
       if (v_first) add_line(star.ring[i]);
       return;
     }
-    add_rim(v, star.ring[i], star.corner[i], loop);
+    add_link(v, star.ring[i], star.corner[i], loop);
   }
 }
 
 /// Adds the place of w, and with it the edge from there on, which lies opposite the corner.
-void Decimator::add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const {
+void Decimator::add_link(std::uint32_t v, std::uint32_t w, std::uint32_t corner, LinkLoop& loop) const {
   const std::uint64_t bit = std::uint64_t{1} << loop.size;
   if (corner != kNoCorner) {
     if (mesh_.border_edge(corner)) loop.borders |= bit;
@@ -40,13 +40,13 @@ void Decimator::add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, 
 }
 
 /// The rim of a closed star as the only loop.
-void Decimator::lay_rim(const Star& star, std::size_t at_ring) {
+void Decimator::lay_link(const Star& star, std::size_t at_ring) {
   sides_ = 1;
   flat_edge_[0] = kNoFlatEdge;
-  RimLoop& loop = loops_[0];
+  LinkLoop& loop = loops_[0];
   loop.clear();
   for (std::size_t n = 0, i = at_ring; n < star.faces; ++n, i = i + 1 < star.faces ? i + 1 : 0)
-    add_rim(star.ring[at_ring], star.ring[i], star.corner[i], loop);
+    add_link(star.ring[at_ring], star.ring[i], star.corner[i], loop);
 }
 
 /// Lays out the rim loops of the collapse and bounds the distance by adding what it moves to what was before.
@@ -89,7 +89,7 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
     deviation += norm(from - foot);
     foot_ = {star.ring[far], v, v, std::clamp(dot(from, edge) / size2, 0.0, 1.0), 0.0};
   } else {
-    lay_rim(star, at_ring);
+    lay_link(star, at_ring);
     FanFoot foot;
     if (!fan_deviation(loops_[0], pu - pv, kNoFlatEdge, deviation, &foot)) return false;
     const auto ring_at = [&](std::size_t i) { return star.ring[(at_ring + i) % size]; };
@@ -170,7 +170,7 @@ Decimator::Refusal Decimator::ask_reference(std::uint32_t u, const Star& star, s
       answer = reference_deviation_.measure(loops_[s], query, side);
     }
     if (reference_deviation_.failed_at() != kNoCorner) witness_[u] = reference_deviation_.failed_at();
-    if (answer == ReferenceDeviation::Answer::kTurned) return Refusal::kNormal;
+    if (answer == ReferenceDeviation::Answer::kNormalDeviates) return Refusal::kNormal;
     if (answer != ReferenceDeviation::Answer::kWithin) return Refusal::kTolerance;
     exact = std::fmax(exact, side);
   }

@@ -62,7 +62,7 @@ double Decimator::cost(std::uint32_t u, const Quadric& q, const Star& star, std:
       if (options_.placement == DecimatePlacement::kOptimal && may_move(u, v)) {
         Quadric both = q;
         both += quadric_[v];
-        const Double3 p = best_place(both, u, v);
+        const Double3 p = best_position(both, u, v);
         cost = std::fmax(0.0, both(p[0], p[1], p[2]));
       } else {
         cost = endpoint_cost(q, to);

@@ -15,7 +15,7 @@ bool Decimator::may_move(std::uint32_t u, std::uint32_t v) const {
 }
 
 /// The minimum of the quadric, or the middle of the edge where it is not well determined or far off.
-Double3 Decimator::best_place(const Quadric& q, std::uint32_t u, std::uint32_t v) const {
+Double3 Decimator::best_position(const Quadric& q, std::uint32_t u, std::uint32_t v) const {
   const Double3 a = mesh_.at(u), b = mesh_.at(v), middle = (a + b) * 0.5, edge = b - a;
   Double3 p{};
   if (!quadric_minimum(q, p) || dot(p - middle, p - middle) > 4.0 * dot(edge, edge)) p = middle;
@@ -41,9 +41,9 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
   while (other_star_.ring[from_v] != u) ++from_v;
   Quadric both = quadric_[u];
   both += quadric_[v];
-  const Double3 p = best_place(both, u, v);
+  const Double3 p = best_position(both, u, v);
   // The rim: around u from behind v to before v, then around v in the same way.
-  RimLoop& loop = loops_[0];
+  LinkLoop& loop = loops_[0];
   loop.clear();
   loop.at[loop.size++] = {0, 0, 0};
   const auto add = [&](const Star& s, std::size_t i, const Double3& centre) {

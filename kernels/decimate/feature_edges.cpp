@@ -22,7 +22,7 @@ FaceNormal face_normal(const CollapseMesh& mesh, std::size_t f) {
 }
 
 /// Whether the cosine is below `minimum`; faces without area count as no turn.
-bool turns(const FaceNormal& a, const FaceNormal& b, double minimum) {
+bool is_sharp(const FaceNormal& a, const FaceNormal& b, double minimum) {
   const double along = dot(a.normal, b.normal), square = along * along,
                limit = minimum * minimum * (a.length2 * b.length2);
   return minimum > 0.0 ? along < 0.0 || square < limit : along < 0.0 && square > limit;
@@ -77,9 +77,9 @@ std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double featur
   std::vector<Sharp> edges;
   const auto look_at = [&](std::uint32_t c, std::uint32_t o) {
     const FaceNormal n = face_normal(mesh, c >> 2), m = face_normal(mesh, o >> 2);
-    if (!turns(n, m, limit)) return;
+    if (!is_sharp(n, m, limit)) return;
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
-    const bool strong = turns(n, m, 0.5);
+    const bool strong = is_sharp(n, m, 0.5);
     edges.push_back({a, b, strong});
     edges.push_back({b, a, strong});
   };
@@ -131,9 +131,9 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector
   };
   const auto look_at = [&](std::uint32_t c, std::uint32_t o) {
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
-    const bool rim = ((mesh.face(c >> 2).state ^ mesh.face(o >> 2).state) & kStateSynthetic) != 0;
-    if (!rim &&
-        !(feature[a] && feature[b] && turns(face_normal(mesh, c >> 2), face_normal(mesh, o >> 2), minimum)))
+    const bool boundary = ((mesh.face(c >> 2).state ^ mesh.face(o >> 2).state) & kStateSynthetic) != 0;
+    if (!boundary && !(feature[a] && feature[b] &&
+                       is_sharp(face_normal(mesh, c >> 2), face_normal(mesh, o >> 2), minimum)))
       return;
     mesh.mark_crease(c);
     mesh.mark_crease(o);

@@ -71,7 +71,7 @@ ReferenceDeviation::ReferenceDeviation(const CollapseMesh& reference, bool norma
   }
 }
 
-bool ReferenceDeviation::set_polygon(const RimLoop& loop, bool inner_centre) {
+bool ReferenceDeviation::set_polygon(const LinkLoop& loop, bool inner_centre) {
   size_ = loop.size;
   if (size_ < (inner_centre ? 4u : 3u) || size_ >= kPadded) return false;
   closes_to_ = inner_centre ? 1 : 0;
@@ -87,7 +87,7 @@ bool ReferenceDeviation::set_polygon(const RimLoop& loop, bool inner_centre) {
             static_cast<float>(ex_[2]), static_cast<float>(ey_[2]), static_cast<float>(n_[2]), 0.0f};
   std::array<double, kPadded> x, y, z;
   double radius = 0.0;
-  int turns = 0;
+  int flips = 0;
   for (std::size_t i = 0; i < size_; ++i) {
     x[i] = dot(loop.at[i], ex_);
     y[i] = dot(loop.at[i], ey_);
@@ -111,7 +111,7 @@ bool ReferenceDeviation::set_polygon(const RimLoop& loop, bool inner_centre) {
     const double full = cross2(x[i], y[i], x[j], y[j]);
     if (inner_centre) {
       if (!(full > 0.0)) return false;
-      turns += y[i] < 0.0 && y[j] >= 0.0;
+      flips += y[i] < 0.0 && y[j] >= 0.0;
     }
     slope_x_[i] = static_cast<float>((z[i] * y[j] - z[j] * y[i]) / full);
     slope_y_[i] = static_cast<float>((z[j] * x[i] - z[i] * x[j]) / full);
@@ -121,7 +121,7 @@ bool ReferenceDeviation::set_polygon(const RimLoop& loop, bool inner_centre) {
   all_ = (std::uint64_t{1} << size_) - 1;
   sectors_ = all_ & ~std::uint64_t{1};
   inner_spokes_ = sectors_;
-  if (inner_centre && turns != 1) return false;
+  if (inner_centre && flips != 1) return false;
   if (!inner_centre) {
     sectors_ &= ~(std::uint64_t{1} << (size_ - 1));
     inner_spokes_ = sectors_ & ~std::uint64_t{2};
@@ -132,19 +132,19 @@ bool ReferenceDeviation::set_polygon(const RimLoop& loop, bool inner_centre) {
 
 inline void ReferenceDeviation::classify(Point& p) const {
   const __m256 px = _mm256_set1_ps(p.x), py = _mm256_set1_ps(p.y), zero = _mm256_setzero_ps();
-  p.spokes = p.rims = 0;
+  p.spokes = p.links = 0;
   for (std::size_t g = 0; g < groups_; ++g) {
     const std::size_t at = g * kLanes;
     const __m256 spoke =
         _mm256_sub_ps(_mm256_mul_ps(_mm256_load_ps(&x_[at]), py), _mm256_mul_ps(_mm256_load_ps(&y_[at]), px));
-    const __m256 rim = _mm256_sub_ps(_mm256_sub_ps(_mm256_mul_ps(_mm256_load_ps(&edge_x_[at]), py),
-                                                   _mm256_mul_ps(_mm256_load_ps(&edge_y_[at]), px)),
-                                     _mm256_load_ps(&edge_c_[at]));
+    const __m256 link = _mm256_sub_ps(_mm256_sub_ps(_mm256_mul_ps(_mm256_load_ps(&edge_x_[at]), py),
+                                                    _mm256_mul_ps(_mm256_load_ps(&edge_y_[at]), px)),
+                                      _mm256_load_ps(&edge_c_[at]));
     p.spokes |= static_cast<std::uint64_t>(_mm256_movemask_ps(_mm256_cmp_ps(spoke, zero, _CMP_GE_OQ))) << at;
-    p.rims |= static_cast<std::uint64_t>(_mm256_movemask_ps(_mm256_cmp_ps(rim, zero, _CMP_GE_OQ))) << at;
+    p.links |= static_cast<std::uint64_t>(_mm256_movemask_ps(_mm256_cmp_ps(link, zero, _CMP_GE_OQ))) << at;
   }
   p.spokes &= all_;
-  p.rims &= all_;
+  p.links &= all_;
   const std::uint64_t sector = sector_bits(p);
   p.inside = sector != 0;
   p.sector = p.inside ? static_cast<std::uint8_t>(std::countr_zero(sector)) : std::uint8_t{0};
@@ -176,7 +176,7 @@ inline bool ReferenceDeviation::place(std::uint32_t vertex, std::uint32_t& slot)
     const std::size_t i = p.sector;
     p.deviation = std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y);
     deviation_ = larger(deviation_, p.deviation);
-  } else if ((lines_ & ~p.rims) != 0) {
+  } else if ((lines_ & ~p.links) != 0) {
     p.inside = beyond_line(p);
   }
   return deviation_ <= limit_;
@@ -186,7 +186,7 @@ inline bool ReferenceDeviation::place(std::uint32_t vertex, std::uint32_t& slot)
 bool ReferenceDeviation::beyond_line(Point& p) {
   bool beyond = false;
   float nearest = 0.0f;
-  for (std::uint64_t cut = lines_ & ~p.rims; cut != 0; cut &= cut - 1) {
+  for (std::uint64_t cut = lines_ & ~p.links; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
     const float dx = p.x - x_[j], dy = p.y - y_[j], size2 = edge_x_[j] * edge_x_[j] + edge_y_[j] * edge_y_[j];
     const float t = (dx * edge_x_[j] + dy * edge_y_[j]) / size2;
@@ -225,7 +225,7 @@ bool ReferenceDeviation::near_line(const Point& p, float own) {
 }
 
 /// Whether the triangle turns too far against one of the new faces that it lies over.
-bool ReferenceDeviation::turned(const Face& face, const Point* const* corner) const {
+bool ReferenceDeviation::normal_deviates(const Face& face, const Point* const* corner) const {
   const Point p[3] = {*corner[0], *corner[1], *corner[2]};
   const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, az = p[1].z - p[0].z;
   const float bx = p[2].x - p[0].x, by = p[2].y - p[0].y, bz = p[2].z - p[0].z;
@@ -252,8 +252,8 @@ bool ReferenceDeviation::turned(const Face& face, const Point* const* corner) co
     const Point &a = q[i], &b = q[i == 2 ? 0 : i + 1];
     for (std::uint64_t cut = (a.spokes ^ b.spokes) & inner_spokes_; cut != 0; cut &= cut - 1) {
       const auto j = static_cast<std::size_t>(std::countr_zero(cut));
-      const float dx = b.x - a.x, dy = b.y - a.y, turn = cross2(dx, dy, x_[j], y_[j]);
-      const float s = cross2(-a.x, -a.y, dx, dy) / turn;
+      const float dx = b.x - a.x, dy = b.y - a.y, area2 = cross2(dx, dy, x_[j], y_[j]);
+      const float s = cross2(-a.x, -a.y, dx, dy) / area2;
       if (s > 0.0f && s < 1.0f)  // spoke j parts faces j - 1 and j
         faces |= std::uint64_t{1} << j | std::uint64_t{1} << (j == closes_to_ ? size_ - 1 : j - 1);
     }
@@ -270,7 +270,7 @@ bool ReferenceDeviation::turned(const Face& face, const Point* const* corner) co
 
 /// Whether the segment, with both ends outside, meets the inside of the polygon.
 bool ReferenceDeviation::meets_polygon(const Point& a, const Point& b) const {
-  for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
+  for (std::uint64_t cut = a.links ^ b.links; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
     const std::size_t k = following(j);
     const float sj = cross2(b.x - a.x, b.y - a.y, x_[j] - a.x, y_[j] - a.y);
@@ -289,8 +289,9 @@ bool ReferenceDeviation::cross_edges(const Point& a, const Point& b, float own) 
   const float dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z;
   const auto cross = [&](float px, float py, float pz, float ux, float uy, float uz) {
     // a + t d = p + s u
-    const float turn = cross2(dx, dy, ux, uy);
-    const float t = cross2(px - a.x, py - a.y, ux, uy) / turn, s = cross2(px - a.x, py - a.y, dx, dy) / turn;
+    const float area2 = cross2(dx, dy, ux, uy);
+    const float t = cross2(px - a.x, py - a.y, ux, uy) / area2,
+                s = cross2(px - a.x, py - a.y, dx, dy) / area2;
     if (s >= 0.0f && s <= 1.0f && t >= 0.0f && t <= 1.0f)
       deviation_ = larger(deviation_, std::fabs(a.z + t * dz - pz - s * uz) + own);
   };
@@ -298,7 +299,7 @@ bool ReferenceDeviation::cross_edges(const Point& a, const Point& b, float own) 
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
     cross(0.0f, 0.0f, 0.0f, x_[j], y_[j], z_[j]);
   }
-  for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
+  for (std::uint64_t cut = a.links ^ b.links; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
     cross(x_[j], y_[j], z_[j], edge_x_[j], edge_y_[j], edge_z_[j]);
   }
@@ -433,7 +434,7 @@ bool ReferenceDeviation::measure_line(std::uint32_t u, std::uint32_t v, std::uin
   return end[0] != end[1];
 }
 
-ReferenceDeviation::Answer ReferenceDeviation::measure(const RimLoop& loop, const Query& query,
+ReferenceDeviation::Answer ReferenceDeviation::measure(const LinkLoop& loop, const Query& query,
                                                        double& deviation) {
   if (!set_polygon(loop, query.inner_centre)) return Answer::kBeyond;
   origin_ = query.origin;
@@ -467,8 +468,8 @@ ReferenceDeviation::Answer ReferenceDeviation::measure(const RimLoop& loop, cons
     if (!place(query.seed, slot) || !points_[slot].inside) return Answer::kBeyond;
   }
   // First in, first out: what a triangle touches is on its way from memory when its turn comes.
-  for (std::size_t turn = 0; turn < steps_.size(); ++turn) {
-    const Step step = steps_[turn];
+  for (std::size_t area2 = 0; area2 < steps_.size(); ++area2) {
+    const Step step = steps_[area2];
     Face& f = faces_[step.corner >> 2];
     f.stamp = stamp_ + 1;
     ++walked_;
@@ -493,7 +494,7 @@ ReferenceDeviation::Answer ReferenceDeviation::measure(const RimLoop& loop, cons
       if (deviation_ > limit_) return Answer::kBeyond;
     }
     if (query.free_corners && !corners_above(p)) return Answer::kBeyond;
-    if (min_cosine_ > -1.0f && turned(f, p)) return Answer::kTurned;
+    if (min_cosine_ > -1.0f && normal_deviates(f, p)) return Answer::kNormalDeviates;
     for (std::size_t i = seed ? 0 : 1; i < 3; ++i) {
       const std::uint32_t o = f.opposite[corner[i] & 3u];
       if (o != kNoCorner && faces_[o >> 2].stamp == stamp_ + 1) continue;  // seen from there

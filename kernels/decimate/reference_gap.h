@@ -46,13 +46,13 @@ class ReferenceDeviation {
     double min_cosine = -1.0;
     std::uint32_t witness = kNoCorner;  ///< reference vertex to look at first, as failed_at() named it
   };
-  enum class Answer : std::uint8_t { kWithin, kBeyond, kFolded, kTurned };
+  enum class Answer : std::uint8_t { kWithin, kBeyond, kFolded, kNormalDeviates };
 
   /// \param loop  closed rim of the star or of a side of it, relative to the vertex that takes over (at[0] =
   /// 0);
   /// \param[out] deviation  every point of the new star and of the reference below it lies within it of the other
   /// \return kBeyond where the gap exceeds the limit, kFolded where the reference is no graph over the polygon
-  Answer measure(const RimLoop& loop, const Query& query, double& deviation);
+  Answer measure(const LinkLoop& loop, const Query& query, double& deviation);
 
   /// The reference vertex at which the last measure() gave up, kNoCorner where it was at none.
   std::uint32_t failed_at() const { return failed_at_; }
@@ -74,10 +74,10 @@ class ReferenceDeviation {
   };
   struct Point {
     float x, y, z;
-    float deviation;             ///< to the polygon's graph or, beyond a line of the rim, to that; 0 outside
-    bool inside;                 ///< of the polygon, or between a line of the rim and that of the reference
-    std::uint8_t sector;         ///< of the polygon, 0 outside
-    std::uint64_t spokes, rims;  ///< bit j: left of spoke j, of rim edge j
+    float deviation;              ///< to the polygon's graph or, beyond a line of the rim, to that; 0 outside
+    bool inside;                  ///< of the polygon, or between a line of the rim and that of the reference
+    std::uint8_t sector;          ///< of the polygon, 0 outside
+    std::uint64_t spokes, links;  ///< bit j: left of spoke j, of rim edge j
   };
 
   /// A triangle to look at, from the corner opposite the edge that led there; slots of the points of that edge.
@@ -86,10 +86,10 @@ class ReferenceDeviation {
   };
 
   bool next_on_line(std::uint32_t at, std::uint32_t from, std::uint32_t& next) const;
-  bool set_polygon(const RimLoop& loop, bool inner_centre);
+  bool set_polygon(const LinkLoop& loop, bool inner_centre);
   std::size_t following(std::size_t i) const { return i + 1 < size_ ? i + 1 : closes_to_; }
   std::uint64_t sector_bits(const Point& p) const {
-    return p.spokes & ~(p.spokes >> 1 | (p.spokes >> closes_to_ & 1u) << (size_ - 1)) & p.rims & sectors_;
+    return p.spokes & ~(p.spokes >> 1 | (p.spokes >> closes_to_ & 1u) << (size_ - 1)) & p.links & sectors_;
   }
   bool corners_above(const Point* const* corner);
   void classify(Point& p) const;
@@ -102,7 +102,7 @@ class ReferenceDeviation {
     return (faces_[c >> 2].lines >> (c & 3u) & (kStateBorder | kStateCrease)) != 0;
   }
   bool seed_faces(std::uint32_t seed, std::size_t flat_edge);
-  bool turned(const Face& face, const Point* const* corner) const;
+  bool normal_deviates(const Face& face, const Point* const* corner) const;
 
   std::vector<Face> faces_;
   std::vector<Vertex> vertices_;

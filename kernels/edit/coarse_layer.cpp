@@ -18,11 +18,11 @@ constexpr double kMoreFaces = 1.2;
 constexpr double kOnVertex = 1e-3;  ///< weights below it do not make a coarse vertex free
 
 struct Side {
-  std::uint32_t from, to, place;  ///< place: 3 face + corner that the side starts from
+  std::uint32_t from, to, side;  ///< place: 3 face + corner that the side starts from
   std::uint32_t low() const { return std::min(from, to); }
   std::uint32_t high() const { return std::max(from, to); }
   bool operator<(const Side& o) const {
-    return low() != o.low() ? low() < o.low() : high() != o.high() ? high() < o.high() : place < o.place;
+    return low() != o.low() ? low() < o.low() : high() != o.high() ? high() < o.high() : side < o.side;
   }
 };
 
@@ -56,7 +56,7 @@ std::vector<Face> manifold_part(std::span<const Face> faces, std::span<const std
   std::vector<std::uint8_t> bad(part.size(), 0);
   each_edge(sides, [&](std::size_t i, std::size_t count) {
     if (count == 1 || (count == 2 && sides[i].from != sides[i + 1].from)) return;
-    for (std::size_t k = i; k < i + count; ++k) bad[sides[k].place / 3] = 1;
+    for (std::size_t k = i; k < i + count; ++k) bad[sides[k].side / 3] = 1;
   });
   std::vector<Face> out;
   for (std::size_t f = 0; f < part.size(); ++f)
@@ -101,7 +101,7 @@ CoarseLayer coarse_layer(std::span<const Double3> surface, std::span<const Face>
   const std::vector<Side> sides = sides_of(block.faces);
   each_edge(sides, [&](std::size_t i, std::size_t count) {
     if (count == 1)
-      block.face_flags[sides[i].place / 3] |= static_cast<std::uint8_t>(1u << (sides[i].place % 3));
+      block.face_flags[sides[i].side / 3] |= static_cast<std::uint8_t>(1u << (sides[i].side % 3));
   });
   canonicalise(block);  // remesh() wants its reference so
   const std::vector<Face> part = block.faces;

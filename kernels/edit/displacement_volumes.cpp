@@ -14,7 +14,7 @@ std::vector<Double3> listed(std::span<const Double3> p) {
 /// One of the surfaces that the layer is solved for.
 struct Level {
   std::vector<Double3> rest_base, rest, base, vectors, widening;
-  std::vector<Rotation> turn;
+  std::vector<Rotation> rotation;
   PrismFaces faces;
   std::span<const std::uint8_t> free;
 };
@@ -24,17 +24,17 @@ Level coarser(const Level& fine, const CoarseLayer& c) {
       c.at(fine.rest_base), c.at(fine.rest), c.at(fine.base), c.at(fine.vectors), {}, {}, c.faces, c.free};
   if (!fine.widening.empty()) out.widening = c.at(fine.widening);
   // A mean of turns that are nearly the same is nearly a turn. Only those of free vertices are known.
-  out.turn.assign(c.on.size(), kIdentityRotation);
+  out.rotation.assign(c.on.size(), kIdentityRotation);
   for (std::size_t v = 0; v < c.on.size(); ++v) {
     double all = 0.0;
     Rotation sum{};
     for (std::size_t k = 0; k < 3; ++k) {
       if (!fine.free[c.on[v][k]]) continue;
       all += c.weight[v][k];
-      for (std::size_t i = 0; i < 9; ++i) sum[i] += c.weight[v][k] * fine.turn[c.on[v][k]][i];
+      for (std::size_t i = 0; i < 9; ++i) sum[i] += c.weight[v][k] * fine.rotation[c.on[v][k]][i];
     }
     if (!(all > 0.0)) continue;
-    for (std::size_t i = 0; i < 9; ++i) out.turn[v][i] = sum[i] / all;
+    for (std::size_t i = 0; i < 9; ++i) out.rotation[v][i] = sum[i] / all;
   }
   return out;
 }
@@ -71,13 +71,14 @@ std::vector<Double3> displacement_volumes(const PosedLayer& layer, std::span<con
   all.reserve(levels.size() + 1);
   all.push_back({listed(layer.rest.base), listed(layer.rest.surface), listed(layer.posed.base),
                  listed(layer.posed.surface), listed(layer.widening),
-                 std::vector<Rotation>(layer.turn.begin(), layer.turn.end()), layer.faces, layer.free});
+                 std::vector<Rotation>(layer.rotation.begin(), layer.rotation.end()), layer.faces,
+                 layer.free});
   for (const LayerLevel& level : levels) all.push_back(coarser(all.back(), level.coarse));
 
   std::vector<Double3> found;
   for (std::size_t k = all.size(); k-- > 0;) {
     const Level& l = all[k];
-    LayerRelaxation relaxation({l.rest_base, l.rest}, {l.base, l.vectors}, l.faces, l.free, l.turn,
+    LayerRelaxation relaxation({l.rest_base, l.rest}, {l.base, l.vectors}, l.faces, l.free, l.rotation,
                                l.widening);
     const auto relax = [&](int rounds) {
       for (int round = 0; round < rounds; ++round) {

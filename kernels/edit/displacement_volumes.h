@@ -44,7 +44,7 @@ struct PosedLayer {
   Layer posed;  ///< its surface is where displacement vectors lead: what is not free stays there
   PrismFaces faces;
   std::span<const std::uint8_t> free;  ///< n flags
-  std::span<const Rotation> turn;      ///< n, read where free: how the base turns
+  std::span<const Rotation> rotation;  ///< n, read where free: how the base turns
   /// n, by which posed.base falls short of its volume (base_volume.h): the layer gains those prisms; or empty.
   std::span<const Double3> widening{};
 };

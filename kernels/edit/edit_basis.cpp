@@ -282,16 +282,16 @@ std::vector<Rotation> pose_rotations(const EditBasis& basis, std::span<const Pla
 }
 
 std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
-                                std::span<const Rotation> turn, std::span<const Double3> rest,
+                                std::span<const Rotation> rotation, std::span<const Double3> rest,
                                 std::span<const Double3> posed) {
   std::vector<Double3> out(posed.begin(), posed.end());
   for (std::size_t k = 0; k < basis.active.size(); ++k) {
     const auto v = static_cast<std::size_t>(basis.active[k]);
-    if (posed[v] == rest[v] && turn[k] == kIdentityRotation) {
+    if (posed[v] == rest[v] && rotation[k] == kIdentityRotation) {
       out[v] = position[v];
       continue;
     }
-    out[v] = posed[v] + rotated(turn[k], position[v] - rest[v]);
+    out[v] = posed[v] + rotated(rotation[k], position[v] - rest[v]);
   }
   return out;
 }

@@ -76,10 +76,10 @@ std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3
 std::vector<Rotation> pose_rotations(const EditBasis& basis, std::span<const Placement> pose);
 
 /// Where the base goes: smooth base and turned details. Vertices that are fixed keep their bits; at the identity all do.
-/// \param turn  per active vertex: pose_rotations()
+/// \param rotation  per active vertex: pose_rotations()
 /// \param rest, posed  rest_base() and smooth_base()
 std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
-                                std::span<const Rotation> turn, std::span<const Double3> rest,
+                                std::span<const Rotation> rotation, std::span<const Double3> rest,
                                 std::span<const Double3> posed);
 
 }  // namespace tessera

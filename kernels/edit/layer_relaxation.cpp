@@ -139,15 +139,15 @@ struct LayerRelaxation::Impl {
   std::size_t n = 0, count = 0;
   std::vector<std::uint32_t> free;            ///< vertices
   std::vector<Row> base, rest_base, at_rest;  ///< of the pose; at rest; displacements at rest
-  std::vector<Row> given, by;  ///< displacements: to begin with, and now; fourth number: 1 where free
-  std::vector<Rotation> turn;  ///< per free vertex
+  std::vector<Row> given, by;      ///< displacements: to begin with, and now; fourth number: 1 where free
+  std::vector<Rotation> rotation;  ///< per free vertex
   std::vector<double> height, ratio;
   double longest = 0.0;
   std::vector<Prisms> prisms;
   // Neighbours of free vertices, and the two places, or kNone, of the edge opposite to each corner of a face.
   std::vector<std::uint32_t> first, neighbour;
   std::vector<double> weight;
-  std::vector<std::array<std::uint32_t, 2>> place;
+  std::vector<std::array<std::uint32_t, 2>> slot;
   std::vector<Row> pull;  ///< per free vertex: what edges ask for beside displacements; fourth number: step
 
   void pack(PrismFaces faces, std::span<const std::uint8_t> is_free) {
@@ -206,7 +206,7 @@ struct LayerRelaxation::Impl {
           if (is_free[b]) put(number[b], Item{a, 2 * (3 * j + k) + 1});
         }
     });
-    place.assign(3 * faces.size(), {kNone, kNone});
+    slot.assign(3 * faces.size(), {kNone, kNone});
     std::vector<std::uint32_t> seen(n, kNone);  // place of a vertex in the list at hand
     first.assign(1, 0);
     for (std::size_t i = 0; i < lists.size(); ++i) {
@@ -216,7 +216,7 @@ struct LayerRelaxation::Impl {
           at = static_cast<std::uint32_t>(neighbour.size());
           neighbour.push_back(item.to);
         }
-        place[item.side / 2][item.side % 2] = at;
+        slot[item.side / 2][item.side % 2] = at;
       }
       first.push_back(static_cast<std::uint32_t>(neighbour.size()));
     }
@@ -244,7 +244,7 @@ struct LayerRelaxation::Impl {
 };
 
 LayerRelaxation::LayerRelaxation(const Layer& rest, const Layer& posed, PrismFaces faces,
-                                 std::span<const std::uint8_t> free, std::span<const Rotation> turn,
+                                 std::span<const std::uint8_t> free, std::span<const Rotation> rotation,
                                  std::span<const Double3> widening)
     : impl_(std::make_unique<Impl>()) {
   Impl& m = *impl_;
@@ -269,7 +269,7 @@ LayerRelaxation::LayerRelaxation(const Layer& rest, const Layer& posed, PrismFac
     m.given[v].at[3] = free[v] ? 1.0 : 0.0;
     if (!free[v]) continue;
     m.free.push_back(v);
-    m.turn.push_back(turn[v]);
+    m.rotation.push_back(rotation[v]);
   }
   m.by = m.given;
   m.pack(faces, free);
@@ -319,7 +319,7 @@ void LayerRelaxation::aim(double share) {
       for (std::size_t l = 0; l < kLanes; ++l) {
         if (p.face[l] == kNone || !(area[l] > 0.0)) continue;
         const double w = std::clamp(along[l] / area[l], 0.0, kMaxWeight);
-        for (const std::uint32_t at_place : m.place[3 * p.face[l] + k])
+        for (const std::uint32_t at_place : m.slot[3 * p.face[l] + k])
           if (at_place != kNone) m.weight[at_place] += w;
       }
     }
@@ -338,7 +338,7 @@ void LayerRelaxation::aim(double share) {
                        (m.at_rest[u].at[c] - m.at_rest[v].at[c]) * share);
       }
     }
-    const Double3 missing = now - rotated(m.turn[i], was);
+    const Double3 missing = now - rotated(m.rotation[i], was);
     std::copy(missing.begin(), missing.end(), m.pull[i].at);
     m.pull[i].at[3] = sum > 0.0 ? kRelax / sum : 0.0;
   }

@@ -27,10 +27,10 @@ class LayerRelaxation {
   /// \param rest   n
   /// \param posed  its surface is what vertices that are not free keep, and where the others start from
   /// \param free   n flags
-  /// \param turn   n: how the base turns from rest to pose
+  /// \param rotation   n: how the base turns from rest to pose
   /// \param widening  n: displacements whose prisms the layer gains (base_volume.h); or empty
   LayerRelaxation(const Layer& rest, const Layer& posed, PrismFaces faces, std::span<const std::uint8_t> free,
-                  std::span<const Rotation> turn, std::span<const Double3> widening);
+                  std::span<const Rotation> rotation, std::span<const Double3> widening);
   ~LayerRelaxation();
   LayerRelaxation(const LayerRelaxation&) = delete;
   LayerRelaxation& operator=(const LayerRelaxation&) = delete;

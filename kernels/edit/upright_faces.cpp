@@ -24,7 +24,7 @@ struct Spoke {
 };
 
 /// Both ways, once for each face at an edge; for vertices near turned faces alone there would be as much to sort out.
-Lists<Spoke> spokes(const TurningBase& base) {
+Lists<Spoke> spokes(const FlipBase& base) {
   return make_lists<Spoke>(base.rest.size(), [&](const auto& put) {
     for (const auto& f : base.faces)
       for (std::size_t k = 0; k < 3; ++k) {
@@ -41,7 +41,7 @@ Lists<Spoke> spokes(const TurningBase& base) {
 }
 
 /// Free vertices within some rings of the faces, ascending.
-std::vector<std::uint32_t> around(const TurningBase& base, const Lists<Spoke>& spokes,
+std::vector<std::uint32_t> around(const FlipBase& base, const Lists<Spoke>& spokes,
                                   std::span<const std::uint32_t> faces, int rings) {
   std::vector<std::uint8_t> in(base.rest.size(), 0);
   std::vector<std::uint32_t> out;
@@ -62,7 +62,7 @@ std::vector<std::uint32_t> around(const TurningBase& base, const Lists<Spoke>& s
 }
 
 /// Sweeps over the vertices: each to the mean of where its edges, turned, lead from its neighbours.
-void relax(const TurningBase& base, const Lists<Spoke>& spokes, std::span<const std::uint32_t> vertices,
+void relax(const FlipBase& base, const Lists<Spoke>& spokes, std::span<const std::uint32_t> vertices,
            int sweeps, std::span<Double3> posed) {
   std::vector<Double3> ahead;  // per vertex: what edges add to the mean of neighbours
   std::vector<double> all;
@@ -71,8 +71,8 @@ void relax(const TurningBase& base, const Lists<Spoke>& spokes, std::span<const 
     double weight = 0.0;
     for (const Spoke& s : spokes[v]) {
       const Double3 edge = base.rest[v] - base.rest[s.to];
-      Double3 to = rotated(base.turn[v], edge);
-      if (base.free[s.to]) to = (to + rotated(base.turn[s.to], edge)) * 0.5;
+      Double3 to = rotated(base.rotation[v], edge);
+      if (base.free[s.to]) to = (to + rotated(base.rotation[s.to], edge)) * 0.5;
       sum = sum + to * s.weight;
       weight += s.weight;
     }
@@ -89,15 +89,15 @@ void relax(const TurningBase& base, const Lists<Spoke>& spokes, std::span<const 
 
 }  // namespace
 
-std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed) {
-  const std::vector<Rotation> turn = fitted_rotations(base.rest, posed, base.faces);
+std::vector<std::uint32_t> flipped_faces(const FlipBase& base, std::span<const Double3> posed) {
+  const std::vector<Rotation> rotation = fitted_rotations(base.rest, posed, base.faces);
   std::vector<std::uint32_t> out;
   for (std::uint32_t j = 0; j < base.faces.size(); ++j) {
     const auto& f = base.faces[j];
     if (!base.free[f[0]] && !base.free[f[1]] && !base.free[f[2]]) continue;
     Rotation sum{};
     for (const std::uint32_t v : f)
-      for (std::size_t k = 0; k < 9; ++k) sum[k] += turn[v][k];
+      for (std::size_t k = 0; k < 9; ++k) sum[k] += rotation[v][k];
     const Double3 was = triangle_normal(base.rest[f[0]], base.rest[f[1]], base.rest[f[2]]),
                   is = triangle_normal(posed[f[0]], posed[f[1]], posed[f[2]]);
     const Double3 should = rotated(sum, was);
@@ -106,16 +106,16 @@ std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const 
   return out;
 }
 
-UprightReport set_upright(const TurningBase& base, std::vector<Double3>& posed) {
-  std::vector<std::uint32_t> faces = turned_over(base, posed);
-  UprightReport report{faces.size(), faces.size()};
+UnflipReport unflip(const FlipBase& base, std::vector<Double3>& posed) {
+  std::vector<std::uint32_t> faces = flipped_faces(base, posed);
+  UnflipReport report{faces.size(), faces.size()};
   if (faces.empty()) return report;
   const Lists<Spoke> edges = spokes(base);
   std::vector<Double3> trial = posed;
   for (int round = 0; round < kRounds && !faces.empty(); ++round) {
     const int rings = kFirstRings << round;
     relax(base, edges, around(base, edges, faces, rings), kSweepsPerRing * rings, trial);
-    faces = turned_over(base, trial);
+    faces = flipped_faces(base, trial);
     if (faces.size() >= report.left) continue;
     report.left = faces.size();
     posed = trial;
@@ -123,27 +123,27 @@ UprightReport set_upright(const TurningBase& base, std::vector<Double3>& posed) 
   return report;
 }
 
-std::size_t yield_to(const TurningBase& base, std::span<const Double3> other, std::size_t left,
+std::size_t yield_to(const FlipBase& base, std::span<const Double3> other, std::size_t left,
                      std::vector<Double3>& posed) {
   std::vector<Double3> trial = posed;
   const std::vector<Double3> mine = posed;
   std::vector<int> rounds(posed.size(), 0);
-  std::vector<std::uint8_t> over, near;
-  std::vector<std::uint32_t> faces = turned_over(base, trial);
+  std::vector<std::uint8_t> flipped, near;
+  std::vector<std::uint32_t> faces = flipped_faces(base, trial);
   for (int round = 0; round < kYieldRounds && left > 0; ++round) {
-    over.assign(posed.size(), 0);
+    flipped.assign(posed.size(), 0);
     for (const std::uint32_t j : faces)
-      for (const std::uint32_t v : base.faces[j]) over[v] = 1;
-    near = over;
+      for (const std::uint32_t v : base.faces[j]) flipped[v] = 1;
+    near = flipped;
     for (const auto& f : base.faces)
-      if ((over[f[0]] | over[f[1]] | over[f[2]]) != 0) near[f[0]] = near[f[1]] = near[f[2]] = 1;
+      if ((flipped[f[0]] | flipped[f[1]] | flipped[f[2]]) != 0) near[f[0]] = near[f[1]] = near[f[2]] = 1;
     for (std::size_t v = 0; v < near.size(); ++v) {
       if (!near[v] || !base.free[v] || rounds[v] > kHalvings) continue;
       double share = 1.0;  // that stays
       for (int r = 0; r <= rounds[v]; ++r) share *= 0.5;
       trial[v] = ++rounds[v] > kHalvings ? other[v] : other[v] + (mine[v] - other[v]) * share;
     }
-    faces = turned_over(base, trial);
+    faces = flipped_faces(base, trial);
     if (faces.size() >= left) continue;
     left = faces.size();
     posed = trial;

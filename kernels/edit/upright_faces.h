@@ -15,33 +15,33 @@
 namespace tessera {
 
 /// A base that is to be posed.
-struct TurningBase {
+struct FlipBase {
   std::span<const Double3> rest;  ///< n
   std::span<const std::array<std::uint32_t, 3>> faces;
   std::span<const std::uint8_t> free;  ///< n flags: the others are where they shall be
-  std::span<const Rotation> turn;      ///< n, read where free: how the smooth base turns
+  std::span<const Rotation> rotation;  ///< n, read where free: how the smooth base turns
 };
 
 /// Ascending: those with a free vertex whose normal is turned by nearly a right angle (84 degrees) and more against how the
 /// surface turns around them (fitted_rotations()). Faces without area do not turn.
-std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed);
+std::vector<std::uint32_t> flipped_faces(const FlipBase& base, std::span<const Double3> posed);
 
 /// Faces that were turned over, and that are.
-struct UprightReport {
+struct UnflipReport {
   std::size_t before = 0, left = 0;
 };
 
 /// Relaxes free vertices within more and more rings around faces that are turned over until none is left, a fixed number of times;
 /// keeps what leaves the fewest. Nothing else moves.
-UprightReport set_upright(const TurningBase& base, std::vector<Double3>& posed);
+UnflipReport unflip(const FlipBase& base, std::vector<Double3>& posed);
 
 /// Around faces that are turned over the surface goes towards another pose of it: half the way, then more and more rings all of it.
-/// Keeps what leaves the fewest. \param left  turned_over() of `posed` \return turned_over() of the result
-std::size_t yield_to(const TurningBase& base, std::span<const Double3> other, std::size_t left,
+/// Keeps what leaves the fewest. \param left  flipped_faces() of `posed` \return flipped_faces() of the result
+std::size_t yield_to(const FlipBase& base, std::span<const Double3> other, std::size_t left,
                      std::vector<Double3>& posed);
 
 /// Upper bound of what they allocate.
-constexpr std::uint64_t upright_bytes(std::uint64_t vertices, std::uint64_t faces) {
+constexpr std::uint64_t unflip_bytes(std::uint64_t vertices, std::uint64_t faces) {
   return 360 * vertices + 190 * faces;
 }
 

@@ -18,9 +18,9 @@ constexpr int kSpreadRounds = 6;  ///< rings that a turn is measured over, beyon
 constexpr int kFitRings = 3;      ///< of edges that a rotation is fitted to
 constexpr int kPolarSteps = 10;
 /// A step less than that leaves half its square, and was the last: far less than columns are rounded by.
-constexpr double kTurned = 2e-5;
+constexpr double kRotated = 2e-5;
 /// Determinants, of a matrix as large as a rotation, from which Newton's steps are safe.
-constexpr double kWellTurned = 1e-3;
+constexpr double kWellRotated = 1e-3;
 
 constexpr int kSweeps = 12;
 constexpr double kEnough = 1e-30;  ///< squares beside the diagonal of a matrix as large as a rotation
@@ -167,8 +167,8 @@ LaneMask polar_rotations(Matrices& r) {
       change = fused(by, by, change);
       r[k] = next;
     }
-    left |= ~(determinant > kWellTurned);
-    const LaneMask converged = change < kTurned * kTurned;
+    left |= ~(determinant > kWellRotated);
+    const LaneMask converged = change < kRotated * kRotated;
     if (all(left | converged)) return left;
     if (step + 1 == kPolarSteps) left |= ~converged;
   }

@@ -156,7 +156,7 @@ void BrickBand::mark_edges(LeafMasks& m) const {
   }
 }
 
-LeafWords BrickBand::rim_cells(const LeafMasks& m) const {
+LeafWords BrickBand::boundary_cells(const LeafMasks& m) const {
   static const LeafWords kEmpty{};
   const auto cells = [&](int i, int j, int k) -> const LeafWords& {
     const LeafMasks* other = at(m.at[0] + i, m.at[1] + j, m.at[2] + k);
@@ -164,15 +164,15 @@ LeafWords BrickBand::rim_cells(const LeafMasks& m) const {
   };
   const LeafWords &left = cells(-1, 0, 0), &right = cells(1, 0, 0), &front = cells(0, -1, 0),
                   &back = cells(0, 1, 0), &down = cells(0, 0, -1), &up = cells(0, 0, 1);
-  LeafWords rim;
+  LeafWords boundary;
   for (std::size_t z = 0; z < 8; ++z) {
     const std::uint64_t here = m.cells[z];
     const std::uint64_t around = from_last_x(here, left[z]) & from_next_x(here, right[z]) &
                                  from_last_y(here, front[z]) & from_next_y(here, back[z]) &
                                  (z > 0 ? m.cells[z - 1] : down[7]) & (z < 7 ? m.cells[z + 1] : up[0]);
-    rim[z] = here & ~around;
+    boundary[z] = here & ~around;
   }
-  return rim;
+  return boundary;
 }
 
 void BrickBand::number(LeafMasks& m) {

@@ -77,7 +77,7 @@ class BrickBand {
   CornerWords corner_words(const LeafMasks& m, LeafWords LeafMasks::*words) const;
 
   /// Cells of the brick of which some neighbour across a face takes no part.
-  LeafWords rim_cells(const LeafMasks& m) const;
+  LeafWords boundary_cells(const LeafMasks& m) const;
   /// Whether a cell of brick or halo takes part, each coordinate within [-1, 64].
   bool takes_part(const Int3& cell) const {
     const LeafMasks* m = at(cell[0] >> kLeafBits, cell[1] >> kLeafBits, cell[2] >> kLeafBits);

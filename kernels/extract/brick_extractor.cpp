@@ -224,20 +224,20 @@ void BrickExtractor::fill_local_edges(const LeafMasks& m) {
 void BrickExtractor::trace_leaf(const LeafMasks& m) {
   fill_local_edges(m);
   const auto inside = band_.corner_words(m, &LeafMasks::inside);
-  const LeafWords rim = names_ && m.own() ? band_.rim_cells(m) : LeafWords{};
+  const LeafWords boundary = names_ && m.own() ? band_.boundary_cells(m) : LeafWords{};
   for (std::size_t z = 0; z < 8; ++z) {
     for (std::uint64_t left = m.active[z]; left; left &= left - 1) {
       const int b = std::countr_zero(left);
       unsigned pattern = 0;
       for (std::size_t c = 0; c < 8; ++c)
         pattern |= static_cast<unsigned>(inside[z + (c >> 2)][c & 3] >> b & 1) << c;
-      trace_cell(m, b & 7, b >> 3, static_cast<int>(z), pattern, (rim[z] >> b & 1) != 0);
+      trace_cell(m, b & 7, b >> 3, static_cast<int>(z), pattern, (boundary[z] >> b & 1) != 0);
     }
   }
   if (levels_ && m.own()) trace_level_cells(m);
 }
 
-void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern, bool at_rim) {
+void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern, bool at_boundary) {
   const Int3 cell = {m.at[0] * 8 + x, m.at[1] * 8 + y, m.at[2] * 8 + z};
   const bool own = inside_brick(cell);
   const bool closing = m.leaf->closing[static_cast<std::size_t>(z)] >> (x + 8 * y) & 1;
@@ -278,7 +278,8 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
     // Beside a border that cuts cells there are no features: their samples would lie beyond it.
     const bool cut = at_border_ && border_.triangulate(edge, root.data(), size, triangles_);
     if (cut) {
-      if (own) emit_plain_loop(cell, number, vertex.data(), root.data(), at_rim ? rim_segments(cell) : 0);
+      if (own)
+        emit_plain_loop(cell, number, vertex.data(), root.data(), at_boundary ? boundary_segments(cell) : 0);
       continue;
     }
     if (method_ == ExtractMethod::kExtendedMarchingCubes && !closing &&
@@ -287,7 +288,7 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
       if (first_of_cell < 0) first_of_cell = static_cast<std::int32_t>(features_.size() - 1);
     } else if (own) {
       triangulate_loop(samples_, triangles_);
-      emit_plain_loop(cell, number, vertex.data(), root.data(), at_rim ? rim_segments(cell) : 0);
+      emit_plain_loop(cell, number, vertex.data(), root.data(), at_boundary ? boundary_segments(cell) : 0);
     }
   }
   if (!closing || patch_.faces.size() == faces_before) return;
@@ -296,12 +297,12 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
 }
 
 void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex,
-                                     const std::uint32_t* root, unsigned rim) {
+                                     const std::uint32_t* root, unsigned boundary) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(triangles_.count); ++i) {
     const auto& t = triangles_.triangle[i];
     unsigned border = 0;
-    for (std::size_t e = 0; rim != 0 && e < 3; ++e)
-      if (t[(e + 1) % 3] == (t[e] + 1) % samples_.size) border |= (rim >> t[e] & 1u) << e;
+    for (std::size_t e = 0; boundary != 0 && e < 3; ++e)
+      if (t[(e + 1) % 3] == (t[e] + 1) % samples_.size) border |= (boundary >> t[e] & 1u) << e;
     add_face(vertex[t[0]], vertex[t[1]], vertex[t[2]], border);
   }
   if (triangles_.count > 0) return;
@@ -313,20 +314,20 @@ void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::ui
   }
   const std::uint32_t centre = add_centre(cell, number, mean, VertexClass::kSmooth, root, samples_.size);
   for (std::size_t i = 0; i < size; ++i)
-    add_face(vertex[i], vertex[i + 1 == size ? 0 : i + 1], centre, rim >> i & 1u);
+    add_face(vertex[i], vertex[i + 1 == size ? 0 : i + 1], centre, boundary >> i & 1u);
 }
 
 /// Bit i: the surface ends at the segment from point i of the loop at work to the next.
-unsigned BrickExtractor::rim_segments(const Int3& cell) const {
-  unsigned rim = 0;
+unsigned BrickExtractor::boundary_segments(const Int3& cell) const {
+  unsigned boundary = 0;
   const auto size = static_cast<std::size_t>(samples_.size);
   for (std::size_t i = 0; i < size; ++i) {
     const int face = common_face(samples_.edge[i], samples_.edge[i + 1 == size ? 0 : i + 1]);
     Int3 across = cell;
     across[static_cast<std::size_t>(face >> 1)] += face & 1 ? 1 : -1;
-    if (!band_.takes_part(across)) rim |= 1u << i;
+    if (!band_.takes_part(across)) boundary |= 1u << i;
   }
-  return rim;
+  return boundary;
 }
 
 bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::uint32_t* vertex,

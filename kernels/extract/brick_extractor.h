@@ -74,10 +74,10 @@ class BrickExtractor {
   void emit_edge_vertices();
   void fill_local_edges(const LeafMasks& m);
   void trace_leaf(const LeafMasks& m);
-  void trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern, bool at_rim);
+  void trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern, bool at_boundary);
   void emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex, const std::uint32_t* root,
-                       unsigned rim);
-  unsigned rim_segments(const Int3& cell) const;
+                       unsigned boundary);
+  unsigned boundary_segments(const Int3& cell) const;
   /// Border bit of a face whose first edge lies in the face of `cell`.
   unsigned ends_before(const Int3& cell) const { return names_ && !band_.takes_part(cell) ? 1u : 0u; }
   bool keep_feature_loop(const Int3& cell, int number, const std::uint32_t* vertex,

@@ -96,7 +96,7 @@ std::vector<BandNodes> choose_band(const PointLeaves& leaves, const NodeFilter& 
         const std::size_t leaf = leaves.at(i, j, k);
         if (!near[leaf]) continue;
         BandNodes out;
-        if (wanted && (out.asked = wanted({i, j, k})) == BandNodes().asked) continue;
+        if (wanted && (out.requested = wanted({i, j, k})) == BandNodes().requested) continue;
         for (auto& plane : box) plane.fill(0);
         for (int dk = -1; dk <= 1; ++dk)
           for (int dj = -1; dj <= 1; ++dj)

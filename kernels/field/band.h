@@ -21,9 +21,9 @@ inline constexpr int kBandLayers = 2;   ///< layers of nodes added around the cl
 inline constexpr int kBandHalo = 2 * kBandClosing + kBandLayers + 1;
 
 struct BandNodes {
-  std::uint32_t leaf = 0;                ///< index into the dense table
-  std::array<std::uint64_t, 8> nodes{};  ///< bit x + 8 y of word z
-  std::array<std::uint64_t, 8> asked{};  ///< what the filter said, where there is one
+  std::uint32_t leaf = 0;                    ///< index into the dense table
+  std::array<std::uint64_t, 8> nodes{};      ///< bit x + 8 y of word z
+  std::array<std::uint64_t, 8> requested{};  ///< what the filter said, where there is one
 };
 
 /// Nodes of a leaf (relative to the block, in leaves) that are to be evaluated.

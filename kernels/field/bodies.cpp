@@ -130,7 +130,7 @@ void add_body_leaves(const PointLeaves& volumetric, std::vector<BandNodes>& band
 }
 
 void join_bodies(const BodyPoints& points, const Int3& leaf, const std::array<std::uint64_t, 8>& nodes,
-                 BodyScratch& scratch, LeafFit& fit, LeafRim& rim, std::vector<Sheets>& sheets) {
+                 BodyScratch& scratch, LeafFit& fit, LeafBoundary& boundary, std::vector<Sheets>& sheets) {
   constexpr float kLow = -kBodyRadius, kHigh = 7.0f + kBodyRadius;
   gather_all(points.volumetric, points.volumetric_leaves, leaf[0], leaf[1], leaf[2],
              {{kLow, kLow, kLow}, {kHigh, kHigh, kHigh}}, scratch.samples);
@@ -169,7 +169,7 @@ void join_bodies(const BodyPoints& points, const Int3& leaf, const std::array<st
         const SurfaceValue body =
             sum[x] > 0.0f ? value_of(sum[x], {gx[x], gy[x], gz[x]}) : SurfaceValue{kFarthest, {0, 0, 0}};
         if (body.value >= kFarthest) continue;
-        const bool beyond = (rim.nodes[z] & bit) != 0 && rim.depth[i] < kBorderDepth;
+        const bool beyond = (boundary.nodes[z] & bit) != 0 && boundary.depth[i] < kBorderDepth;
         if ((fit.valid[z] & bit) && !beyond && fit.value[i] <= body.value) continue;
         if (body.value > 0.0f && (under >> x & 1)) continue;
         taken[z] |= bit;
@@ -181,7 +181,7 @@ void join_bodies(const BodyPoints& points, const Int3& leaf, const std::array<st
   drop_sheets(taken, fit, sheets);
   for (std::size_t z = 0; z < 8; ++z) {
     fit.valid[z] |= taken[z];
-    rim.nodes[z] &= ~taken[z];
+    boundary.nodes[z] &= ~taken[z];
   }
 }
 

@@ -40,10 +40,10 @@ struct BodyScratch {
 
 /// Joins the bodies near a leaf with what the oriented points say there.
 /// \param nodes   those of the leaf that may get a value
-/// \param rim     where a node lies beyond the end of the surface, the body alone tells
+/// \param boundary     where a node lies beyond the end of the surface, the body alone tells
 /// \param sheets  those of creases inside bodies go
 /// \pre   the sheets of `fit` are the last of `sheets`
 void join_bodies(const BodyPoints& points, const Int3& leaf, const std::array<std::uint64_t, 8>& nodes,
-                 BodyScratch& scratch, LeafFit& fit, LeafRim& rim, std::vector<Sheets>& sheets);
+                 BodyScratch& scratch, LeafFit& fit, LeafBoundary& boundary, std::vector<Sheets>& sheets);
 
 }  // namespace tessera

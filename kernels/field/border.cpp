@@ -14,16 +14,17 @@ constexpr float kSnap = 0.3f;
 /// The longest way onto the contour, cells.
 constexpr float kLongestMove = 1.5f;
 
-RimNode rim_at(const LeafFit& fit, const std::vector<RimNode>& rims, std::size_t node) {
+BoundaryNode boundary_at(const LeafFit& fit, const std::vector<BoundaryNode>& boundaries, std::size_t node) {
   const std::size_t z = node >> 6;
   const std::uint64_t bit = std::uint64_t{1} << (node & 63);
-  if (!(fit.rimmed[z] & bit)) return {.depth = kRimDepth};
-  return rims[fit.first_rim[z] + static_cast<std::uint32_t>(std::popcount(fit.rimmed[z] & (bit - 1)))];
+  if (!(fit.at_boundary[z] & bit)) return {.depth = kBoundaryDepth};
+  return boundaries[fit.first_boundary[z] +
+                    static_cast<std::uint32_t>(std::popcount(fit.at_boundary[z] & (bit - 1)))];
 }
 
-bool has_rims(const LeafFit& fit) {
+bool has_boundaries(const LeafFit& fit) {
   std::uint64_t any = 0;
-  for (const std::uint64_t word : fit.rimmed) any |= word;
+  for (const std::uint64_t word : fit.at_boundary) any |= word;
   return any != 0;
 }
 
@@ -44,7 +45,7 @@ bool is_false(float slope_a, float slope_b, bool rises) {
 }
 
 /// Marks the roots of a leaf that move, and their ways. \return whether there are any
-bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& rims, std::size_t l,
+bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<BoundaryNode>& boundaries, std::size_t l,
                 DirectedField& field) {
   BandLeaf& leaf = field.leaves[l];
   bool any = false;
@@ -52,7 +53,7 @@ bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& ri
     const BandLeaf* other = field.leaf_after(leaf, axis);
     const LeafFit* fit_after = other ? &fits[static_cast<std::size_t>(other - field.leaves.data())] : nullptr;
     const std::size_t step = axis == 0 ? 1 : axis == 1 ? 8 : 64;
-    if (!has_rims(fits[l]) && !(fit_after && has_rims(*fit_after))) continue;
+    if (!has_boundaries(fits[l]) && !(fit_after && has_boundaries(*fit_after))) continue;
     for (std::size_t z = 0; z < 8; ++z) {
       const std::uint64_t crossing = leaf.crossing[axis][z];
       for (std::uint64_t left = crossing; left; left &= left - 1) {
@@ -62,8 +63,8 @@ bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& ri
         const bool crosses = coordinate == 7;
         const LeafFit& fit_b = crosses ? *fit_after : fits[l];
         const std::size_t a = bit + 64 * z, b = crosses ? a - 7 * step : a + step;
-        const RimNode from = rim_at(fits[l], rims, a), to = rim_at(fit_b, rims, b);
-        if (from.depth >= kRimDepth && to.depth >= kRimDepth) continue;
+        const BoundaryNode from = boundary_at(fits[l], boundaries, a), to = boundary_at(fit_b, boundaries, b);
+        if (from.depth >= kBoundaryDepth && to.depth >= kBoundaryDepth) continue;
         const std::uint32_t index =
             leaf.first_root[axis][z] + static_cast<std::uint32_t>(std::popcount(crossing & (mine - 1)));
         const EdgeRoot& root = field.roots[index];
@@ -122,10 +123,11 @@ void mark_ended(const Around& around, BandLeaf& leaf) {
 
 }  // namespace
 
-void find_border(const std::vector<LeafFit>& fits, const std::vector<RimNode>& rims, DirectedField& field) {
-  if (rims.empty()) return;
+void find_border(const std::vector<LeafFit>& fits, const std::vector<BoundaryNode>& boundaries,
+                 DirectedField& field) {
+  if (boundaries.empty()) return;
   for (std::size_t l = 0; l < field.leaves.size(); ++l)
-    field.leaves[l].any_moving = mark_moves(fits, rims, l, field);
+    field.leaves[l].any_moving = mark_moves(fits, boundaries, l, field);
   for (BandLeaf& leaf : field.leaves) {
     Around around;
     bool any = false;

@@ -16,6 +16,7 @@ namespace tessera {
 
 /// Fills BandLeaf::moving, BandLeaf::ended and DirectedField::moves.
 /// \param fits  per leaf of the field, whose roots are complete
-void find_border(const std::vector<LeafFit>& fits, const std::vector<RimNode>& rims, DirectedField& field);
+void find_border(const std::vector<LeafFit>& fits, const std::vector<BoundaryNode>& boundaries,
+                 DirectedField& field);
 
 }  // namespace tessera

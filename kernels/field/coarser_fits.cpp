@@ -38,7 +38,7 @@ bool look_up(const CoarserFits& coarser, const Int3& node, CoarserNode& out) {
   std::array<std::array<int, 2>, 3> around;
   for (std::size_t a = 0; a < 3; ++a)
     around[a] = {(node[a] >> 1) - coarser.band.origin[a], ((node[a] + 1) >> 1) - coarser.band.origin[a]};
-  float count = 0.0f, value = 0.0f, depth = 0.0f, place = SparsePlaces::kDeep;
+  float count = 0.0f, value = 0.0f, depth = 0.0f, place = SparseNodes::kDeep;
   Float3 gradient{}, inward{};
   for (int c = 0; c < 8; ++c) {
     Int3 at;
@@ -52,7 +52,7 @@ bool look_up(const CoarserFits& coarser, const Int3& node, CoarserNode& out) {
     }
     if (again) continue;
     place = std::min(place, coarser.places.depth(at));
-    if (place < -kRimMargin) return false;
+    if (place < -kBoundaryMargin) return false;
     const LeafFit* fit = coarser.band.at(at);
     const std::size_t i = place_of(at);
     if (!fit || !has(fit->valid, i)) return false;
@@ -60,12 +60,12 @@ bool look_up(const CoarserFits& coarser, const Int3& node, CoarserNode& out) {
     value += fit->value[i] + 0.5f * dot(g, d);
     gradient = gradient + g;
     count += 1.0f;
-    if (has(fit->rimmed, i)) {
-      const RimNode& r = coarser.band.rims[rank(fit->rimmed, fit->first_rim, i)];
+    if (has(fit->at_boundary, i)) {
+      const BoundaryNode& r = coarser.band.boundaries[rank(fit->at_boundary, fit->first_boundary, i)];
       depth += r.depth;
       inward = inward + r.inward;
     } else {
-      depth += kRimDepth;
+      depth += kBoundaryDepth;
     }
     if (has(fit->creased, i)) {
       const Sheets& s = coarser.band.sheets[rank(fit->creased, fit->first_sheets, i)];
@@ -108,12 +108,12 @@ const LeafFit* BandFits::at(const Int3& node) const {
   return leaf_of < 0 ? nullptr : &fits[static_cast<std::size_t>(leaf_of)];
 }
 
-void keep_rims(const LeafRim& rim, LeafFit& fit, std::vector<RimNode>& rims) {
+void keep_boundaries(const LeafBoundary& boundary, LeafFit& fit, std::vector<BoundaryNode>& boundaries) {
   for (std::size_t z = 0; z < 8; ++z) {
-    fit.first_rim[z] = static_cast<std::uint32_t>(rims.size());
-    fit.rimmed[z] = rim.nodes[z] & fit.valid[z];
-    for (std::uint64_t left = fit.rimmed[z]; left; left &= left - 1)
-      rims.push_back(rim.at(64 * z + static_cast<std::size_t>(std::countr_zero(left))));
+    fit.first_boundary[z] = static_cast<std::uint32_t>(boundaries.size());
+    fit.at_boundary[z] = boundary.nodes[z] & fit.valid[z];
+    for (std::uint64_t left = fit.at_boundary[z]; left; left &= left - 1)
+      boundaries.push_back(boundary.at(64 * z + static_cast<std::size_t>(std::countr_zero(left))));
   }
 }
 
@@ -141,11 +141,11 @@ void add_coarser_leaves(const CoarserFits& coarser, const Int3& origin, const In
 }
 
 void fill_from_coarser(const CoarserFits& coarser, const Int3& origin, const Int3& leaf,
-                       const std::array<std::uint64_t, 8>& nodes, LeafFit& fit, LeafRim& rim,
+                       const std::array<std::uint64_t, 8>& nodes, LeafFit& fit, LeafBoundary& boundary,
                        std::vector<Sheets>& sheets) {
   std::vector<std::pair<std::size_t, Sheets>> more;  // of nodes that had none
   for (std::size_t z = 0; z < 8; ++z) {
-    const std::uint64_t within = fit.valid[z] & ~rim.nodes[z];
+    const std::uint64_t within = fit.valid[z] & ~boundary.nodes[z];
     for (std::uint64_t left = nodes[z] & ~within; left; left &= left - 1) {
       const auto b = static_cast<std::size_t>(std::countr_zero(left));
       const std::uint64_t bit = std::uint64_t{1} << b;
@@ -154,9 +154,9 @@ void fill_from_coarser(const CoarserFits& coarser, const Int3& origin, const Int
       const Int3 node = {origin[0] + kLeafCells * leaf[0] + static_cast<int>(b & 7),
                          origin[1] + kLeafCells * leaf[1] + static_cast<int>(b >> 3),
                          origin[2] + kLeafCells * leaf[2] + static_cast<int>(z)};
-      if (!look_up(coarser, node, found) || found.depth < -kRimMargin) continue;
+      if (!look_up(coarser, node, found) || found.depth < -kBoundaryMargin) continue;
       const bool valid = (fit.valid[z] & bit) != 0;
-      const float depth = valid ? rim.depth[i] : -kRimMargin;
+      const float depth = valid ? boundary.depth[i] : -kBoundaryMargin;
       if (depth >= found.depth) continue;
       Float3 own = {fit.gradient[0][i], fit.gradient[1][i], fit.gradient[2][i]};
       if (!valid) {
@@ -177,13 +177,13 @@ void fill_from_coarser(const CoarserFits& coarser, const Int3& origin, const Int
         fit.value[i] = t * fit.value[i] + (1.0f - t) * found.value;
         for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = own[c];
       }
-      if (found.depth >= kRimDepth) {
-        rim.nodes[z] &= ~bit;
+      if (found.depth >= kBoundaryDepth) {
+        boundary.nodes[z] &= ~bit;
         continue;
       }
-      rim.nodes[z] |= bit;
-      rim.depth[i] = found.depth;
-      for (std::size_t c = 0; c < 3; ++c) rim.inward[c][i] = found.inward[c];
+      boundary.nodes[z] |= bit;
+      boundary.depth[i] = found.depth;
+      for (std::size_t c = 0; c < 3; ++c) boundary.inward[c][i] = found.inward[c];
     }
   }
   if (more.empty()) return;

@@ -17,7 +17,7 @@ struct BandFits {
   std::vector<std::int32_t> leaf_index;  ///< as DirectedField has it
   std::vector<Int3> leaf;                ///< per fit: in leaves, relative to the block
   std::vector<LeafFit> fits;
-  std::vector<RimNode> rims;
+  std::vector<BoundaryNode> boundaries;
   std::vector<Sheets> sheets;
 
   /// Of node (i, j, k), each within [-1, cells + 1]; null where the band is not.
@@ -25,11 +25,11 @@ struct BandFits {
 };
 
 /// Appends the nodes of a leaf near the end of the surface.
-void keep_rims(const LeafRim& rim, LeafFit& fit, std::vector<RimNode>& rims);
+void keep_boundaries(const LeafBoundary& boundary, LeafFit& fit, std::vector<BoundaryNode>& boundaries);
 
 struct CoarserFits {
-  SparsePlaces places;  ///< of the block at work
-  BandFits band;        ///< of places.origin() and places.cells(): valid nodes only where the places are
+  SparseNodes places;  ///< of the block at work
+  BandFits band;       ///< of places.origin() and places.cells(): valid nodes only where the places are
 };
 
 /// Adds the leaves of the block that coarser fits reach to the band, without any nodes; it stays in table order.
@@ -41,7 +41,7 @@ void add_coarser_leaves(const CoarserFits& coarser, const Int3& origin, const In
 /// \param origin  of the block  \param leaf  in leaves  \param nodes  that may get a value
 /// \param sheets  of the leaf are the last ones, and stay in node order
 void fill_from_coarser(const CoarserFits& coarser, const Int3& origin, const Int3& leaf,
-                       const std::array<std::uint64_t, 8>& nodes, LeafFit& fit, LeafRim& rim,
+                       const std::array<std::uint64_t, 8>& nodes, LeafFit& fit, LeafBoundary& boundary,
                        std::vector<Sheets>& sheets);
 
 }  // namespace tessera

@@ -14,7 +14,7 @@ constexpr float kCreaseShare = 0.6f;
 constexpr float kClearShare = 0.2f;
 constexpr float kNoisySeparation2 = 64.0f;
 /// Few of the places where noisy normals bend have a crease: so many samples are asked first, every n-th of all.
-constexpr std::size_t kAskedSamples = 64;
+constexpr std::size_t kQueriedSamples = 64;
 
 /// Eight points.
 struct Points {
@@ -91,11 +91,11 @@ float squared_heights(const Sheets& sheets, const LocalSamples& samples) {
 }
 
 Sheets confirmed_sheets(const NormalSeeds& seeds, const SheetOptions& options, const SmoothFit* smooth,
-                        LocalSamples& samples, LocalSamples& asked) {
-  const std::size_t step = samples.size / kAskedSamples + 1;
+                        LocalSamples& samples, LocalSamples& requested) {
+  const std::size_t step = samples.size / kQueriedSamples + 1;
   if (step > 1) {
-    asked.take_every(step, samples);
-    if (confirmed(seeds, options, smooth, asked).count == 0) return {};
+    requested.take_every(step, samples);
+    if (confirmed(seeds, options, smooth, requested).count == 0) return {};
   }
   return confirmed(seeds, options, smooth, samples);
 }

@@ -19,8 +19,8 @@ float squared_heights(const Sheets& sheets, const LocalSamples& samples);
 
 /// The sheets of noisy samples around a node, none unless they leave much less height than the smooth fit does. Of many
 /// samples a part must confirm it first.
-/// \param smooth  null where there is no smooth fit  \param samples  padded  \param asked  scratch
+/// \param smooth  null where there is no smooth fit  \param samples  padded  \param requested  scratch
 Sheets confirmed_sheets(const NormalSeeds& seeds, const SheetOptions& options, const SmoothFit* smooth,
-                        LocalSamples& samples, LocalSamples& asked);
+                        LocalSamples& samples, LocalSamples& requested);
 
 }  // namespace tessera

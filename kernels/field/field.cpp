@@ -112,7 +112,7 @@ BandFits fit_band(const PointBlock& points, const PointLeaves& leaves, const Fie
   fit_options.sheets.cos_feature = cosine_to_90(options.feature_angle_deg);
   fit_options.sheets.cos_seed = cosine_to_90(0.8 * options.feature_angle_deg);
   fit_options.sheets.noise = static_cast<float>(options.noise_cells);
-  fit_options.firm_rim = options.firm_rim;
+  fit_options.firm_boundary = options.firm_boundary;
   fit_options.noisy = options.noise_cells > kExactNoise;
   NodeFitScratch scratch;
   SampleList samples, coarse;
@@ -123,7 +123,7 @@ BandFits fit_band(const PointBlock& points, const PointLeaves& leaves, const Fie
               k = index / (leaves.dims[0] * leaves.dims[1]) - 1;
     LeafWords inside = nodes_in_block({i, j, k}, points.cells);
     if (wanted) {
-      const LeafWords chosen = nodes.nodes == BandNodes().nodes ? wanted({i, j, k}) : nodes.asked;
+      const LeafWords chosen = nodes.nodes == BandNodes().nodes ? wanted({i, j, k}) : nodes.requested;
       for (std::size_t z = 0; z < 8; ++z) nodes.nodes[z] &= inside[z] &= chosen[z];
       if (inside == LeafWords{}) continue;
     }
@@ -136,13 +136,14 @@ BandFits fit_band(const PointBlock& points, const PointLeaves& leaves, const Fie
     fit_nodes(samples, coarse, nodes.nodes, fit_options, scratch, fit, out.sheets);
     smooth_leaf(points, leaves, {i, j, k}, fit_options, scratch, fit);
     // Where the surface will be closed, gaps are the closing field's.
-    if (!options.firm_rim)
+    if (!options.firm_boundary)
       bridge_leaf(points, leaves, coarse_points, coarse_leaves, {i, j, k}, fit_options, scratch, fit);
     if (volumetric.size() > 0)
       join_bodies({volumetric, volumetric_leaves, coarse_points, coarse_leaves}, {i, j, k}, inside,
-                  body_scratch, fit, scratch.rim, out.sheets);
-    if (coarser) fill_from_coarser(*coarser, points.origin, {i, j, k}, inside, fit, scratch.rim, out.sheets);
-    keep_rims(scratch.rim, fit, out.rims);
+                  body_scratch, fit, scratch.boundary, out.sheets);
+    if (coarser)
+      fill_from_coarser(*coarser, points.origin, {i, j, k}, inside, fit, scratch.boundary, out.sheets);
+    keep_boundaries(scratch.boundary, fit, out.boundaries);
     std::uint64_t any = 0;
     for (const std::uint64_t word : fit.valid) any |= word;
     if (!any) {
@@ -185,7 +186,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
       }
   }
   find_roots(band.fits, band.sheets, options.noise_cells > kExactNoise, field);
-  find_border(band.fits, band.rims, field);
+  find_border(band.fits, band.boundaries, field);
   if (!points.rgba.empty())
     colour_roots(points, leaves, support_radius(options), options.bodies, coarser != nullptr, field);
   return field;

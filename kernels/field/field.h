@@ -21,8 +21,8 @@ struct FieldOptions {
   double radius_cells = 3.0;  ///< support radius of a sample, in cells, within [1, 4]
   /// Normals of one neighbourhood that differ by more are two sheets of a feature.
   double feature_angle_deg = 25.0;
-  double noise_cells = 0.0;  ///< standard deviation of the points along the normal, in cells; 0 = exact
-  bool firm_rim = false;     ///< end the surface well among the samples: what is beyond will be closed
+  double noise_cells = 0.0;    ///< standard deviation of the points along the normal, in cells; 0 = exact
+  bool firm_boundary = false;  ///< end the surface well among the samples: what is beyond will be closed
   bool bodies = false;  ///< points without normal are strewn ones, with closed bodies around them: bodies.h
   std::function<void()>
       pause{};  ///< called for every leaf; what it throws ends the evaluation; empty = never

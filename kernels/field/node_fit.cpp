@@ -40,11 +40,11 @@ constexpr float kMinWeight = 0.02f;
 /// Rim test: largest distance of the foot point from the samples' centroid, as a multiple of their spread.
 /// At the straight border of an evenly sampled half plane it is 0.7; 1.0 lets the surface reach the last
 /// samples.
-constexpr float kRimRatio = 1.0f;
+constexpr float kBoundaryRatio = 1.0f;
 /// Where chance leaves two or three samples with nearly all the weight, their spread says nothing: a foot
 /// point this close to the centroid, in radii, is among them. At the border of the half plane it is 0.23;
 /// beyond, the surface reaches on by up to half a cell.
-constexpr float kRimFloor = 0.36f;
+constexpr float kBoundaryFloor = 0.36f;
 /// Distance from the plane of the averaged samples beyond which a node is not looked at again, cells.
 constexpr float kGapPlane = 2.5f;
 /// Blocks of samples within which the radius that follows the spacing ends: an even plane has 10 within 3 cells.
@@ -59,12 +59,12 @@ constexpr float kMaxGap = 0.9f;
 constexpr float kThickness = 0.3f;
 /// Nodes less deep than this may be in a gap; those that turn out to be surrounded are at least so deep.
 constexpr float kSurroundedDepth = 0.9f;
-static_assert(kSurroundedDepth <= kRimDepth, "the depth of a node that may be in a gap is stored");
+static_assert(kSurroundedDepth <= kBoundaryDepth, "the depth of a node that may be in a gap is stored");
 /// How fast the distance of foot point and centroid grows towards a straight border, per distance.
-constexpr float kRimSlope = 0.6f;
+constexpr float kBoundarySlope = 0.6f;
 /// Both where closing takes over at the rim: it stays well among the samples, so that no flap reaches on.
-constexpr float kFirmRimRatio = 0.6f;
-constexpr float kFirmRimFloor = 0.18f;
+constexpr float kFirmBoundaryRatio = 0.6f;
+constexpr float kFirmBoundaryFloor = 0.18f;
 
 /// Nodes whose samples' mean plane is near enough for a surface within their cells.
 __m256 near_plane(const NodeSums& s) {
@@ -93,7 +93,7 @@ struct RowFlags {
 
 /// Turns the sums into values, gradients and flags of one row.
 void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& options, std::size_t at,
-                LeafFit& out, LeafRim& out_rim, RowFlags* flags, Spheres* spheres) {
+                LeafFit& out, LeafBoundary& out_boundary, RowFlags* flags, Spheres* spheres) {
   const __m256 one = _mm256_set1_ps(1.0f), zero = _mm256_setzero_ps(), two = _mm256_set1_ps(2.0f);
   const __m256 enough =
       _mm256_and_ps(_mm256_cmp_ps(s.w, _mm256_set1_ps(kMinWeight), _CMP_GE_OQ),
@@ -128,10 +128,10 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
   const __m256 fx = _mm256_fmadd_ps(value, gx, cx), fy = _mm256_fmadd_ps(value, gy, cy),
                fz = _mm256_fmadd_ps(value, gz, cz);
   const __m256 off2 = dot(fx, fy, fz, fx, fy, fz);
-  const float rim = options.firm_rim ? kFirmRimRatio : kRimRatio;
-  const float floor = options.firm_rim ? kFirmRimFloor : kRimFloor;
+  const float boundary = options.firm_boundary ? kFirmBoundaryRatio : kBoundaryRatio;
+  const float floor = options.firm_boundary ? kFirmBoundaryFloor : kBoundaryFloor;
   const __m256 limit2 =
-      _mm256_max_ps(_mm256_mul_ps(_mm256_mul_ps(spread_w, inverse_w), _mm256_set1_ps(rim * rim)),
+      _mm256_max_ps(_mm256_mul_ps(_mm256_mul_ps(spread_w, inverse_w), _mm256_set1_ps(boundary * boundary)),
                     _mm256_set1_ps(floor * floor * options.radius * options.radius));
   const __m256 among = _mm256_cmp_ps(off2, limit2, _CMP_LE_OQ);
   const __m256 magnitude = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), value);
@@ -157,23 +157,23 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
             .beyond = bits(_mm256_andnot_ps(among, fitted))};
   const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
   *spheres = {u0, ux, uy, uz, twice, residual, _mm256_sqrt_ps(half_residual), sound};
-  if (options.firm_rim) return;
+  if (options.firm_boundary) return;
   // Most nodes are deep within the least limit: no root for them.
-  const float deep = std::max(0.0f, floor * options.radius - kRimSlope * kRimDepth);
+  const float deep = std::max(0.0f, floor * options.radius - kBoundarySlope * kBoundaryDepth);
   flags->beyond = bits(_mm256_and_ps(fitted, _mm256_cmp_ps(off2, _mm256_set1_ps(deep * deep), _CMP_GT_OQ)));
   if (!flags->beyond) return;
-  const __m256 depth =
-      _mm256_div_ps(_mm256_sub_ps(_mm256_sqrt_ps(limit2), _mm256_sqrt_ps(off2)), _mm256_set1_ps(kRimSlope));
+  const __m256 depth = _mm256_div_ps(_mm256_sub_ps(_mm256_sqrt_ps(limit2), _mm256_sqrt_ps(off2)),
+                                     _mm256_set1_ps(kBoundarySlope));
   flags->beyond =
       bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kSurroundedDepth), _CMP_LT_OQ)));
-  flags->near = bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kRimDepth), _CMP_LT_OQ)));
+  flags->near = bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kBoundaryDepth), _CMP_LT_OQ)));
   if (!flags->near) return;
-  flags->near &= bits(_mm256_cmp_ps(depth, _mm256_set1_ps(-kRimMargin), _CMP_GE_OQ));
+  flags->near &= bits(_mm256_cmp_ps(depth, _mm256_set1_ps(-kBoundaryMargin), _CMP_GE_OQ));
   flags->valid |= flags->near;
-  _mm256_store_ps(out_rim.depth.data() + at, depth);
-  _mm256_store_ps(out_rim.inward[0].data() + at, fx);
-  _mm256_store_ps(out_rim.inward[1].data() + at, fy);
-  _mm256_store_ps(out_rim.inward[2].data() + at, fz);
+  _mm256_store_ps(out_boundary.depth.data() + at, depth);
+  _mm256_store_ps(out_boundary.inward[0].data() + at, fx);
+  _mm256_store_ps(out_boundary.inward[1].data() + at, fy);
+  _mm256_store_ps(out_boundary.inward[2].data() + at, fz);
 }
 
 /// How far a mean normal may turn from the sphere before it hints at a crease, as a share of the feature
@@ -222,8 +222,8 @@ std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2,
 constexpr float kLargestFoot = 2.5f;
 /// Rim test beside creases, where the foot point lies on the joined sheets: at the corner of a cube it
 /// is 1.1.
-constexpr float kCreaseRimRatio = 1.6f;
-constexpr float kCreaseRimSlack =
+constexpr float kCreaseBoundaryRatio = 1.6f;
+constexpr float kCreaseBoundarySlack =
     0.6f;  ///< cells: far off a corner only its tip is in reach, with little spread
 
 /// Distance from a crease, cells, within which its sheets end at each other, not at a border.
@@ -231,7 +231,7 @@ constexpr float kAtCrease = 0.5f;
 
 /// Value, gradient and depth of a creased node; false where the surface does not reach.
 bool value_of_sheets(const Sheets& sheets, std::size_t at, const NodeFitOptions& options, LeafFit& out,
-                     LeafRim& out_rim) {
+                     LeafBoundary& out_boundary) {
   const SurfaceValue here = sheets.at({0, 0, 0});
   out.value[at] = here.value;
   for (std::size_t c = 0; c < 3; ++c) out.gradient[c][at] = here.normal[c];
@@ -249,14 +249,15 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, const NodeFitOptions&
     foot2 += foot[c] * foot[c];
   }
   const float spread = std::sqrt(std::max(0.0f, sheets.spread2));
-  const bool supported =
-      norm(off) <= kCreaseRimRatio * spread + kCreaseRimSlack && foot2 <= kLargestFoot * kLargestFoot;
-  if (options.firm_rim) return supported;
+  const bool supported = norm(off) <= kCreaseBoundaryRatio * spread + kCreaseBoundarySlack &&
+                         foot2 <= kLargestFoot * kLargestFoot;
+  if (options.firm_boundary) return supported;
   // At a crease the centroid lies under the foot point: along the surface, a crease is no border.
   off = sheets.along(off - s.normal * tessera::dot(off, s.normal), foot, kAtCrease);
-  for (std::size_t c = 0; c < 3; ++c) out_rim.inward[c][at] = off[c];
-  out_rim.depth[at] = (std::max(kRimRatio * spread, kRimFloor * options.radius) - norm(off)) / kRimSlope;
-  return supported && out_rim.depth[at] >= -kRimMargin;
+  for (std::size_t c = 0; c < 3; ++c) out_boundary.inward[c][at] = off[c];
+  out_boundary.depth[at] =
+      (std::max(kBoundaryRatio * spread, kBoundaryFloor * options.radius) - norm(off)) / kBoundarySlope;
+  return supported && out_boundary.depth[at] >= -kBoundaryMargin;
 }
 
 }  // namespace
@@ -311,16 +312,16 @@ void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& c
     if (!options.noisy) seeds = seed_normals(scratch.local, options.sheets.cos_feature);
     const std::optional<SmoothFit> smooth = smooth_fit(spheres, x);
     const Sheets found = options.noisy ? confirmed_sheets(seeds, options.sheets, smooth ? &*smooth : nullptr,
-                                                          scratch.local, scratch.asked)
+                                                          scratch.local, scratch.requested)
                                        : fit_sheets(scratch.local, seeds, options.sheets);
     if (found.count == 0) continue;
     const std::uint32_t bit = 1u << x;
     *split |= bit;
     flags->valid &= ~bit;
     flags->near &= ~bit;
-    if (!value_of_sheets(found, at + x, options, out, scratch.rim)) continue;
+    if (!value_of_sheets(found, at + x, options, out, scratch.boundary)) continue;
     flags->valid |= bit;
-    if (!options.firm_rim && scratch.rim.depth[at + x] < kRimDepth) flags->near |= bit;
+    if (!options.firm_boundary && scratch.boundary.depth[at + x] < kBoundaryDepth) flags->near |= bit;
     if (found.count == 1) continue;  // a smooth sheet without its neighbours: value and gradient say all
     *creased |= bit;
     sheets.push_back(found);
@@ -345,13 +346,13 @@ void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& opti
   LeafFit& wide = scratch.wide;
   RowFlags found;
   Spheres spheres;
-  finish_row(sums, layered, options, at, wide, scratch.wide_rim, &found, &spheres);
+  finish_row(sums, layered, options, at, wide, scratch.wide_boundary, &found, &spheres);
   for (std::uint32_t left = layered; left; left &= left - 1) {
     const auto i = at + static_cast<std::size_t>(std::countr_zero(left));
     out.value[i] = wide.value[i];
     for (std::size_t c = 0; c < 3; ++c) out.gradient[c][i] = wide.gradient[c][i];
-    scratch.rim.depth[i] = scratch.wide_rim.depth[i];
-    for (std::size_t c = 0; c < 3; ++c) scratch.rim.inward[c][i] = scratch.wide_rim.inward[c][i];
+    scratch.boundary.depth[i] = scratch.wide_boundary.depth[i];
+    for (std::size_t c = 0; c < 3; ++c) scratch.boundary.inward[c][i] = scratch.wide_boundary.inward[c][i];
   }
   flags->valid = (flags->valid & ~layered) | found.valid;
   flags->near = (flags->near & ~layered) | found.near;
@@ -397,7 +398,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
                const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
                std::vector<Sheets>& sheets) {
   const float r = options.radius;
-  scratch.rim.nodes = {};
+  scratch.boundary.nodes = {};
   scratch.rough = {};
   for (std::size_t z = 0; z < 8; ++z) {
     out.first_sheets[z] = static_cast<std::uint32_t>(sheets.size());
@@ -413,7 +414,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
       RowFlags flags;
       Spheres spheres;
       const std::size_t at = 8 * y + 64 * z;
-      finish_row(sums, active, options, at, out, scratch.rim, &flags, &spheres);
+      finish_row(sums, active, options, at, out, scratch.boundary, &flags, &spheres);
       if (flags.bent) {
         std::uint32_t hints = 0;
         for (std::size_t next = 0; next < coarse.size;) {
@@ -434,7 +435,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
         scratch.rough[z] |= static_cast<std::uint64_t>(rough) << (8 * y);
       }
       out.valid[z] |= static_cast<std::uint64_t>(flags.valid) << (8 * y);
-      scratch.rim.nodes[z] |= static_cast<std::uint64_t>(flags.near) << (8 * y);
+      scratch.boundary.nodes[z] |= static_cast<std::uint64_t>(flags.near) << (8 * y);
       out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);
       out.few[z] |= static_cast<std::uint64_t>(flags.few & ~split) << (8 * y);
       out.beyond[z] |= static_cast<std::uint64_t>(flags.beyond & ~split) << (8 * y);
@@ -461,7 +462,7 @@ void smooth_rough(const SampleList& samples, const NodeFitOptions& options, Node
       RowFlags flags;
       Spheres spheres;
       LeafFit& wide = scratch.wide;
-      finish_row(sums, nodes, grown, 8 * y + 64 * z, wide, scratch.wide_rim, &flags, &spheres);
+      finish_row(sums, nodes, grown, 8 * y + 64 * z, wide, scratch.wide_boundary, &flags, &spheres);
       for (std::uint32_t left = flags.valid | flags.beyond; left; left &= left - 1) {
         const std::size_t i = 8 * y + 64 * z + static_cast<std::size_t>(std::countr_zero(left));
         const float t = std::min((scratch.roughness[i] - kRough) / (kRoughest - kRough), 1.0f);
@@ -524,7 +525,7 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
         Spheres spheres;
         const std::size_t at = 8 * y + 64 * z;
         LeafFit& wide = scratch.wide;
-        finish_row(sums, nodes, grown, at, wide, scratch.wide_rim, &flags, &spheres);
+        finish_row(sums, nodes, grown, at, wide, scratch.wide_boundary, &flags, &spheres);
         for (std::uint32_t left = flags.valid | flags.beyond; left; left &= left - 1) {
           const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
           const std::size_t i = at + x;
@@ -533,17 +534,18 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
           if (!is_surrounded(scratch.local, wide.value[i], gradient, kThickness * options.radius, within))
             continue;
           const std::uint64_t bit = std::uint64_t{1} << (8 * y + x);
-          const bool beyond = (scratch.rim.nodes[z] & bit) != 0 && scratch.rim.depth[i] < 0.0f;
+          const bool beyond = (scratch.boundary.nodes[z] & bit) != 0 && scratch.boundary.depth[i] < 0.0f;
           if (!(fit.valid[z] & bit) || beyond) {
             fit.value[i] = wide.value[i];
             for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = gradient[c];
           }
           fit.valid[z] |= bit;
-          scratch.rim.nodes[z] &= ~bit;
+          scratch.boundary.nodes[z] &= ~bit;
           if (!(flags.near >> x & 1)) continue;
-          scratch.rim.nodes[z] |= bit;
-          scratch.rim.depth[i] = std::max(scratch.wide_rim.depth[i], kSurroundedDepth);
-          for (std::size_t c = 0; c < 3; ++c) scratch.rim.inward[c][i] = scratch.wide_rim.inward[c][i];
+          scratch.boundary.nodes[z] |= bit;
+          scratch.boundary.depth[i] = std::max(scratch.wide_boundary.depth[i], kSurroundedDepth);
+          for (std::size_t c = 0; c < 3; ++c)
+            scratch.boundary.inward[c][i] = scratch.wide_boundary.inward[c][i];
         }
       }
     }

@@ -28,23 +28,23 @@ struct LeafFit {
   /// Among them those that a radius of 1, 1.5 and 2 may make valid: see choose_gaps().
   std::array<std::array<std::uint64_t, 8>, 3> gap{};
   /// Subset of valid: where the surface ends nearby, as RimNodes say in node order.
-  std::array<std::uint64_t, 8> rimmed{};
-  std::array<std::uint32_t, 8> first_rim{};  ///< index of the first RimNode of each word
+  std::array<std::uint64_t, 8> at_boundary{};
+  std::array<std::uint32_t, 8> first_boundary{};  ///< index of the first BoundaryNode of each word
 };
 
 /// Where the surface ends, as seen from a node.
-struct RimNode {
+struct BoundaryNode {
   float depth = 0.0f;  ///< distance of the node's foot point from the border, cells, > 0 within the surface
   Float3 inward = {0, 0, 0};  ///< from the foot point to the middle of its samples, cells
 };
 
 /// Nodes of a leaf near the end of the surface; index as in LeafFit.
-struct LeafRim {
+struct LeafBoundary {
   alignas(32) std::array<float, 512> depth{};
   alignas(32) std::array<std::array<float, 512>, 3> inward{};
   std::array<std::uint64_t, 8> nodes{};  ///< where the rest holds
 
-  RimNode at(std::size_t node) const {
+  BoundaryNode at(std::size_t node) const {
     return {depth[node], {inward[0][node], inward[1][node], inward[2][node]}};
   }
 };
@@ -56,7 +56,7 @@ struct NodeFitOptions {
   /// Samples off the surface, with normals to match: clusters start from averaged normals. Else from single
   /// ones, which finds faces that barely reach in.
   bool noisy = false;
-  bool firm_rim = false;  ///< end the surface well among the samples instead of at the last ones
+  bool firm_boundary = false;  ///< end the surface well among the samples instead of at the last ones
   SheetOptions sheets;
 };
 
@@ -64,16 +64,16 @@ struct NodeFitOptions {
 inline constexpr float kLargestValue = 2.0f;
 /// Depth from which the end of the surface does not matter; and how far beyond it nodes are valid still, so that the
 /// surface can be cut there: cells.
-inline constexpr float kRimDepth = 1.0f;
+inline constexpr float kBoundaryDepth = 1.0f;
 inline constexpr float kBorderDepth = 0.5f;  ///< where the border runs
-inline constexpr float kRimMargin = 0.8f;
+inline constexpr float kBoundaryMargin = 0.8f;
 
 /// Scratch that a caller keeps between leaves.
 struct NodeFitScratch {
   SampleList slab, wide_samples;
   RowSamples row, coarse_row;
-  LocalSamples local, coarse_local, asked;
-  LeafRim rim, wide_rim;
+  LocalSamples local, coarse_local, requested;
+  LeafBoundary boundary, wide_boundary;
   LeafFit wide;  ///< of nodes in layers, gaps or rough places
   /// Of the leaf fitted last, noisy samples: smooth valid nodes whose normals contradict each other, and by how much:
   /// the mean squared residual of the normals against the sphere.

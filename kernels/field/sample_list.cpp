@@ -81,9 +81,9 @@ void gather(const PointBlock& points, const PointLeaves& leaves, int i, int j, i
 void SampleList::reserve(std::size_t n) {
   size = 0;
   if (x.size() >= n + kSlack) return;
-  const std::size_t room = n + n / 2 + kSlack;
-  for (auto* array : {&x, &y, &z, &nx, &ny, &nz}) array->assign(room, 0.0f);
-  point.assign(room, 0);
+  const std::size_t capacity = n + n / 2 + kSlack;
+  for (auto* array : {&x, &y, &z, &nx, &ny, &nz}) array->assign(capacity, 0.0f);
+  point.assign(capacity, 0);
 }
 
 void gather_samples(const PointBlock& points, const PointLeaves& leaves, int i, int j, int k,

@@ -67,16 +67,16 @@ bool find_depths(const Occupied& cells, const Int3& low, std::array<float, 512>&
         c[a][static_cast<std::size_t>(cube >> a & 1)] += coarse[i];
       }
     }
-    float& out = depth[static_cast<std::size_t>(n)] = SparsePlaces::kNowhere;
+    float& out = depth[static_cast<std::size_t>(n)] = SparseNodes::kNowhere;
     const auto look = [&](std::uint32_t few, std::uint32_t of, std::uint32_t minimum) {
       if (of < minimum) return;
       const float ratio = static_cast<float>(few) / static_cast<float>(of);
-      out = std::max(out, std::min(kDepthOfRatio * (kSparseRatio - ratio), SparsePlaces::kDeep));
+      out = std::max(out, std::min(kDepthOfRatio * (kSparseRatio - ratio), SparseNodes::kDeep));
     };
     look(f[0][0] + f[0][1], c[0][0] + c[0][1], 1);
     for (std::size_t a = 0; a < 3; ++a)
       for (std::size_t side = 0; side < 2; ++side) look(f[a][side], c[a][side], kMinHalf);
-    any = any || out > SparsePlaces::kNowhere;
+    any = any || out > SparseNodes::kNowhere;
   }
   return any;
 }
@@ -120,7 +120,7 @@ Occupied count_cells(const PointBlock& points, const Int3& origin, const Int3& d
 
 }  // namespace
 
-SparsePlaces::SparsePlaces(const PointBlock& points, const std::function<bool(const Int3&)>& asked) {
+SparseNodes::SparseNodes(const PointBlock& points, const std::function<bool(const Int3&)>& requested) {
   Int3 dims;
   for (std::size_t a = 0; a < 3; ++a) {
     const int low = (points.origin[a] - 1) >> 1, high = (points.origin[a] + points.cells[a] + 2) >> 1;
@@ -134,7 +134,7 @@ SparsePlaces::SparsePlaces(const PointBlock& points, const std::function<bool(co
   for (int k = -1; k < dims[2] - 1; ++k)
     for (int j = -1; j < dims[1] - 1; ++j)
       for (int i = -1; i < dims[0] - 1; ++i, ++slot) {
-        if (!cells.near[slot] || (asked && !asked({i, j, k}))) continue;
+        if (!cells.near[slot] || (requested && !requested({i, j, k}))) continue;
         constexpr int kMargin = 2 * kLeafCells - kWindow;
         std::array<float, 512> depth;
         if (!find_depths(cells, {8 * i + kMargin, 8 * j + kMargin, 8 * k + kMargin}, depth)) continue;

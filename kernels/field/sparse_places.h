@@ -15,11 +15,11 @@
 
 namespace tessera {
 
-class SparsePlaces {
+class SparseNodes {
  public:
   /// \param points  of a block, within a leaf of its core at least, canonical order; those without normal do not count
-  /// \param asked  which leaves of the coarse block matter, relative to it, in leaves; nodes of others are nowhere; empty = all
-  explicit SparsePlaces(const PointBlock& points, const std::function<bool(const Int3&)>& asked = {});
+  /// \param requested  which leaves of the coarse block matter, relative to it, in leaves; nodes of others are nowhere; empty = all
+  explicit SparseNodes(const PointBlock& points, const std::function<bool(const Int3&)>& requested = {});
 
   /// The block of the coarse lattice that holds all nodes of the fine one: corner and size in coarse cells, whole leaves.
   const Int3& origin() const { return origin_; }

@@ -14,7 +14,7 @@ std::size_t next_of(const std::vector<BorderEdge>& border, const BorderEdge& e) 
   return next != border.end() && next->from == e.to ? static_cast<std::size_t>(next - border.begin()) : kNone;
 }
 
-HoleBoundary make_rim(const std::vector<BorderEdge>& loop, const std::vector<Chord>& chords) {
+HoleBoundary make_boundary(const std::vector<BorderEdge>& loop, const std::vector<Chord>& chords) {
   HoleBoundary out;
   std::vector<std::array<std::uint64_t, 2>> order;  // vertex, position in the loop
   for (const BorderEdge& e : loop) {
@@ -68,9 +68,9 @@ void BoundaryMatcher::finish() {
             [](const BorderEdge& a, const BorderEdge& b) { return a.from < b.from; });
 }
 
-LoopCounts for_each_boundary_loop(const BoundaryMatcher& rims, std::uint64_t maximum,
+LoopCounts for_each_boundary_loop(const BoundaryMatcher& boundaries, std::uint64_t maximum,
                                   const std::function<void(HoleBoundary&&)>& use) {
-  const std::vector<BorderEdge>& border = rims.border;
+  const std::vector<BorderEdge>& border = boundaries.border;
   LoopCounts counts;
   std::vector<std::uint8_t> seen(border.size(), 0);
   std::vector<BorderEdge> loop;
@@ -88,14 +88,14 @@ LoopCounts for_each_boundary_loop(const BoundaryMatcher& rims, std::uint64_t max
     ++counts.loops;
     counts.longest = std::max(counts.longest, length);
     counts.broken += at != first;
-    if (at == first && length <= maximum && length >= 3) use(make_rim(loop, rims.chords));
+    if (at == first && length <= maximum && length >= 3) use(make_boundary(loop, boundaries.chords));
   }
   return counts;
 }
 
-std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& rims, std::uint64_t first,
+std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& boundaries, std::uint64_t first,
                                                std::uint64_t last, std::uint64_t maximum) {
-  const std::vector<BorderEdge>& border = rims.border;
+  const std::vector<BorderEdge>& border = boundaries.border;
   std::vector<HoleBoundary> out;
   const auto from = [](const BorderEdge& b, std::uint64_t v) { return b.from < v; };
   const auto begin =
@@ -108,7 +108,7 @@ std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& rims, std:
       loop.push_back(border[at]);
       at = next_of(border, border[at]);
     } while (at != kNone && at > start && loop.size() < maximum);
-    if (at == start && loop.size() >= 3) out.push_back(make_rim(loop, rims.chords));
+    if (at == start && loop.size() >= 3) out.push_back(make_boundary(loop, boundaries.chords));
   }
   return out;
 }

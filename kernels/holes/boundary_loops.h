@@ -62,12 +62,12 @@ struct LoopCounts {
 
 /// Loops of 3 to `maximum` edges, in the order of their smallest numbers. \cost linear in the border
 /// \param use  may throw, to stop
-LoopCounts for_each_boundary_loop(const BoundaryMatcher& rims, std::uint64_t maximum,
+LoopCounts for_each_boundary_loop(const BoundaryMatcher& boundaries, std::uint64_t maximum,
                                   const std::function<void(HoleBoundary&&)>& use);
 
 /// The same where only a part of the mesh is known: loops of at most `maximum` edges whose smallest number lies in [first, last).
 /// Records must leave out every edge of which some face is unknown: a path ends there.
-std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& rims, std::uint64_t first,
+std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& boundaries, std::uint64_t first,
                                                std::uint64_t last, std::uint64_t maximum);
 
 }  // namespace tessera

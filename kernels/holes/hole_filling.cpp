@@ -15,13 +15,13 @@ namespace {
 
 /// Below this mean cosine at the rim, of the loop or of the patch, the patch folds back over the faces it should continue. A
 /// cap on a tube has 0, the outside of a flat piece -1.
-constexpr double kMinRimCosine = -0.4;
+constexpr double kMinBoundaryCosine = -0.4;
 /// Slivers must not own the energy: bounds of the cotangents, and of the area under a hinge in squared edges.
 constexpr double kMaxCotangent = 10.0;
 constexpr double kMinArea = 0.05;
 constexpr int kRelaxRounds = 12;
 /// The coefficients of the energy come from the shape it changes; a second time they fit.
-constexpr int kBendRounds = 2;
+constexpr int kDihedralRounds = 2;
 /// More entries per unknown in the envelope are not factored: hole_bytes() holds. A round hole of the most
 /// vertices has 250.
 constexpr std::uint64_t kMaxEnvelope = 400;
@@ -29,7 +29,7 @@ constexpr std::uint64_t kMaxEnvelope = 400;
 /// Cosine between the vector area of the loop, as a filling runs, and the mesh's normals at the rim, mean weighted by
 /// length: 1 for a hole in a sheet, 0 for the end of a tube, -1 for the outer border of a sheet. Unlike the faces of a
 /// triangulation it says the same of a border that goes up and down.
-double loop_cosine(const HoleLoop& loop, const std::vector<Double3>& rim_normal) {
+double loop_cosine(const HoleLoop& loop, const std::vector<Double3>& boundary_normal) {
   const std::vector<Double3>& p = loop.position;
   Double3 area{};
   for (std::size_t i = 1; i + 1 < p.size(); ++i) area = area + triangle_normal(p[0], p[i], p[i + 1]);
@@ -38,13 +38,13 @@ double loop_cosine(const HoleLoop& loop, const std::vector<Double3>& rim_normal)
   for (std::size_t i = 0; i < p.size(); ++i) {
     const double length = norm(p[(i + 1) % p.size()] - p[i]);
     length_sum += length;
-    sum += length * dot(area, rim_normal[i]);
+    sum += length * dot(area, boundary_normal[i]);
   }
   return length_sum > 0.0 ? sum / length_sum : 1.0;
 }
 
 /// Length of the rim's edges, root mean square: slivers count little.
-double rim_edge(const HoleLoop& loop) {
+double boundary_edge(const HoleLoop& loop) {
   double sum = 0.0;
   const std::size_t n = loop.position.size();
   for (std::size_t i = 0; i < n; ++i) {
@@ -54,7 +54,7 @@ double rim_edge(const HoleLoop& loop) {
   return std::sqrt(sum / static_cast<double>(n));
 }
 
-double rim_length(const HoleLoop& loop) {
+double boundary_length(const HoleLoop& loop) {
   double sum = 0.0;
   const std::size_t n = loop.position.size();
   for (std::size_t i = 0; i < n; ++i) sum += norm(loop.position[(i + 1) % n] - loop.position[i]);
@@ -96,7 +96,7 @@ Hinge make_hinge(const std::array<std::uint32_t, 4>& vertex, const std::vector<D
 
 /// Inner edges of the patch and its rim; the rim's fourth vertices are those of well-shaped triangles that
 /// continue the mesh, appended to `x` behind the patch's own.
-std::vector<Hinge> make_hinges(const HoleMesh& mesh, const std::vector<Double3>& rim_normal, double edge,
+std::vector<Hinge> make_hinges(const HoleMesh& mesh, const std::vector<Double3>& boundary_normal, double edge,
                                std::vector<Double3>& x) {
   std::vector<Hinge> hinges;
   const auto& triangles = mesh.triangles();
@@ -104,9 +104,9 @@ std::vector<Hinge> make_hinges(const HoleMesh& mesh, const std::vector<Double3>&
     for (std::uint32_t e = 0; e < 3; ++e) {
       const auto& v = triangles[t].vertex;
       const std::uint32_t a = v[e], b = v[(e + 1) % 3], c = v[(e + 2) % 3], u = triangles[t].neighbour[e];
-      if (u == HoleMesh::kRim) {
+      if (u == HoleMesh::kBoundary) {
         const Double3 out =
-            unit_or_zero(cross(x[b] - x[a], rim_normal[a]));  // the rim's edge a runs to a + 1
+            unit_or_zero(cross(x[b] - x[a], boundary_normal[a]));  // the rim's edge a runs to a + 1
         x.push_back((x[a] + x[b]) * 0.5 + out * (0.866 * edge));
         hinges.push_back(make_hinge({a, b, c, static_cast<std::uint32_t>(x.size() - 1)}, x, edge));
       } else if (t < u) {
@@ -134,7 +134,7 @@ double sharpest(HoleMesh& mesh, const HoleLoop& loop) {
     const Double3 normal = normal_of(triangles[t]);
     for (std::uint32_t e = 0; e < 3; ++e) {
       const std::uint32_t u = triangles[t].neighbour[e];
-      if (u != HoleMesh::kRim) {
+      if (u != HoleMesh::kBoundary) {
         if (t < u) minimum = std::min(minimum, dot(normal, normal_of(triangles[u])));
         continue;
       }
@@ -206,37 +206,37 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
 HoleFilling fill_hole(const HoleLoop& loop, double max_width, double min_cosine) {
   const auto n = static_cast<std::uint32_t>(loop.position.size());
   assert(n >= 3 && n <= kMaxHoleEdges && loop.opposite.size() == n);
-  const std::vector<Double3> rim_normal = rim_normals(loop);
+  const std::vector<Double3> boundary_normal = boundary_normals(loop);
   HoleFilling out;
-  if (loop_cosine(loop, rim_normal) < kMinRimCosine) {
+  if (loop_cosine(loop, boundary_normal) < kMinBoundaryCosine) {
     out.outcome = HoleOutcome::kOuter;
     return out;
   }
-  const HoleTriangulation start = triangulate_hole(loop, rim_normal);
+  const HoleTriangulation start = triangulate_hole(loop, boundary_normal);
   if (start.faces.empty()) {
     out.outcome = HoleOutcome::kTaken;
     return out;
   }
-  if (start.rim_cosine < kMinRimCosine) {
+  if (start.boundary_cosine < kMinBoundaryCosine) {
     out.outcome = HoleOutcome::kOuter;
     return out;
   }
   const double area = area_of(loop, start.faces);
-  if (4.0 * area > max_width * rim_length(loop)) {
+  if (4.0 * area > max_width * boundary_length(loop)) {
     out.outcome = HoleOutcome::kWide;
     return out;
   }
   // Triangles with edges of length e cover sqrt(3)/4 e^2, and there are two of them to a vertex.
-  const double rim = rim_edge(loop);
+  const double boundary = boundary_edge(loop);
   const std::uint64_t maximum = max_hole_vertices(n);
-  const double edge = std::max(rim, std::sqrt(area / (0.866 * 0.75 * static_cast<double>(maximum + 1))));
+  const double edge = std::max(boundary, std::sqrt(area / (0.866 * 0.75 * static_cast<double>(maximum + 1))));
   HoleMesh mesh(loop, start.faces);
   mesh.refine(edge, maximum);
   mesh.relax(kRelaxRounds);
   const auto all = static_cast<std::uint32_t>(mesh.positions().size());
-  for (int round = 0; round < kBendRounds && all > n; ++round) {
+  for (int round = 0; round < kDihedralRounds && all > n; ++round) {
     std::vector<Double3> x = mesh.positions();
-    const std::vector<Hinge> hinges = make_hinges(mesh, rim_normal, rim, x);
+    const std::vector<Hinge> hinges = make_hinges(mesh, boundary_normal, boundary, x);
     out.fair = minimise(hinges, n, all, x);
     if (!out.fair) break;
     x.resize(all);

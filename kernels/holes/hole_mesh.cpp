@@ -35,7 +35,7 @@ std::uint32_t mean_colour(std::uint32_t a, std::uint32_t b) {
 
 HoleMesh::HoleMesh(const HoleLoop& loop, const std::vector<std::array<std::uint32_t, 3>>& faces)
     : loop_(&loop),
-      rim_(static_cast<std::uint32_t>(loop.position.size())),
+      boundary_(static_cast<std::uint32_t>(loop.position.size())),
       position_(loop.position),
       rgba_(loop.rgba) {
   struct Side {
@@ -43,7 +43,7 @@ HoleMesh::HoleMesh(const HoleLoop& loop, const std::vector<std::array<std::uint3
   };
   std::vector<Side> sides;
   for (std::uint32_t t = 0; t < faces.size(); ++t) {
-    triangles_.push_back({faces[t], {kRim, kRim, kRim}});
+    triangles_.push_back({faces[t], {kBoundary, kBoundary, kBoundary}});
     for (std::uint32_t e = 0; e < 3; ++e) {
       const std::uint32_t a = faces[t][e], b = faces[t][(e + 1) % 3];
       sides.push_back({std::min(a, b), std::max(a, b), t, e});
@@ -66,7 +66,7 @@ std::uint32_t HoleMesh::side_of(std::uint32_t triangle, std::uint32_t neighbour)
 }
 
 void HoleMesh::replace_neighbour(std::uint32_t triangle, std::uint32_t was, std::uint32_t is) {
-  if (triangle != kRim) triangles_[triangle].neighbour[side_of(triangle, was)] = is;
+  if (triangle != kBoundary) triangles_[triangle].neighbour[side_of(triangle, was)] = is;
 }
 
 double HoleMesh::squared_length(const Triangle& t, std::uint32_t e) const {
@@ -78,7 +78,7 @@ double HoleMesh::longest_inner() const {
   double longest = 0.0;
   for (const Triangle& t : triangles_)
     for (std::uint32_t e = 0; e < 3; ++e)
-      if (t.neighbour[e] != kRim) longest = std::max(longest, squared_length(t, e));
+      if (t.neighbour[e] != kBoundary) longest = std::max(longest, squared_length(t, e));
   return longest;
 }
 
@@ -104,9 +104,9 @@ void HoleMesh::split(std::uint32_t t, std::uint32_t e) {
 
 /// Whether an edge joins the two vertices; `triangle` holds `from`.
 bool HoleMesh::joined(std::uint32_t from, std::uint32_t triangle, std::uint32_t to) const {
-  if (from < rim_ && to < rim_) {
+  if (from < boundary_ && to < boundary_) {
     const std::uint32_t low = std::min(from, to), high = std::max(from, to);
-    if (high == low + 1 || (low == 0 && high + 1 == rim_)) return true;
+    if (high == low + 1 || (low == 0 && high + 1 == boundary_)) return true;
     if (std::binary_search(loop_->taken.begin(), loop_->taken.end(), std::array{low, high})) return true;
   }
   for (const bool forward : {true, false}) {  // around an inner vertex the first turn sees all
@@ -116,7 +116,7 @@ bool HoleMesh::joined(std::uint32_t from, std::uint32_t triangle, std::uint32_t 
       if (v[0] == to || v[1] == to || v[2] == to) return true;
       const std::uint32_t corner = v[0] == from ? 0 : v[1] == from ? 1 : 2;
       t = triangles_[t].neighbour[forward ? (corner + 2) % 3 : corner];
-    } while (t != kRim && t != triangle);
+    } while (t != kBoundary && t != triangle);
     if (t == triangle) break;
   }
   return false;
@@ -124,7 +124,7 @@ bool HoleMesh::joined(std::uint32_t from, std::uint32_t triangle, std::uint32_t 
 
 bool HoleMesh::wants_flip(std::uint32_t t, std::uint32_t e) const {
   const std::uint32_t u = triangles_[t].neighbour[e];
-  if (u == kRim) return false;
+  if (u == kBoundary) return false;
   const std::uint32_t va = triangles_[t].vertex[e], vb = triangles_[t].vertex[(e + 1) % 3],
                       vc = triangles_[t].vertex[(e + 2) % 3],
                       vd = triangles_[u].vertex[(side_of(u, t) + 2) % 3];
@@ -181,8 +181,9 @@ void HoleMesh::refine(double edge, std::size_t maximum) {
     const auto count = static_cast<std::uint32_t>(triangles_.size());
     for (std::uint32_t t = 0; t < count; ++t)
       for (std::uint32_t e = 0; e < 3; ++e) {
-        if (position_.size() - rim_ >= maximum) return;
-        if (triangles_[t].neighbour[e] != kRim && squared_length(triangles_[t], e) >= minimum) split(t, e);
+        if (position_.size() - boundary_ >= maximum) return;
+        if (triangles_[t].neighbour[e] != kBoundary && squared_length(triangles_[t], e) >= minimum)
+          split(t, e);
       }
     flip_all();
   }
@@ -197,11 +198,11 @@ void HoleMesh::relax(int rounds) {
     for (const Triangle& t : triangles_)
       for (std::uint32_t e = 0; e < 3; ++e) {
         const std::uint32_t a = t.vertex[e], b = t.vertex[(e + 1) % 3];
-        if (a < rim_) continue;  // each inner edge comes from both sides, once per end
+        if (a < boundary_) continue;  // each inner edge comes from both sides, once per end
         sum[a] = sum[a] + position_[b];
         count[a] += 1.0;
       }
-    for (std::size_t v = rim_; v < position_.size(); ++v)
+    for (std::size_t v = boundary_; v < position_.size(); ++v)
       if (count[v] > 0.0) position_[v] = sum[v] * (1.0 / count[v]);
     flip_all();
   }

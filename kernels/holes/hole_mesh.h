@@ -12,12 +12,12 @@ namespace tessera {
 
 class HoleMesh {
  public:
-  static constexpr std::uint32_t kRim = 0xffffffffu;  ///< neighbour beyond the loop
+  static constexpr std::uint32_t kBoundary = 0xffffffffu;  ///< neighbour beyond the loop
 
   /// Edge e of a triangle runs from vertex[e] to vertex[(e + 1) % 3].
   struct Triangle {
     std::array<std::uint32_t, 3> vertex;
-    std::array<std::uint32_t, 3> neighbour;  ///< across each edge: triangle, or kRim
+    std::array<std::uint32_t, 3> neighbour;  ///< across each edge: triangle, or kBoundary
   };
 
   HoleMesh(const HoleLoop& loop, const std::vector<std::array<std::uint32_t, 3>>& faces);
@@ -28,7 +28,7 @@ class HoleMesh {
   /// `rounds` times: every inner vertex to the mean of its neighbours, all at once, then flips.
   void relax(int rounds);
 
-  std::uint32_t rim() const { return rim_; }
+  std::uint32_t boundary() const { return boundary_; }
   const std::vector<Triangle>& triangles() const { return triangles_; }
   std::vector<Double3>& positions() { return position_; }  ///< the loop's first
   const std::vector<std::uint32_t>& colours() const { return rgba_; }
@@ -45,7 +45,7 @@ class HoleMesh {
   void flip_all();
 
   const HoleLoop* loop_;
-  std::uint32_t rim_;
+  std::uint32_t boundary_;
   std::vector<Double3> position_;
   std::vector<std::uint32_t> rgba_;
   std::vector<Triangle> triangles_;

@@ -12,13 +12,13 @@ constexpr double kForbidden = 1e300;
 
 /// Best triangulation of the polygon from vertex i to vertex j > i, closed by their chord.
 struct Cell {
-  double bend = 0.0;  ///< largest 1 - cosine between neighbouring faces, the chord left out
+  double dihedral = 0.0;  ///< largest 1 - cosine between neighbouring faces, the chord left out
   double area = 0.0;
   Double3 normal{};  ///< of the face at the chord
   std::uint32_t apex = 0;
 };
 
-double bend_between(const Double3& a, const Double3& b) {
+double dihedral_between(const Double3& a, const Double3& b) {
   return 1.0 - dot(a, b);
 }
 
@@ -30,7 +30,7 @@ bool has_area(const Double3& a, const Double3& b, const Double3& c) {
   return norm(cross(ab, ac)) > kMinArea * std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
 }
 
-std::vector<Double3> rim_normals(const HoleLoop& loop) {
+std::vector<Double3> boundary_normals(const HoleLoop& loop) {
   const std::size_t n = loop.position.size();
   std::vector<Double3> face(n), out(n);
   for (std::size_t i = 0; i < n; ++i) {
@@ -47,17 +47,17 @@ std::vector<Double3> rim_normals(const HoleLoop& loop) {
   return out;
 }
 
-HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& rim_normal) {
+HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& boundary_normal) {
   const std::size_t n = loop.position.size();
   const std::vector<Double3>& p = loop.position;
   std::vector<Cell> cells(n * n);
   const auto at = [&](std::size_t i, std::size_t j) -> Cell& { return cells[i * n + j]; };
-  for (std::size_t i = 0; i + 1 < n; ++i) at(i, i + 1).normal = rim_normal[i];
+  for (std::size_t i = 0; i + 1 < n; ++i) at(i, i + 1).normal = boundary_normal[i];
   for (std::size_t span = 2; span < n; ++span) {
     for (std::size_t i = 0; i + span < n; ++i) {
       const std::size_t j = i + span;
       Cell& best = at(i, j);
-      best.bend = best.area = kForbidden;
+      best.dihedral = best.area = kForbidden;
       const std::array<std::uint32_t, 2> chord = {static_cast<std::uint32_t>(i),
                                                   static_cast<std::uint32_t>(j)};
       const bool closing = span + 1 == n;
@@ -65,31 +65,32 @@ HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Doubl
       for (std::size_t k = i + 1; k < j; ++k) {
         const Cell& left = at(i, k);
         const Cell& right = at(k, j);
-        double bend = std::max(left.bend, right.bend);
-        if (bend > best.bend || bend == kForbidden) continue;
+        double dihedral = std::max(left.dihedral, right.dihedral);
+        if (dihedral > best.dihedral || dihedral == kForbidden) continue;
         if (!has_area(p[i], p[k], p[j])) continue;
         const Double3 normal2 = cross(p[k] - p[i], p[j] - p[i]);
         const double twice = norm(normal2);
         const Double3 normal = normal2 * (1.0 / twice);
-        bend = std::max({bend, bend_between(normal, left.normal), bend_between(normal, right.normal)});
-        if (closing) bend = std::max(bend, bend_between(normal, rim_normal[n - 1]));
+        dihedral = std::max(
+            {dihedral, dihedral_between(normal, left.normal), dihedral_between(normal, right.normal)});
+        if (closing) dihedral = std::max(dihedral, dihedral_between(normal, boundary_normal[n - 1]));
         const double area = left.area + right.area + twice;
-        if (bend < best.bend || (bend == best.bend && area < best.area))
-          best = {bend, area, normal, static_cast<std::uint32_t>(k)};
+        if (dihedral < best.dihedral || (dihedral == best.dihedral && area < best.area))
+          best = {dihedral, area, normal, static_cast<std::uint32_t>(k)};
       }
     }
   }
   HoleTriangulation out;
-  if (at(0, n - 1).bend == kForbidden) return out;
+  if (at(0, n - 1).dihedral == kForbidden) return out;
   double length_sum = 0.0, cosine_sum = 0.0;
-  const auto rim = [&](std::size_t edge, const Double3& normal) {
+  const auto boundary = [&](std::size_t edge, const Double3& normal) {
     const Double3 along = p[(edge + 1) % n] - p[edge];
     const double length = std::sqrt(dot(along, along));
     length_sum += length;
-    cosine_sum += length * dot(normal, rim_normal[edge]);
+    cosine_sum += length * dot(normal, boundary_normal[edge]);
   };
   std::vector<std::array<std::size_t, 2>> open = {{0, n - 1}};
-  rim(n - 1, at(0, n - 1).normal);
+  boundary(n - 1, at(0, n - 1).normal);
   while (!open.empty()) {
     const auto [i, j] = open.back();
     open.pop_back();
@@ -98,12 +99,12 @@ HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Doubl
         {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(j)});
     for (const std::array<std::size_t, 2> side : {std::array<std::size_t, 2>{k, j}, {i, k}}) {
       if (side[1] - side[0] == 1)
-        rim(side[0], at(i, j).normal);
+        boundary(side[0], at(i, j).normal);
       else
         open.push_back(side);
     }
   }
-  out.rim_cosine = length_sum > 0.0 ? cosine_sum / length_sum : 1.0;
+  out.boundary_cosine = length_sum > 0.0 ? cosine_sum / length_sum : 1.0;
   return out;
 }
 

@@ -15,7 +15,7 @@ struct HoleTriangulation {
   std::vector<std::array<std::uint32_t, 3>> faces;
   /// Cosine between the normals of the faces on both sides of the rim, mean weighted by length: 1 goes
   /// straight on, -1 folds back.
-  double rim_cosine = 1.0;
+  double boundary_cosine = 1.0;
 };
 
 /// Whether a triangle is more than a line: rims have edges in line, and vertices at one place where two pieces of the
@@ -24,9 +24,9 @@ bool has_area(const Double3& a, const Double3& b, const Double3& c);
 
 /// Unit normals of the mesh's faces along the loop, averaged along it over two edges to each side: single
 /// faces at a border are slivers too often. Zero where there is none.
-std::vector<Double3> rim_normals(const HoleLoop& loop);
+std::vector<Double3> boundary_normals(const HoleLoop& loop);
 
 /// Ties go to the lower vertex. \cost time O(n^3), memory 44 n^2 bytes
-HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& rim_normal);
+HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& boundary_normal);
 
 }  // namespace tessera

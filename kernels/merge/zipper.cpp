@@ -20,19 +20,20 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr std::uint32_t kNone = 0xffffffffu;
-constexpr double kMinTurn = 0.17;  ///< cosine between a new face and those across its edges: 80 degrees
+constexpr double kMinDihedralCosine =
+    0.17;  ///< cosine between a new face and those across its edges: 80 degrees
 /// Where edges of originals are left open, layers cross at the cut: what is allowed there, step by step, and how far a vertex
 /// may lie, in gaps.
-constexpr std::array<double, 3> kLastTurns = {0.0, -0.35, -0.7};
+constexpr std::array<double, 3> kLastDihedralCosines = {0.0, -0.35, -0.7};
 constexpr std::array<double, 3> kLastGaps = {1.5, 2.0, 3.0};
 constexpr double kMinHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
 constexpr double kOtherSheet = 1.0;  ///< of its length: edges so far above a new one do not cross it
 /// Circles of this many times the gap, or the longest edge beside, pass through vertices of one side: of a dent in its border.
 constexpr double kMaxRound = 2.0;
 constexpr std::size_t kMaxLoop =
-    12;                            ///< edges of a loop that is filled: of the size of the strip's own faces
-constexpr double kMinRim = -0.5;   ///< cosine between what fills a loop and what is around it
-constexpr std::size_t kCrumb = 6;  ///< pieces of fewer faces are no surface
+    12;  ///< edges of a loop that is filled: of the size of the strip's own faces
+constexpr double kMinBoundary = -0.5;  ///< cosine between what fills a loop and what is around it
+constexpr std::size_t kCrumb = 6;      ///< pieces of fewer faces are no surface
 constexpr int kFillRounds = 3;
 constexpr int kMaxRounds = 40;  ///< of removal; each leaves fewer faces
 
@@ -68,8 +69,8 @@ class Zipper {
     stitch(false);
     close_loops();
     const double gap = gap_;
-    for (std::size_t step = 0; step < kLastTurns.size() && open_edges() > 0; ++step) {
-      min_turn_ = kLastTurns[step];
+    for (std::size_t step = 0; step < kLastDihedralCosines.size() && open_edges() > 0; ++step) {
+      min_dihedral_cosine_ = kLastDihedralCosines[step];
       gap_ = kLastGaps[step] * gap;
       stitch(true);
       unstitch();
@@ -374,12 +375,12 @@ class Zipper {
     const Face f = {e.to, e.from, w};
     if (has(f[1], f[2]) || has(f[2], f[0]) || has(f[0], f[1])) return false;
     const Double3 n = unit_or_zero(face_normal(f));
-    if (dot(n, normal_[e.face]) < min_turn_) return false;
+    if (dot(n, normal_[e.face]) < min_dihedral_cosine_) return false;
     for (std::size_t k = 1; k < 3; ++k) {
       const std::uint32_t from = f[k], to = f[(k + 1) % 3];
       if (const auto there = half_.find(half_edge(to, from)); there != half_.end()) {
         if (there->second < given_ && !is_open(there->second, edge_of(there->second, to))) return false;
-        if (dot(n, normal_[there->second]) < min_turn_) return false;
+        if (dot(n, normal_[there->second]) < min_dihedral_cosine_) return false;
         continue;
       }
       if (!is_free(from, to, n) || !is_free(to, from, n) || crosses(from, to, n)) return false;
@@ -459,12 +460,12 @@ class Zipper {
       for (std::uint32_t j = i + 2; j < loop.size(); ++j)
         if ((i > 0 || j + 1 < loop.size()) && (has(loop[i].to, loop[j].to) || has(loop[j].to, loop[i].to)))
           hole.taken.push_back({i, j});
-    HoleTriangulation made = triangulate_hole(hole, rim_normals(hole));
+    HoleTriangulation made = triangulate_hole(hole, boundary_normals(hole));
     // Three vertices nearly in line, where a border of the strip bends by nothing: thin, but closed.
     if (made.faces.empty() && loop.size() == 3 &&
         norm(triangle_normal(hole.position[0], hole.position[1], hole.position[2])) > 0.0)
       made.faces.push_back({0, 1, 2});
-    if (made.rim_cosine < kMinRim) return;  // the outside of a piece
+    if (made.boundary_cosine < kMinBoundary) return;  // the outside of a piece
     for (const auto& t : made.faces) {
       const auto f = static_cast<std::uint32_t>(faces_.size());
       faces_.push_back({loop[t[0]].to, loop[t[1]].to, loop[t[2]].to});
@@ -507,7 +508,7 @@ class Zipper {
   std::vector<Face> faces_;
   std::vector<std::uint8_t> edges_;
   std::size_t given_;
-  double gap_, min_turn_ = kMinTurn;
+  double gap_, min_dihedral_cosine_ = kMinDihedralCosine;
   std::vector<std::uint8_t> gone_;
   std::vector<Double3> normal_;
   std::unordered_map<std::uint64_t, std::uint32_t> half_;  ///< directed edge -> face on its left

@@ -15,7 +15,7 @@ constexpr std::uint32_t kNoFace = 0xffffffffu;
 using FaceCorners = std::array<std::uint32_t, 3>;
 
 /// Turns the smallest index first; bits of borders and creases belong to edges and turn along.
-void turn(FaceCorners& f, std::uint8_t& flags) {
+void rotate_corners(FaceCorners& f, std::uint8_t& flags) {
   constexpr unsigned kFirst = kFaceBorder01 | kFaceCrease01, kSecond = kFaceBorder12 | kFaceCrease12,
                      kThird = kFaceBorder20 | kFaceCrease20;
   const unsigned rest = flags & ~(kFirst | kSecond | kThird);
@@ -148,7 +148,7 @@ void canonicalise(MeshBlock& block, std::vector<std::uint8_t>* tag) {
     for (FaceCorners& f : block.faces)
       for (std::uint32_t& v : f) v = local[v];
   }
-  for (std::size_t f = 0; f < block.faces.size(); ++f) turn(block.faces[f], block.face_flags[f]);
+  for (std::size_t f = 0; f < block.faces.size(); ++f) rotate_corners(block.faces[f], block.face_flags[f]);
   sort_faces(block, tag);
 }
 
@@ -161,7 +161,7 @@ MeshBlock select_faces(const MeshBlock& block, std::span<const std::uint8_t> kee
 }
 
 MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const std::uint8_t> tags,
-                       std::vector<std::uint8_t>* tag_of_face, std::vector<std::uint32_t>* place) {
+                       std::vector<std::uint8_t>* tag_of_face, std::vector<std::uint32_t>* slot) {
   std::size_t vertices = 0;
   std::size_t faces = 0;
   for (const MeshBlock* piece : pieces) {
@@ -219,9 +219,9 @@ MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const
     }
     first += piece.key.size();
   }
-  for (std::size_t f = 0; f < out.faces.size(); ++f) turn(out.faces[f], out.face_flags[f]);
+  for (std::size_t f = 0; f < out.faces.size(); ++f) rotate_corners(out.faces[f], out.face_flags[f]);
   sort_faces(out, tag_of_face);
-  if (place) *place = std::move(target);
+  if (slot) *slot = std::move(target);
   return out;
 }
 

@@ -21,11 +21,11 @@ MeshBlock select_faces(const MeshBlock& block, std::span<const std::uint8_t> kee
 
 /// Merges blocks that may share vertices (by key) but no face. Canonical.
 /// \param tags  one per piece, given to all its faces; may be empty
-/// \param place  if not null: number in the result of every vertex of every piece, one piece after the other
+/// \param slot  if not null: number in the result of every vertex of every piece, one piece after the other
 /// \throws std::logic_error when one key has two positions
 MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const std::uint8_t> tags,
                        std::vector<std::uint8_t>* tag_of_face = nullptr,
-                       std::vector<std::uint32_t>* place = nullptr);
+                       std::vector<std::uint32_t>* slot = nullptr);
 
 /// Per vertex 1 if its star is complete: each edge at it has two faces in the block or is a border.
 std::vector<std::uint8_t> complete_stars(const MeshBlock& block);

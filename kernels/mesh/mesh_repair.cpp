@@ -25,7 +25,7 @@ RepairFace sorted_corners(RepairFace f) {
   return f;
 }
 /// Smallest corner first, direction kept.
-RepairFace turned(const RepairFace& f) {
+RepairFace reversed(const RepairFace& f) {
   if (f[1] < f[0] && f[1] < f[2]) return {f[1], f[2], f[0]};
   if (f[2] < f[0] && f[2] < f[1]) return {f[2], f[0], f[1]};
   return f;
@@ -62,7 +62,7 @@ class Repair {
 
   /// Ascending by sorted corners; of equal corner sets the smallest stays.
   void drop_duplicates() {
-    for (RepairFace& f : faces_) f = turned(f);
+    for (RepairFace& f : faces_) f = reversed(f);
     // Faces with the same corner set have the same first corner once turned.
     const auto same = [](const RepairFace& a, const RepairFace& b) {
       return a[0] == b[0] && std::min(a[1], a[2]) == std::min(b[1], b[2]) &&
@@ -113,13 +113,13 @@ class Repair {
                                            number.begin());
     // Own numbers are mostly without gaps, so a table finds them; the others are searched.
     const std::size_t range = tile_.own_end - tile_.own_begin;
-    std::vector<std::uint32_t> place(range, 0);
-    for (std::uint32_t v = own_first_; v < own_last_; ++v) place[number[v] - tile_.own_begin] = v;
+    std::vector<std::uint32_t> slot(range, 0);
+    for (std::uint32_t v = own_first_; v < own_last_; ++v) slot[number[v] - tile_.own_begin] = v;
     local_.resize(faces_.size());
     for (std::size_t f = 0; f < faces_.size(); ++f)
       for (std::size_t c = 0; c < 3; ++c) {
         const std::uint32_t v = faces_[f][c];
-        local_[f][c] = owned(v) ? place[v - tile_.own_begin]
+        local_[f][c] = owned(v) ? slot[v - tile_.own_begin]
                                 : static_cast<std::uint32_t>(
                                       std::lower_bound(number.begin(), number.end(), v) - number.begin());
         assert(number[local_[f][c]] == v);
@@ -168,10 +168,10 @@ class Repair {
       if (state[seed]) continue;
       part.assign(1, seed);
       state[seed] = 1;
-      std::size_t turned_count = 0;
+      std::size_t reversed_count = 0;
       for (std::size_t i = 0; i < part.size(); ++i) {
         const std::uint32_t f = part[i];
-        turned_count += state[f] == 2;
+        reversed_count += state[f] == 2;
         for (std::uint32_t e = 0; e < 3; ++e) {
           const std::uint32_t h = 3 * f + e;
           const std::uint32_t g = neighbour[h];
@@ -181,12 +181,12 @@ class Repair {
           part.push_back(g / 3);
         }
       }
-      const std::uint8_t wrong = 2 * turned_count > part.size() ? 1 : 2;
+      const std::uint8_t wrong = 2 * reversed_count > part.size() ? 1 : 2;
       for (const std::uint32_t f : part) {
         if (state[f] != wrong) continue;
         std::swap(faces_[f][1], faces_[f][2]);
         std::swap(local_[f][1], local_[f][2]);
-        ++result_.report.turned_faces;
+        ++result_.report.reversed_faces;
       }
     }
   }
@@ -437,19 +437,19 @@ class Repair {
         continue;
       }
       const RepairFace corners = sorted_corners(face);
-      const auto place = [&](std::uint32_t v) {
+      const auto slot = [&](std::uint32_t v) {
         return static_cast<std::uint16_t>(v == corners[0] ? 0 : v == corners[1] ? 1 : 2);
       };
       for (std::uint32_t e = 0; e < 3; ++e) {
-        if (owned(face[e]) && copy_[f][e] != 0) out.fixes.push_back({corners, place(face[e]), copy_[f][e]});
+        if (owned(face[e]) && copy_[f][e] != 0) out.fixes.push_back({corners, slot(face[e]), copy_[f][e]});
         // The tile that keeps the face knows nothing of its edge between the two larger corners, if neither
         // is its own: the owner of the smaller one tells. Of cuts only who makes them knows.
         const std::uint32_t half = 3 * f + e;
         if (!ends_at(half)) continue;
-        const std::uint16_t i = place(face[e]);
-        const std::uint16_t j = place(face[(e + 1) % 3]);
-        const bool told = std::min(i, j) == 1 && owned(corners[1]);
-        if (told || (!cut_.empty() && cut_[half]))
+        const std::uint16_t i = slot(face[e]);
+        const std::uint16_t j = slot(face[(e + 1) % 3]);
+        const bool known = std::min(i, j) == 1 && owned(corners[1]);
+        if (known || (!cut_.empty() && cut_[half]))
           out.fixes.push_back({corners, static_cast<std::uint16_t>(i + j == 2 ? 5 : 3 + std::min(i, j)), 0});
       }
     }

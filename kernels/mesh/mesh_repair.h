@@ -42,7 +42,7 @@ struct RepairReport {
   std::uint64_t duplicate_faces = 0;     ///< dropped: the same three vertices as another
   std::uint64_t nonmanifold_edges = 0;   ///< more than two faces
   std::uint64_t inconsistent_edges = 0;  ///< two faces of the same direction, after turning
-  std::uint64_t turned_faces = 0;
+  std::uint64_t reversed_faces = 0;
   std::uint64_t split_vertices = 0;  ///< copies added
   std::uint64_t border_edges = 0;    ///< of faces kept here, as far as they are known here
 };

@@ -10,8 +10,8 @@
 namespace tessera {
 namespace {
 
-constexpr int kPlaceBits = 22;  ///< of a vertex in its brick; bricks take 3 * 14
-static_assert(3 * (kMaxCellBits - kBrickBits) + kPlaceBits == 64);
+constexpr int kSlotBits = 22;  ///< of a vertex in its brick; bricks take 3 * 14
+static_assert(3 * (kMaxCellBits - kBrickBits) + kSlotBits == 64);
 
 constexpr std::uint64_t kLocal = kLeafCells - 1;
 
@@ -42,10 +42,10 @@ std::uint64_t mesh_key(VertexKey name) {
   // Points on edges come leaf by leaf: axis by axis, then the second ones; after them centres, leaf by leaf.
   const std::uint64_t where = morton_encode(leaf[0], leaf[1], leaf[2]);
   const auto type = static_cast<std::uint64_t>(v.type);
-  const std::uint64_t place =
+  const std::uint64_t slot =
       v.type < 6 ? (where << 3 | type) << 9 | in_leaf
-                 : std::uint64_t{1} << (kPlaceBits - 1) | where << 11 | in_leaf << 2 | (type - 6);
-  return brick_key(vertex_brick(name)) << kPlaceBits | place;
+                 : std::uint64_t{1} << (kSlotBits - 1) | where << 11 | in_leaf << 2 | (type - 6);
+  return brick_key(vertex_brick(name)) << kSlotBits | slot;
 }
 
 MeshName mesh_name(std::uint64_t key) {
@@ -54,11 +54,11 @@ MeshName mesh_name(std::uint64_t key) {
 }
 
 MeshName MeshNames::operator()(std::uint64_t key) {
-  if (key >> kPlaceBits != code_) {
-    code_ = key >> kPlaceBits;
+  if (key >> kSlotBits != code_) {
+    code_ = key >> kSlotBits;
     brick_ = brick_of_key(code_);
   }
-  const bool centre = (key >> (kPlaceBits - 1) & 1) != 0;
+  const bool centre = (key >> (kSlotBits - 1) & 1) != 0;
   const LeafCorner& where = kLeafCorners[key >> (centre ? 11 : 12) & 0x1ff];
   const std::uint64_t in_leaf = key >> (centre ? 2 : 0) & 0x1ff;
   MeshName name;

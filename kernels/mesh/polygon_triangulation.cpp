@@ -133,7 +133,7 @@ class EarClipper {
       : point_(point),
         next_(point.size()),
         previous_(point.size()),
-        turn_(point.size()),
+        orientation_(point.size()),
         left_(point.size()) {
     const auto n = static_cast<std::uint32_t>(point.size());
     for (std::uint32_t i = 0; i < n; ++i) {
@@ -147,7 +147,7 @@ class EarClipper {
   bool clip_all(std::vector<Triangle>& triangles) {
     std::vector<std::uint32_t> inner;
     for (std::uint32_t i = 0; i < point_.size(); ++i)
-      if (turn_[i] <= 0) inner.push_back(i);
+      if (orientation_[i] <= 0) inner.push_back(i);
     const CornerGrid grid(point_, inner);
     int forced = 0;
     Rule minimum = Rule::kEar, rule = minimum;
@@ -177,26 +177,28 @@ class EarClipper {
   /// need the second to fourth, outlines that cross themselves the last two.
   enum class Rule { kEar, kSpike, kEmpty, kFlat, kConvex, kAny };
 
-  void look_at(std::uint32_t b) { turn_[b] = orientation(point_[previous_[b]], point_[b], point_[next_[b]]); }
+  void look_at(std::uint32_t b) {
+    orientation_[b] = orientation(point_[previous_[b]], point_[b], point_[next_[b]]);
+  }
 
   /// There and back on one line, or twice the same place.
   bool is_spike(std::uint32_t b) const {
     const Point &o = point_[b], &a = point_[previous_[b]], &c = point_[next_[b]];
-    return turn_[b] == 0 && (a[0] - o[0]) * (c[0] - o[0]) + (a[1] - o[1]) * (c[1] - o[1]) >= 0.0;
+    return orientation_[b] == 0 && (a[0] - o[0]) * (c[0] - o[0]) + (a[1] - o[1]) * (c[1] - o[1]) >= 0.0;
   }
 
   bool may_clip(std::uint32_t b, Rule rule, const CornerGrid& grid) const {
     switch (rule) {
       case Rule::kEar:
-        return turn_[b] > 0 && diagonal_is_inside(b) && is_empty(b, grid, true);
+        return orientation_[b] > 0 && diagonal_is_inside(b) && is_empty(b, grid, true);
       case Rule::kSpike:
         return is_spike(b);
       case Rule::kEmpty:
-        return turn_[b] > 0 && is_empty(b, grid, false);
+        return orientation_[b] > 0 && is_empty(b, grid, false);
       case Rule::kFlat:
-        return turn_[b] == 0;
+        return orientation_[b] == 0;
       case Rule::kConvex:
-        return turn_[b] > 0;
+        return orientation_[b] > 0;
       case Rule::kAny:
         break;
     }
@@ -207,9 +209,9 @@ class EarClipper {
   /// join have two corners at one place, and only one of them sees b.
   bool diagonal_is_inside(std::uint32_t b) const {
     const std::uint32_t a = previous_[b], c = next_[b];
-    if (turn_[a] > 0 ? orientation(point_[a], point_[c], point_[previous_[a]]) <= 0 : is_spike(a))
+    if (orientation_[a] > 0 ? orientation(point_[a], point_[c], point_[previous_[a]]) <= 0 : is_spike(a))
       return false;
-    return turn_[c] > 0 ? orientation(point_[c], point_[next_[c]], point_[a]) > 0 : !is_spike(c);
+    return orientation_[c] > 0 ? orientation(point_[c], point_[next_[c]], point_[a]) > 0 : !is_spike(c);
   }
 
   /// No other corner lies in the triangle at b. \param closed  nor on its edges
@@ -219,7 +221,7 @@ class EarClipper {
     const Point high = {std::max({p[0], q[0], r[0]}), std::max({p[1], q[1], r[1]})};
     const int minimum = closed ? 0 : 1;
     return !grid.any_in(low, high, [&](std::uint32_t v) {
-      if (next_[v] == kNoCorner || turn_[v] > 0) return false;
+      if (next_[v] == kNoCorner || orientation_[v] > 0) return false;
       const Point& x = point_[v];
       if (x == p || x == q || x == r) return false;
       return orientation(p, q, x) >= minimum && orientation(q, r, x) >= minimum &&
@@ -241,7 +243,7 @@ class EarClipper {
 
   const std::vector<Point>& point_;
   std::vector<std::uint32_t> next_, previous_;  ///< next_ is kNoCorner where a corner was clipped
-  std::vector<int> turn_;
+  std::vector<int> orientation_;
   std::size_t left_;
   std::uint32_t start_ = 0;  ///< a corner that is left
 };

@@ -61,11 +61,11 @@ void sum_lanes(const __m256 (&v)[8], __m256d& low, __m256d& high) {
 }  // namespace
 
 void NeighbourList::make_room(std::size_t maximum, bool normals) {
-  const std::size_t room = padded(maximum) + kLanes;  // compressed packs are stored whole
+  const std::size_t capacity = padded(maximum) + kLanes;  // compressed packs are stored whole
   for (std::vector<float>* v : {&x_, &y_, &z_})
-    if (v->size() < room) v->resize(room);
+    if (v->size() < capacity) v->resize(capacity);
   for (std::vector<float>* v : {&nx_, &ny_, &nz_})
-    if (normals && v->size() < room) v->resize(room);
+    if (normals && v->size() < capacity) v->resize(capacity);
 }
 
 void NeighbourList::fill(const NeighbourSource& source,

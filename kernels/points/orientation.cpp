@@ -106,7 +106,7 @@ std::vector<Surfel> make_surfels(const OrientationInput& in, std::vector<std::ui
     return a != b ? a < b : l < r;
   });
   std::vector<Surfel> surfels(sheets.size());
-  std::vector<std::uint32_t> place(sheets.size());
+  std::vector<std::uint32_t> slot(sheets.size());
   first_surfel.assign(kVoxels + 1, 0);
   for (std::uint32_t k = 0; k < order.size(); ++k) {
     const Sheet& from = sheets[order[k]];
@@ -119,13 +119,13 @@ std::vector<Surfel> make_surfels(const OrientationInput& in, std::vector<std::ui
       s.position[a] = from.position[a] / from.points;
       s.normal[a] = norm > 0.0f ? from.normal[a] / norm : 0.0f;
     }
-    place[order[k]] = k;
+    slot[order[k]] = k;
     ++first_surfel[voxel_index(s) + 1];
   }
   std::partial_sum(first_surfel.begin(), first_surfel.end(), first_surfel.begin());
   surfel_of.assign(sheet_of.size(), kNone);
   for (std::size_t i = 0; i < sheet_of.size(); ++i)
-    if (sheet_of[i] != kNone) surfel_of[i] = place[sheet_of[i]];
+    if (sheet_of[i] != kNone) surfel_of[i] = slot[sheet_of[i]];
   return surfels;
 }
 
@@ -384,8 +384,8 @@ BrickOrientation orient_brick(const OrientationInput& in) {
     out.patches = std::max(out.patches, static_cast<std::uint16_t>(group[i] + 1));
   }
 
-  out.facts.resize(out.patches);
-  for (const Surfel& s : surfels) ++out.facts[s.patch].surfels;
+  out.stats.resize(out.patches);
+  for (const Surfel& s : surfels) ++out.stats[s.patch].surfels;
   for (std::size_t i = 0; i < in.position.size(); ++i) {
     if (surfel_of[i] == kNone) continue;
     const Surfel& s = surfels[surfel_of[i]];
@@ -393,21 +393,21 @@ BrickOrientation orient_brick(const OrientationInput& in) {
     out.patch[i] = s.patch;
     const bool flip = dot(n, s.normal) < 0.0f;
     if (flip) n = -n;
-    PatchFacts& facts = out.facts[s.patch];
-    ++facts.points;
+    PatchStats& stats = out.stats[s.patch];
+    ++stats.points;
     if (!in.visible.empty()) {
       // Slanting views err: their weight falls with the square. Every surfel counts once, however many points
       // it has.
       const float c = flip ? -in.visible[i] : in.visible[i];
       const auto vote =
           static_cast<std::int64_t>(std::floor(c * c * kVoteScale / static_cast<float>(s.points) + 0.5f));
-      (c < 0.0f ? facts.hidden : facts.seen) += vote;
+      (c < 0.0f ? stats.hidden : stats.seen) += vote;
     }
     const float length = in.given.empty() ? 0.0f : std::sqrt(dot(in.given[i], in.given[i]));
     if (length > 0.0f) {
       const float along = dot(n, in.given[i]);
-      ++(along < 0.0f ? facts.disagree : facts.agree);
-      if (std::fabs(along) > kNearAxis * length) ++(along < 0.0f ? facts.disagree_near : facts.agree_near);
+      ++(along < 0.0f ? stats.disagree : stats.agree);
+      if (std::fabs(along) > kNearAxis * length) ++(along < 0.0f ? stats.disagree_near : stats.agree_near);
     }
   }
   out.coarse = thin(surfels);

@@ -64,7 +64,7 @@ struct CoarseSurfel {
 };
 
 /// What is known of one patch, all relative to the side that its points' normals show.
-struct PatchFacts {
+struct PatchStats {
   std::uint32_t points = 0;
   std::uint32_t surfels = 0;
   std::uint32_t agree = 0;          ///< points whose given normal, kept aside, shows the same side
@@ -79,7 +79,7 @@ struct BrickOrientation {
   std::vector<Float3> normal;        ///< input normals, flipped to agree with their patch
   std::vector<std::uint16_t> patch;  ///< per point; kNoPatch without normal
   std::uint16_t patches = 0;
-  std::vector<PatchFacts> facts;     ///< per patch
+  std::vector<PatchStats> stats;     ///< per patch
   std::vector<PatchVote> votes;      ///< between patches of this brick, merged
   std::vector<Surfel> boundary;      ///< surfels whose voxel touches a face of the brick, by voxel z, y, x
   std::vector<CoarseSurfel> coarse;  ///< by coarse voxel, patch, direction

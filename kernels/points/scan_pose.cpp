@@ -23,7 +23,7 @@ constexpr double kNearShare = 3.0, kFarWithoutGrid = 10.0, kFarWithGrid = 100.0;
 constexpr double kMaxBent = 1.0, kMaxBentFar = 0.6;
 /// Neighbours are nearer to each other than that part of their line is long, or the order of the file is no grid.
 constexpr double kMaxOfLine = 0.25;
-constexpr double kMaxTurned = 0.1;  ///< share of grid triangles that are seen from the other side
+constexpr double kMaxReversed = 0.1;  ///< share of grid triangles that are seen from the other side
 /// A raster in space: its samples are off an even one by less than that, in steps. Of what scanners see only planes come so
 /// close, straight ahead and in a narrow view; then directions do as well, since noise of rays is noise of samples.
 constexpr double kMaxOffRaster = 0.1, kRatioToRays = 4.0;
@@ -55,7 +55,7 @@ double distance_in_radii(std::span<const Double3> samples) {
 
 /// A sample as a direction from the scanner; `group` is its line, or its cell when columns and rows change roles.
 struct Ray {
-  std::int64_t group = 0, place = 0;
+  std::int64_t group = 0, index = 0;
   Double3 d{};
 };
 
@@ -87,7 +87,7 @@ Flatness flatness_of(std::span<const Ray> rays) {
 
 /// What the lines of one family say.
 struct Family {
-  bool told = false;      ///< enough of them are long enough
+  bool known = false;     ///< enough of them are long enough
   bool coherent = false;  ///< neighbours in a line see neighbouring places
   double bent = 0.0;      ///< median over the lines, radians
 };
@@ -108,22 +108,22 @@ Family family_of(std::span<const Ray> rays, double step) {
 double step_along(std::span<const Ray> rays) {
   std::vector<double> steps;
   for (std::size_t i = 1; i < rays.size(); ++i)
-    if (rays[i].group == rays[i - 1].group && rays[i].place == rays[i - 1].place + 1)
+    if (rays[i].group == rays[i - 1].group && rays[i].index == rays[i - 1].index + 1)
       steps.push_back(norm(rays[i].d - rays[i - 1].d));
   return steps.empty() ? 0.0 : middle_of(steps);
 }
 
 /// Share of the grid's triangles that turn the other way than most, as the scanner sees them.
-double turned_share(const std::vector<Ray>& rays) {
+double reversed_share(const std::vector<Ray>& rays) {
   std::map<std::pair<std::int64_t, std::int64_t>, std::size_t> at;
-  for (std::size_t i = 0; i < rays.size(); ++i) at.emplace(std::pair{rays[i].group, rays[i].place}, i);
+  for (std::size_t i = 0; i < rays.size(); ++i) at.emplace(std::pair{rays[i].group, rays[i].index}, i);
   std::size_t left = 0, right = 0;
   for (const Ray& r : rays) {
-    const auto along = at.find({r.group, r.place + 1}), across = at.find({r.group + 1, r.place});
+    const auto along = at.find({r.group, r.index + 1}), across = at.find({r.group + 1, r.index});
     if (along == at.end() || across == at.end()) continue;
-    const double turn = dot(r.d, cross(rays[along->second].d - r.d, rays[across->second].d - r.d));
-    if (turn > 0.0) ++left;
-    if (turn < 0.0) ++right;
+    const double volume = dot(r.d, cross(rays[along->second].d - r.d, rays[across->second].d - r.d));
+    if (volume > 0.0) ++left;
+    if (volume < 0.0) ++right;
   }
   return left + right == 0 ? 0.0
                            : static_cast<double>(std::min(left, right)) / static_cast<double>(left + right);
@@ -171,7 +171,7 @@ Double3 perpendicular(const Double3& v, const Double3& axis) {
 /// How even the grid is in space, and how even the directions from the scanner to such an even grid are: root mean squares
 /// in steps.
 struct Raster {
-  bool told = false;
+  bool known = false;
   double off = 0.0;
   double uneven = 0.0;
   bool ahead = false;  ///< a camera may look straight at it: even steps on a plane are even on its image
@@ -195,9 +195,9 @@ Raster raster_of(std::span<const GridSample> samples) {
   Double3 values{};
   std::array<Double3, 3> axes{};
   symmetric_eigen3(m, values, axes);
-  const Double3 turn = cross(even.line, even.cell);
-  if (!(norm(turn) > 0.0)) return {};
-  const Double3 normal = unit(turn);
+  const Double3 volume = cross(even.line, even.cell);
+  if (!(norm(volume) > 0.0)) return {};
+  const Double3 normal = unit(volume);
   // Heights may be anything. Those of a plane are noise, whose direction is too.
   const bool flat =
       std::sqrt(std::max(values[2], 0.0)) < kMaxOffRaster * std::min(norm(even.line), norm(even.cell));
@@ -205,7 +205,7 @@ Raster raster_of(std::span<const GridSample> samples) {
   const Double3 line = perpendicular(even.line, up), cell = perpendicular(even.cell, up);
   if (!(norm(cross(line, cell)) > kMinSine * norm(line) * norm(cell))) return {};
   Raster r;
-  r.told = true;
+  r.known = true;
   r.off = std::sqrt(std::max(values[1], 0.0)) / std::min(norm(line), norm(cell));
   const auto direction = [&](const GridSample& s) {
     const Double3 p = even.at(s);
@@ -223,10 +223,10 @@ Raster raster_of(std::span<const GridSample> samples) {
     farthest = std::max(farthest, norm(even.at(s)));
   }
   r.uneven = step > 0.0 ? std::sqrt(uneven) / step : 0.0;
-  const double height = dot(even.middle, normal), area = dot(turn, turn);
+  const double height = dot(even.middle, normal), area = dot(volume, volume);
   const Double3 foot = normal * height - even.middle;
-  const double l = even.middle_line + dot(cross(foot, even.cell), turn) / area,
-               c = even.middle_cell + dot(cross(even.line, foot), turn) / area;
+  const double l = even.middle_line + dot(cross(foot, even.cell), volume) / area,
+               c = even.middle_cell + dot(cross(even.line, foot), volume) / area;
   r.ahead = l >= static_cast<double>(low[0]) && l <= static_cast<double>(high[0]) &&
             c >= static_cast<double>(low[1]) && c <= static_cast<double>(high[1]) &&
             farthest <= kWidestCamera * std::fabs(height);
@@ -239,9 +239,9 @@ std::vector<Ray> sorted_rays(std::span<const GridSample> samples, bool by_line) 
     if (const double length = norm(s.p); length > 0.0)
       rays.push_back({by_line ? s.line : s.cell, by_line ? s.cell : s.line, s.p / length});
   std::sort(rays.begin(), rays.end(), [](const Ray& a, const Ray& b) {
-    return a.group != b.group ? a.group < b.group : a.place != b.place ? a.place < b.place : a.d < b.d;
+    return a.group != b.group ? a.group < b.group : a.index != b.index ? a.index < b.index : a.d < b.d;
   });
-  const auto same = [](const Ray& a, const Ray& b) { return a.group == b.group && a.place == b.place; };
+  const auto same = [](const Ray& a, const Ray& b) { return a.group == b.group && a.index == b.index; };
   rays.erase(std::unique(rays.begin(), rays.end(), same), rays.end());
   return rays;
 }
@@ -254,16 +254,16 @@ ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample
   const std::vector<Ray> lines = sorted_rays(grid, true), cells = sorted_rays(grid, false);
   const double along = step_along(lines), across = step_along(cells);
   const Family by_line = family_of(lines, along), by_cell = family_of(cells, across);
-  if (!by_line.told && !by_cell.told)
+  if (!by_line.known && !by_cell.known)
     return distance > (filled_in ? kFarWithoutGrid : kNearShare) ? ScanPose::kFar : ScanPose::kHolds;
   if (distance > kFarWithGrid) return ScanPose::kFar;
   const double maximum = (distance > kNearShare ? kMaxBentFar : kMaxBent) * std::max(along, across);
-  const auto holds = [&](const Family& f) { return f.told && f.coherent && f.bent <= maximum; };
+  const auto holds = [&](const Family& f) { return f.known && f.coherent && f.bent <= maximum; };
   if (!holds(by_line) && !holds(by_cell)) return ScanPose::kOffRays;
-  if (distance > kNearShare && turned_share(lines) > kMaxTurned) return ScanPose::kOffRays;
-  if (!by_line.told || !by_cell.told) return ScanPose::kHolds;
+  if (distance > kNearShare && reversed_share(lines) > kMaxReversed) return ScanPose::kOffRays;
+  if (!by_line.known || !by_cell.known) return ScanPose::kHolds;
   const Raster raster = raster_of(grid);
-  if (!raster.told || raster.off > kMaxOffRaster) return ScanPose::kHolds;
+  if (!raster.known || raster.off > kMaxOffRaster) return ScanPose::kHolds;
   const double bent = std::min(by_line.bent, by_cell.bent) / std::max(along, across);
   const bool raster_fits = bent > std::max(kMinBent, kRatioToRays * raster.off) ||
                            (!raster.ahead && raster.uneven > std::max(kMinUneven, kRatioToRays * raster.off));

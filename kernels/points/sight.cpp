@@ -21,7 +21,7 @@ constexpr std::uint64_t kMaxLooks = 2 * kLooks;
 constexpr std::uint64_t kPerGroup = 1024;  ///< small groups look more often, while the most allows it
 constexpr std::uint64_t kMax = 32;         ///< of a surfel that looks at all
 constexpr std::size_t kLookersPerPart = 128;
-constexpr std::size_t kAskedSensors = 8;  ///< the nearest
+constexpr std::size_t kQueriedSensors = 8;  ///< the nearest
 constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
 // Scenes. Figures on simulated and real scans: README, "Measured".
 constexpr double kShut = 0.1;  ///< share of looks into the open below which a side is shut in
@@ -90,7 +90,7 @@ class Looker {
     choose_lookers();
   }
 
-  SightVotes run(std::optional<SceneKind> told, const ForEach& for_each) {
+  VisibilityVotes run(std::optional<SceneKind> known, const ForEach& for_each) {
     const std::size_t parts = (lookers_.size() + kLookersPerPart - 1) / kLookersPerPart;
     std::vector<Answer> answers(lookers_.size());
     std::vector<std::vector<PatchVote>> pairs(parts);
@@ -103,7 +103,7 @@ class Looker {
     std::vector<PatchVote> merged;
     for (const std::vector<PatchVote>& p : pairs) merged.insert(merged.end(), p.begin(), p.end());
     merge_votes(merged);
-    return result(told, answers, std::move(merged));
+    return result(known, answers, std::move(merged));
   }
 
  private:
@@ -156,20 +156,20 @@ class Looker {
     const auto vote = static_cast<std::int64_t>(std::floor(kPairs * scale_ * out.weight / 2.0 + 0.5));
     Views& seen = out.views;
     each_direction(s, [&](std::size_t side, const Float3& direction) {
-      const SurfelScene::Sight sight =
+      const SurfelScene::Visibility visibility =
           scene_.look(s.position, direction, kMinDistance, kFar, scene_.disk_of(i));
-      if (!sight.met) {
+      if (!visibility.met) {
         seen.open[side] += 1.0;
         seen.bright[side] += dot(direction, up_) > 0.0f ? 1.0 : kBelow;
         return;
       }
       seen.ended[side] += 1.0;
-      seen.deep[side] += static_cast<double>(sight.distance);
-      const std::uint32_t other = scene_.patch_of(sight.disk);
-      if (other == SurfelScene::kNobody || other == s.patch || sight.distance < kNear ||
-          std::fabs(sight.cosine) < kFrank)
+      seen.deep[side] += static_cast<double>(visibility.distance);
+      const std::uint32_t other = scene_.patch_of(visibility.disk);
+      if (other == SurfelScene::kNobody || other == s.patch || visibility.distance < kNear ||
+          std::fabs(visibility.cosine) < kFrank)
         return;
-      const bool same = (side == 0) == (sight.cosine > 0.0f);
+      const bool same = (side == 0) == (visibility.cosine > 0.0f);
       pairs.push_back({std::min(s.patch, other), std::max(s.patch, other), same ? vote : 0, same ? 0 : vote});
     });
     const auto all = static_cast<double>(kMax);
@@ -200,9 +200,9 @@ class Looker {
     return once > 0.0 ? twice * none / (once * once) : 0.0;
   }
 
-  SightVotes result(std::optional<SceneKind> told, const std::vector<Answer>& answers,
-                    std::vector<PatchVote> pairs) const {
-    SightVotes out;
+  VisibilityVotes result(std::optional<SceneKind> known, const std::vector<Answer>& answers,
+                         std::vector<PatchVote> pairs) const {
+    VisibilityVotes out;
     std::vector<Views> views(members_.size());
     double looked = 0.0, enclosed = 0.0, shells = 0.0;
     for (const Answer& a : answers) {
@@ -221,8 +221,8 @@ class Looker {
     const double mean = ended > 0.0 ? deep / ended : 0.0;
     out.enclosed = looked > 0.0 ? enclosed / looked : 0.0;
     const bool shell = shells > kShell * looked;
-    if (told)
-      out.scene = *told;
+    if (known)
+      out.scene = *known;
     else if (out.enclosed > kRoom || (shell && density_spread() > kAmid))
       out.scene = SceneKind::kRoom;
     else
@@ -261,9 +261,9 @@ class Looker {
 
 }  // namespace
 
-SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
-                         double scale, std::optional<SceneKind> told, const ForEach& for_each) {
-  return Looker(surfels, groups, up, scale).run(told, for_each);
+VisibilityVotes vote_by_visibility(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
+                                   double scale, std::optional<SceneKind> known, const ForEach& for_each) {
+  return Looker(surfels, groups, up, scale).run(known, for_each);
 }
 
 std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::size_t groups,
@@ -274,13 +274,13 @@ std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::
   for (const JobSurfel& s : surfels) ++members[s.patch];
   const SurfelScene scene(surfels);
   std::vector<std::pair<float, std::uint32_t>> near(sensors.size());
-  const std::size_t asked = std::min(sensors.size(), kAskedSensors);
+  const std::size_t requested = std::min(sensors.size(), kQueriedSensors);
   for (std::uint32_t i = 0; i < surfels.size(); ++i) {
     const JobSurfel& s = surfels[i];
     const float area = norm(s.area);
     if (!(area > 0.0f)) continue;
     const double rate = std::min(
-        1.0, std::max(2.0 * static_cast<double>(kLooks) / static_cast<double>(surfels.size() * asked),
+        1.0, std::max(2.0 * static_cast<double>(kLooks) / static_cast<double>(surfels.size() * requested),
                       static_cast<double>(kPerGroup) / static_cast<double>(members[s.patch])));
     const std::uint64_t seed = mix(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
     if (rounded(rate, seed) == 0) continue;
@@ -288,9 +288,9 @@ std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::
       const Float3 to = sensors[k] - s.position;
       near[k] = {dot(to, to), k};
     }
-    std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(asked), near.end());
+    std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(requested), near.end());
     float first = 0.0f;  // squared distance of the nearest sensor that is not hidden
-    for (std::size_t k = 0; k < asked && near[k].first > 0.0f; ++k) {
+    for (std::size_t k = 0; k < requested && near[k].first > 0.0f; ++k) {
       const Float3& at = sensors[near[k].second];
       const float distance = std::sqrt(near[k].first);
       Float3 direction;

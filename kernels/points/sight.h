@@ -28,7 +28,7 @@ enum class SceneKind : std::uint8_t {
 };
 
 /// Votes of looks from surfels to both sides, in directions that hang on their place alone.
-struct SightVotes {
+struct VisibilityVotes {
   std::vector<PatchVote> pairs;  ///< between groups that see each other, merged; of objects and land
   std::vector<PatchVote> sides;  ///< of groups, for the side that they show; `b` is the number of groups
   double enclosed = 0.0;         ///< share of the surfels that cannot be seen from outside the job
@@ -38,17 +38,17 @@ struct SightVotes {
 /// \param surfels  with the signs that they have inside their group, which is their `patch`
 /// \param up  unit
 /// \param scale  weight of one fine surfel's votes while all its looks agree
-/// \param told  what the user says of the scene
+/// \param known  what the user says of the scene
 /// \param for_each  every look goes through it; the result does not hang on how
 /// \cost some millions of rays, whatever the job's size and whatever it shows
-SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
-                         double scale, std::optional<SceneKind> told, const ForEach& for_each);
+VisibilityVotes vote_by_visibility(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
+                                   double scale, std::optional<SceneKind> known, const ForEach& for_each);
 
 /// Votes of sensors that nothing hides, for points that do not say which one saw them: the nearest of these
 /// says most, and less the more it looks along the surface.
 /// \param sensors  cells from the lattice origin, anywhere
-/// \returns as SightVotes::sides
-/// \cost as vote_by_sight
+/// \returns as VisibilityVotes::sides
+/// \cost as vote_by_visibility
 std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::size_t groups,
                                        std::span<const Float3> sensors, double scale);
 

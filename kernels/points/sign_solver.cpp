@@ -67,9 +67,9 @@ struct Subtrees {
     std::vector<std::uint32_t> next(n);
     std::uint32_t roots = 0;
     for (const std::uint32_t v : tree.joined_last) {
-      std::uint32_t& place = tree.parent[v] == v ? roots : next[tree.parent[v]];
-      at[v] = place;
-      place += size[v];
+      std::uint32_t& slot = tree.parent[v] == v ? roots : next[tree.parent[v]];
+      at[v] = slot;
+      slot += size[v];
       next[v] = at[v] + 1;
       order[at[v]] = v;
     }

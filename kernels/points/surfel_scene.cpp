@@ -56,7 +56,7 @@ SurfelScene::SurfelScene(std::span<const JobSurfel> surfels) {
 void SurfelScene::make_disks(std::span<const JobSurfel> surfels) {
   struct Item {
     std::uint64_t brick;
-    std::uint32_t place;  ///< voxel in the brick, facing, slab
+    std::uint32_t slot;  ///< voxel in the brick, facing, slab
     std::uint32_t surfel;
   };
   std::vector<Item> items;
@@ -72,7 +72,7 @@ void SurfelScene::make_disks(std::span<const JobSurfel> surfels) {
   }
   std::sort(items.begin(), items.end(), [&](const Item& l, const Item& r) {
     if (l.brick != r.brick) return l.brick < r.brick;
-    if (l.place != r.place) return l.place < r.place;
+    if (l.slot != r.slot) return l.slot < r.slot;
     const std::uint32_t lp = surfels[l.surfel].patch, rp = surfels[r.surfel].patch;
     return lp != rp ? lp < rp : l.surfel < r.surfel;
   });
@@ -85,8 +85,8 @@ void SurfelScene::make_disks(std::span<const JobSurfel> surfels) {
       keys.push_back(first.brick);
       bricks_.emplace_back();
     }
-    const std::uint32_t voxel = first.place / 32;
-    if (new_brick || voxel != items[i - 1].place / 32) {
+    const std::uint32_t voxel = first.slot / 32;
+    if (new_brick || voxel != items[i - 1].slot / 32) {
       bricks_.back().occupied[voxel / 64] |= std::uint64_t{1} << (voxel % 64);
       voxel_begin_.push_back(static_cast<std::uint32_t>(disks_.size()));
     }
@@ -94,7 +94,7 @@ void SurfelScene::make_disks(std::span<const JobSurfel> surfels) {
     float whole = 0.0f, maximum = 0.0f, own = 0.0f;
     Float3 area{};
     std::size_t end = i;
-    for (; end < items.size() && items[end].brick == first.brick && items[end].place == first.place; ++end) {
+    for (; end < items.size() && items[end].brick == first.brick && items[end].slot == first.slot; ++end) {
       const JobSurfel& s = surfels[items[end].surfel];
       const float size = norm(s.area);
       own = end > i && s.patch == surfels[items[end - 1].surfel].patch ? own + size : size;
@@ -145,7 +145,7 @@ void SurfelScene::insert(std::uint64_t key, std::uint32_t brick) {
 }
 
 void SurfelScene::meet(std::uint32_t voxel, const Float3& from, const Float3& direction, float near,
-                       std::uint32_t own, Sight& best) const {
+                       std::uint32_t own, Visibility& best) const {
   for (std::uint32_t k = voxel_begin_[voxel]; k < voxel_begin_[voxel + 1]; ++k) {
     const Disk& d = disks_[k];
     const float cosine = -dot(d.normal, direction);
@@ -158,8 +158,8 @@ void SurfelScene::meet(std::uint32_t voxel, const Float3& from, const Float3& di
   }
 }
 
-SurfelScene::Sight SurfelScene::look(const Float3& from, const Float3& direction, float near, float far,
-                                     std::uint32_t own) const {
+SurfelScene::Visibility SurfelScene::look(const Float3& from, const Float3& direction, float near, float far,
+                                          std::uint32_t own) const {
   const Float3 per = {1.0f / direction[0], 1.0f / direction[1], 1.0f / direction[2]};
   Int3 voxel = coarse_voxel_of(from);
   Int3 brick = {-1, -1, -1}, region = {-1, -1, -1};
@@ -180,11 +180,11 @@ SurfelScene::Sight SurfelScene::look(const Float3& from, const Float3& direction
       const std::uint64_t word = b.occupied[static_cast<std::size_t>(voxel[2] % kVoxels)];
       const std::uint64_t bit = std::uint64_t{1} << row;
       if ((word & bit) != 0) {
-        Sight sight;
+        Visibility visibility;
         meet(b.before[static_cast<std::size_t>(voxel[2] % kVoxels)] +
                  static_cast<std::uint32_t>(std::popcount(word & (bit - 1))),
-             from, direction, near, own, sight);
-        if (sight.met) return sight.distance <= far ? sight : Sight{};
+             from, direction, near, own, visibility);
+        if (visibility.met) return visibility.distance <= far ? visibility : Visibility{};
       }
     }
     // On to the next voxel, or past the whole brick or region where that is empty.

@@ -29,7 +29,7 @@ class SurfelScene {
   /// \pre positions from 0 to 2^24 cells \cost a sort
   explicit SurfelScene(std::span<const JobSurfel> surfels);
 
-  struct Sight {
+  struct Visibility {
     bool met = false;
     std::uint32_t disk = 0;  ///< the one that is met
     float distance = 0.0f;   ///< cells
@@ -39,7 +39,8 @@ class SurfelScene {
   /// \param direction  unit, no component 0
   /// \param near,far  distances between which a disk is met, cells
   /// \param own  a disk that is not met, or kNobody
-  Sight look(const Float3& from, const Float3& direction, float near, float far, std::uint32_t own) const;
+  Visibility look(const Float3& from, const Float3& direction, float near, float far,
+                  std::uint32_t own) const;
 
   /// The disk that a surfel is part of.
   std::uint32_t disk_of(std::size_t surfel) const { return disk_of_[surfel]; }
@@ -67,7 +68,7 @@ class SurfelScene {
   const Slot* find(std::uint64_t key) const;
   void insert(std::uint64_t key, std::uint32_t brick);
   void meet(std::uint32_t voxel, const Float3& from, const Float3& direction, float near, std::uint32_t own,
-            Sight& best) const;
+            Visibility& best) const;
 
   std::vector<Disk> disks_;                 ///< by brick, voxel, facing, slab
   std::vector<std::uint32_t> disk_of_;      ///< per surfel

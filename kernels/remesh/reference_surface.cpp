@@ -30,7 +30,7 @@ Double3 closest_on_segment(const Double3& p, const Double3& a, const Double3& b)
   return t <= 0.0 ? a : t >= 1.0 ? b : a + d * t;
 }
 
-bool turns_strongly(const CollapseMesh& mesh, std::uint32_t f, std::uint32_t g) {
+bool is_strong_crease(const CollapseMesh& mesh, std::uint32_t f, std::uint32_t g) {
   const auto normal = [&](std::uint32_t face) {
     const std::uint32_t* v = mesh.face(face).vertex;
     return triangle_normal(mesh.at(v[0]), mesh.at(v[1]), mesh.at(v[2]));
@@ -90,7 +90,7 @@ void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, 
       if (!border && !(mesh.crease_edge(c) && o != kNoCorner && o > c)) continue;
       const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
       (border ? borders : creases_).push_back({std::min(a, b), std::max(a, b)});
-      if (!border && turns_strongly(mesh, f, o >> 2)) strong.push_back(creases_.back());
+      if (!border && is_strong_crease(mesh, f, o >> 2)) strong.push_back(creases_.back());
     }
     normal_[f] = narrow(unit_or_zero(sum));
     for (std::uint32_t i = 0; i < 3; ++i) {
@@ -240,7 +240,7 @@ void ReferenceSurface::find_lasting_corners(double min_line) {
     const auto& [a, b] = segments_[e.segment].vertex;
     return at(a == e.vertex ? b : a) - at(e.vertex);
   };
-  const auto bends = [&](const End& a, const End& b) {
+  const auto curvatures = [&](const End& a, const End& b) {
     const Double3 u = away(a), v = away(b);
     const bool borders = !segments_[a.segment].crease && !segments_[b.segment].crease;
     return dot(u, v) > -(borders ? kStraightBorder : kStraightCrease) * norm(u) * norm(v);
@@ -250,7 +250,8 @@ void ReferenceSurface::find_lasting_corners(double min_line) {
     const auto last =
         std::find_if(first, ends.end(), [&](const End& e) { return e.vertex != first->vertex; });
     // Two lines: a corner where they bend, and not where others that are weak meet them.
-    const bool corner = last - first >= kCornerCreases || (last - first == 2 && bends(*first, *(first + 1)));
+    const bool corner =
+        last - first >= kCornerCreases || (last - first == 2 && curvatures(*first, *(first + 1)));
     if (corner && std::any_of(first, last, [&](const End& e) {
           return length_from(e.vertex, e.segment, enough) >= enough;
         }))

@@ -77,7 +77,8 @@ void RemeshOptions::validate() const {
        "above 0 and at most edge");
   need(tolerance >= 0.0 && std::isfinite(tolerance), "tolerance", "a length of 0 or more");
   need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
-  need(max_normal_turn_deg >= 0.0 && max_normal_turn_deg <= 180.0, "max_normal_turn_deg", "in [0, 180]");
+  need(max_normal_deviation_deg >= 0.0 && max_normal_deviation_deg <= 180.0, "max_normal_turn_deg",
+       "in [0, 180]");
   need(iterations >= 0 && relaxations >= 0, "iterations", "0 or more");
 }
 

@@ -31,8 +31,8 @@ struct RemeshOptions {
   double tolerance = 0.0;
   /// And in the end edges are split where faces are beyond it, or vertices of the reference, until they are as short.
   bool refine_beyond = false;
-  double max_normal_turn_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
-  double feature_angle_deg = 25.0;   ///< edges that turn by more are creases; 0 = none
+  double max_normal_deviation_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
+  double feature_angle_deg = 25.0;        ///< edges that turn by more are creases; 0 = none
   int iterations = 4;
   int relaxations = 3;          ///< in each of them
   bool float_positions = true;  ///< new positions are rounded to float, as the file will hold them

@@ -25,7 +25,8 @@ constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a flo
 Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
                    const RemeshOptions& options, std::span<const std::uint64_t> pinned)
     : mesh_(mesh), surface_(surface), options_(options), next_key_(options.first_key) {
-  if (options.max_normal_turn_deg > 0.0) min_turn_ = cosine_of_degrees(options.max_normal_turn_deg);
+  if (options.max_normal_deviation_deg > 0.0)
+    min_normal_cosine_ = cosine_of_degrees(options.max_normal_deviation_deg);
   mesh_.reserve(options.max_faces);
   info_.resize(mesh_.vertices());
   const std::vector<std::uint8_t> lasting = surface.lasting_corners(block);
@@ -61,8 +62,8 @@ void Remesher::set_lines() {
     if (creases[v] == 0 && borders[v] == 0) continue;
     info_[v].foot = 0;  // for find_feet(): on a line, which has no single normal
     if (mesh_.state(v) & kVertexLocked) continue;
-    const bool bend = creases[v] + borders[v] != 2 || creases[v] == 1;
-    mesh_.add_state(v, bend ? unsigned{kVertexFixed} : creases[v] == 2 ? unsigned{kVertexCrease} : 0u);
+    const bool curvature = creases[v] + borders[v] != 2 || creases[v] == 1;
+    mesh_.add_state(v, curvature ? unsigned{kVertexFixed} : creases[v] == 2 ? unsigned{kVertexCrease} : 0u);
     info_[v].line = (mesh_.state(v) & kVertexFixed) == 0;
   }
 }
@@ -110,7 +111,7 @@ void Remesher::run(RemeshReport& report) {
     if (i == 0 && (options_.find_creases || options_.sizing_tolerance > 0.0)) coarsen(report);
     collapse_short({kCollapseBelow, kSplitAbove}, rounds, report);
     if (i == 0) {
-      sort_by_place();
+      sort_by_position();
     } else {
       compact();
     }
@@ -355,11 +356,11 @@ void Remesher::compact() {
 }
 
 /// Most vertices are new by now: what is near in space lies near in memory again.
-void Remesher::sort_by_place() {
+void Remesher::sort_by_position() {
   std::vector<Edge>().swap(edges_);  // their memory is needed here
   std::vector<Edge>().swap(listed_);
   std::vector<std::uint32_t> from;
-  mesh_.sort_by_place(from);
+  mesh_.sort_by_position(from);
   std::vector<Info> sorted(from.size());
   for (std::size_t i = 0; i < from.size(); ++i) sorted[i] = info_[from[i]];
   info_.swap(sorted);

@@ -107,7 +107,7 @@ class Remesher {
   double star_sharpness(const Double3& p) const;
   void count_valences();
   void compact();
-  void sort_by_place();
+  void sort_by_position();
 
   static double mean_ratio(const Double3& a, const Double3& b, const Double3& c);
   static double squared_mean_ratio(const Double3& a, const Double3& b, const Double3& c);
@@ -123,7 +123,7 @@ class Remesher {
   CollapseMesh& mesh_;
   const ReferenceSurface& surface_;
   const RemeshOptions& options_;
-  double min_turn_ = -1.0;  ///< cosine of max_normal_turn_deg
+  double min_normal_cosine_ = -1.0;  ///< cosine of max_normal_deviation_deg
   std::vector<Info> info_;
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;

@@ -89,18 +89,18 @@ double Remesher::bulge(const NewFace& f, std::uint32_t& hint) const {
 /// much is within the tolerance nothing is looked up.
 /// \param new_edges  bit i: the edge from corner i to the next one is new, and no other face is asked about it
 bool Remesher::within(const NewFace& f, unsigned new_edges) const {
-  if (!(options_.tolerance > 0.0) && min_turn_ < -0.5) return true;
+  if (!(options_.tolerance > 0.0) && min_normal_cosine_ < -0.5) return true;
   std::uint32_t hint = ReferenceSurface::kNone;
   const double height = bulge(f, hint), limit = options_.tolerance;
   if (limit > 0.0 && !(height * (2.0 / 3.0) < limit) && !near_at_points(f, new_edges, limit, hint))
     return false;
-  if (min_turn_ < -0.5) return true;
+  if (min_normal_cosine_ < -0.5) return true;
   const Double3 centre = (f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0), side = f.at[1] - f.at[0];
   const ReferenceSurface::Foot foot =
       surface_.near(centre, std::numeric_limits<double>::max(), 0.01 * dot(side, side), hint);
   if (foot.slot == ReferenceSurface::kNone) return true;
   const Double3 own = triangle_normal(f.at[0], f.at[1], f.at[2]);
-  return dot(own, wide(surface_.normal(foot.slot))) >= min_turn_ * norm(own);
+  return dot(own, wide(surface_.normal(foot.slot))) >= min_normal_cosine_ * norm(own);
 }
 
 /// Two corners so near to each other that no sound face has room between them become one, as far as the tolerance allows:

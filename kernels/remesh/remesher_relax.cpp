@@ -94,13 +94,13 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
     const double along = dot(before, after), square_before = dot(before, before),
                  square_after = dot(after, after), sides = dot(p, p) + dot(q, q) + dot(side, side);
     // A face that is flat or lies wrong already may turn, if the reference says so.
-    const bool turned =
+    const bool flipped =
         along <= 0.0 || along * along < kMinCosineMoved * kMinCosineMoved * square_before * square_after;
     const auto was_flat = [&] {
       return squared_mean_ratio(old, face.at[1], face.at[2]) < kFlatFace * kFlatFace;
     };
-    if (turned && !(normal_fits(face, {}) &&
-                    (was_flat() || !normal_fits({{v, a, b}, {old, face.at[1], face.at[2]}}, {}))))
+    if (flipped && !(normal_fits(face, {}) &&
+                     (was_flat() || !normal_fits({{v, a, b}, {old, face.at[1], face.at[2]}}, {}))))
       return refuse(report.by_fold);
     // Nor may it all but vanish.
     if (square_after < 0.04 * square_before ||

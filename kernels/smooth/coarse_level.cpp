@@ -82,9 +82,9 @@ double degree(const SurfaceRows& rows, std::uint32_t v) {
 
 /// Whether all eight hats of a cell are surely above zero, rounded too.
 bool inside(const Place& place) {
-  constexpr float kRim = 1e-6F;
+  constexpr float kBoundary = 1e-6F;
   return std::all_of(place.fraction.begin(), place.fraction.end(),
-                     [](float f) { return f > kRim && f < 1.0F - kRim; });
+                     [](float f) { return f > kBoundary && f < 1.0F - kBoundary; });
 }
 
 /// The classes whose hat is above zero here, a bit each.
@@ -358,34 +358,36 @@ std::vector<CoarseLoad> coarse_load(const SurfaceRows& rows, const CoarseBasis& 
   require_right(rows, basis, vertices);
   std::vector<CoarseLoad> sum(basis.name.size());
   std::vector<std::uint8_t> used(basis.name.size(), 0);
-  const auto& [from, now, bend] = state;
+  const auto& [from, now, laplacian] = state;
   const bool plate = options.order == 2;
   for (const std::uint32_t v : vertices) {
     if (!moves(rows.role[v])) continue;
     // (D - W) of where the vertices are now, as the filter sees it, and of their bend: that of the own kind.
-    Double3 curved = {0, 0, 0}, bent = {0, 0, 0};
+    Double3 curved = {0, 0, 0}, laplacians = {0, 0, 0};
     for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
       const std::uint32_t u = rows.neighbour[e];
       const auto w = static_cast<double>(rows.weight[e]);
       const std::span<const Double3> there = sees(rows, v, u) ? now : from;
       for (std::size_t a = 0; a < 3; ++a) curved[a] += w * (now[v][a] - there[u][a]);
-      if (bend.empty()) continue;
+      if (laplacian.empty()) continue;
       const bool own = rows.role[u] == rows.role[v];
       for (std::size_t a = 0; a < 3; ++a)
-        bent[a] += w * (static_cast<double>(bend[v][a]) - (own ? static_cast<double>(bend[u][a]) : 0.0));
+        laplacians[a] +=
+            w * (static_cast<double>(laplacian[v][a]) - (own ? static_cast<double>(laplacian[u][a]) : 0.0));
     }
     const double d = degree(rows, v);
     CoarseLoad residual;
     for (std::size_t a = 0; a < 3; ++a) {
       const double moved = d * (now[v][a] - from[v][a]), curve = options.lambda * curved[a];
-      residual.moved[a] = plate ? options.lambda * bent[a] - moved : -curve - moved;
-      if (plate) residual.bend[a] = -curve - (bend.empty() ? 0.0 : d * static_cast<double>(bend[v][a]));
+      residual.moved[a] = plate ? options.lambda * laplacians[a] - moved : -curve - moved;
+      if (plate)
+        residual.laplacian[a] = -curve - (laplacian.empty() ? 0.0 : d * static_cast<double>(laplacian[v][a]));
     }
     basis.for_unknowns(v, [&](std::uint32_t c, double weight) {
       used[c] = 1;
       for (std::size_t a = 0; a < 3; ++a) {
         sum[c].moved[a] += weight * residual.moved[a];
-        sum[c].bend[a] += weight * residual.bend[a];
+        sum[c].laplacian[a] += weight * residual.laplacian[a];
       }
     });
   }

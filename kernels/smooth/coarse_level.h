@@ -81,7 +81,7 @@ struct CoarseEntry {
 struct CoarseLoad {
   std::uint64_t row = 0;
   Double3 moved = {0, 0, 0};
-  Double3 bend = {0, 0, 0};  ///< order 2
+  Double3 laplacian = {0, 0, 0};  ///< order 2
 };
 
 /// What the vertices add to the matrices, by row and column.
@@ -92,9 +92,9 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
 
 /// Where vertices are in the middle of an implicit step.
 struct StepState {
-  std::span<const Double3> from;  ///< n: where it began
-  std::span<const Double3> now;   ///< n
-  std::span<const Float3> bend;   ///< order 2: n, or empty: zero
+  std::span<const Double3> from;      ///< n: where it began
+  std::span<const Double3> now;       ///< n
+  std::span<const Float3> laplacian;  ///< order 2: n, or empty: zero
 };
 
 /// What they add to the right-hand side, the residual of the step.

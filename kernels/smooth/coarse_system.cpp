@@ -64,10 +64,10 @@ void multiply_plate(const SparseMatrix& own, std::span<const double> mass, std::
 
 CoarseSystem::CoarseSystem(std::vector<CoarseUnknown> unknowns, const CoarseOptions& options)
     : unknowns_(std::move(unknowns)), lambda_(options.lambda), plate_(options.order == 2) {
-  place_.reserve(unknowns_.size());
+  slot_.reserve(unknowns_.size());
   for (const CoarseUnknown& u : unknowns_) {
     Part& part = u.on_line != 0 ? line_ : free_;
-    place_.push_back(static_cast<std::int32_t>(part.position.size()));
+    slot_.push_back(static_cast<std::int32_t>(part.position.size()));
     part.position.push_back(u.position);
   }
   for (Part* part : {&free_, &line_}) {
@@ -100,7 +100,7 @@ void CoarseSystem::add(const CoarseEntry& entry) {
   if (line && unknowns_[column].on_line == 0) return;  // lines do not see the surface
   const bool own = line == (unknowns_[column].on_line != 0);
   SparseMatrix& m = own ? part.own : part.seen;
-  m.column.push_back(place_[column]);
+  m.column.push_back(slot_[column]);
   m.value.push_back(entry.mass + lambda_ * entry.stiffness);
   if (own && plate_) part.mass.push_back(entry.mass);
 }
@@ -124,32 +124,32 @@ void CoarseSystem::solve_plate(const Part& part, LinearSolver& solver, const Fie
   constexpr double kCentre = 0.75, kHalfWidth = 0.25;
   double rho = kHalfWidth / kCentre, momentum = 0.0, gain = 1.0 / kCentre;
   for (int step = 0; step < kMaxPlateSteps; ++step) {
-    for (std::size_t i = 0; i < n; ++i) right[i] = residual.moved[i] + residual.bend[i];
+    for (std::size_t i = 0; i < n; ++i) right[i] = residual.moved[i] + residual.laplacian[i];
     if (!solve(both)) return;
     stiffness_times(both);
     for (std::size_t i = 0; i < n; ++i) right[i] = residual.moved[i] + sum[i];
     if (!solve(first)) return;
     double change = 0.0, size = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
-      const double moved = x.moved[i], bend = x.bend[i];
+      const double moved = x.moved[i], laplacian = x.laplacian[i];
       x.moved[i] += momentum * (moved - before.moved[i]) + gain * first[i];
-      x.bend[i] += momentum * (bend - before.bend[i]) + gain * (both[i] - first[i]);
+      x.laplacian[i] += momentum * (laplacian - before.laplacian[i]) + gain * (both[i] - first[i]);
       before.moved[i] = moved;
-      before.bend[i] = bend;
+      before.laplacian[i] = laplacian;
       change += first[i] * first[i] + (both[i] - first[i]) * (both[i] - first[i]);
-      size += x.moved[i] * x.moved[i] + x.bend[i] * x.bend[i];
+      size += x.moved[i] * x.moved[i] + x.laplacian[i] * x.laplacian[i];
     }
     report.residual = size > 0.0 ? std::sqrt(change / size) : 0.0;
     if (report.residual <= kPlateTolerance) return;
     stiffness_times(x.moved);
     for (std::size_t i = 0; i < n; ++i) {
       residual.moved[i] = load.moved[i] - mass[i];
-      residual.bend[i] = load.bend[i] - sum[i];
+      residual.laplacian[i] = load.laplacian[i] - sum[i];
     }
-    stiffness_times(x.bend);
+    stiffness_times(x.laplacian);
     for (std::size_t i = 0; i < n; ++i) {
       residual.moved[i] += sum[i];
-      residual.bend[i] -= mass[i];
+      residual.laplacian[i] -= mass[i];
     }
     const double next = 1.0 / (2.0 * kCentre / kHalfWidth - rho);
     momentum = next * rho;
@@ -175,7 +175,7 @@ std::unique_ptr<LinearSolver> CoarseSystem::make_part_solver(const Part& part, F
 CoarseSystem::Fields CoarseSystem::solve_part(Part& part, const Fields& load, FactorStore& store) {
   Fields x;
   x.moved.assign(load.moved.size(), 0.0);
-  x.bend.assign(load.bend.size(), 0.0);
+  x.laplacian.assign(load.laplacian.size(), 0.0);
   if (load.moved.empty()) return x;
   const auto solver = make_part_solver(part, store);
   const FactorReport factor = solver->factor(part.own);
@@ -211,15 +211,15 @@ std::vector<CoarseValue> CoarseSystem::solve(std::span<const CoarseLoad> loads,
     const std::size_t i = number(l.row);
     Fields& to = unknowns_[i].on_line != 0 ? line_load : free_load;
     for (std::size_t a = 0; a < 3; ++a) {
-      const std::size_t at = 3 * static_cast<std::size_t>(place_[i]) + a;
+      const std::size_t at = 3 * static_cast<std::size_t>(slot_[i]) + a;
       to.moved[at] += l.moved[a];
-      if (plate_) to.bend[at] += l.bend[a];
+      if (plate_) to.laplacian[at] += l.laplacian[a];
     }
   }
   systems_ = cycles_ = 0;
   const Fields on_lines = solve_part(line_, line_load, factors.line);
   if (!on_lines.moved.empty()) {
-    std::vector<double>& to = plate_ ? free_load.bend : free_load.moved;
+    std::vector<double>& to = plate_ ? free_load.laplacian : free_load.moved;
     std::vector<double> seen(to.size());
     multiply(free_.seen, on_lines.moved, seen, 3);
     for (std::size_t i = 0; i < seen.size(); ++i) to[i] -= seen[i];
@@ -229,9 +229,9 @@ std::vector<CoarseValue> CoarseSystem::solve(std::span<const CoarseLoad> loads,
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Fields& x = unknowns_[i].on_line != 0 ? on_lines : free;
     for (std::size_t a = 0; a < 3; ++a) {
-      const std::size_t at = 3 * static_cast<std::size_t>(place_[i]) + a;
+      const std::size_t at = 3 * static_cast<std::size_t>(slot_[i]) + a;
       out[i].moved[a] = x.moved[at];
-      if (plate_) out[i].bend[a] = x.bend[at];
+      if (plate_) out[i].laplacian[a] = x.laplacian[at];
     }
   }
   return out;

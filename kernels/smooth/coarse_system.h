@@ -23,7 +23,7 @@ struct CoarseUnknown {
 /// What the coarse level adds at an unknown.
 struct CoarseValue {
   Double3 moved = {0, 0, 0};
-  Double3 bend = {0, 0, 0};  ///< order 2
+  Double3 laplacian = {0, 0, 0};  ///< order 2
 };
 
 /// Where the factors lie, of the unknowns on lines and of the others: empty, or as an earlier solve() with the same entries
@@ -72,7 +72,7 @@ class CoarseSystem {
   };
   /// Three columns each, interleaved.
   struct Fields {
-    std::vector<double> moved, bend;
+    std::vector<double> moved, laplacian;
   };
   std::size_t number(std::uint64_t name) const;
   void end_row(Part& part) const;
@@ -84,7 +84,7 @@ class CoarseSystem {
   std::vector<CoarseUnknown> unknowns_;
   double lambda_;
   bool plate_;
-  std::vector<std::int32_t> place_;  ///< of each unknown in its part
+  std::vector<std::int32_t> slot_;  ///< of each unknown in its part
   Part free_, line_;
   std::size_t row_ = 0;  ///< that is being filled
   int systems_ = 0, cycles_ = 0;

@@ -265,8 +265,8 @@ void membrane_filter(const Window& w, const FilterOptions& options, Scratch& s) 
     const std::size_t n = w.within(--ring);
     for (std::size_t i = 0; i < n; ++i) {
       const __m128 here = load(s.d[i]);
-      const __m128 bend = _mm_add_ps(load(w.initial[i]), row_times(w, s.d.data(), i));
-      const __m128 residual = _mm_sub_ps(_mm_sub_ps(_mm_setzero_ps(), here), _mm_mul_ps(lambda, bend));
+      const __m128 laplacian = _mm_add_ps(load(w.initial[i]), row_times(w, s.d.data(), i));
+      const __m128 residual = _mm_sub_ps(_mm_sub_ps(_mm_setzero_ps(), here), _mm_mul_ps(lambda, laplacian));
       const __m128 moved = _mm_add_ps(here, _mm_add_ps(_mm_mul_ps(alpha, _mm_sub_ps(here, load(s.other[i]))),
                                                        _mm_mul_ps(beta, residual)));
       store(s.other[i], moved);
@@ -276,7 +276,7 @@ void membrane_filter(const Window& w, const FilterOptions& options, Scratch& s) 
 }
 
 /// A z + A b. A free vertex does not see the bend of a line: a plate does not bend across a crease.
-__m256 bend_times(const Window& w, const Pair* field, std::size_t i) {
+__m256 laplacian_times(const Window& w, const Pair* field, std::size_t i) {
   __m256 sum = _mm256_setzero_ps();
   const std::uint32_t last = w.first[i + 1], lines = w.lines[i];
   const float* const weight = w.weight.data();
@@ -296,9 +296,9 @@ Complex inverse(Complex c) {
   return std::conj(c) * (1.0 / std::norm(c));
 }
 
-/// z <- z + of_z z + of_momentum (z - previous z) + of_bend A (b + z) + of_initial A b
+/// z <- z + of_z z + of_momentum (z - previous z) + of_laplacian A (b + z) + of_initial A b
 struct PlateStep {
-  Complex of_z, of_momentum, of_bend, of_initial;
+  Complex of_z, of_momentum, of_laplacian, of_initial;
 };
 
 /// Where the spectrum of A ends in Chebyshev's variable: at i / root, -1 / (i root) in units of A.
@@ -348,14 +348,15 @@ std::vector<PlateStep> plate_steps(const FilterOptions& options) {
 void plate_filter(const Window& w, const FilterOptions& options, Scratch& s) {
   int ring = filter_rings(options) - 1;
   for (const PlateStep& step : plate_steps(options)) {
-    const Factor of_z(step.of_z), of_momentum(step.of_momentum), of_bend(step.of_bend),
+    const Factor of_z(step.of_z), of_momentum(step.of_momentum), of_laplacian(step.of_laplacian),
         of_initial(step.of_initial);
     const bool initial = step.of_initial != 0.0;
     const std::size_t n = w.within(--ring);
     for (std::size_t i = 0; i < n; ++i) {
       if (!(w.inverse_degree[i] > 0.0F)) continue;
       const __m256 here = load(s.plate[i]);
-      __m256 move = _mm256_add_ps(of_z.times(here), of_bend.times(bend_times(w, s.plate.data(), i)));
+      __m256 move =
+          _mm256_add_ps(of_z.times(here), of_laplacian.times(laplacian_times(w, s.plate.data(), i)));
       move = _mm256_add_ps(move, of_momentum.times(_mm256_sub_ps(here, load(s.plate_other[i]))));
       if (initial)
         move = _mm256_add_ps(move, of_initial.times(_mm256_set_m128(_mm_setzero_ps(), load(w.initial[i]))));
@@ -433,7 +434,7 @@ FilterState filter_surface(const SurfaceRows& rows, std::span<const Double3> pos
   const auto n = static_cast<std::uint32_t>(position.size());
   FilterState out;
   out.moved.resize(n);
-  out.bend.resize(start.bend.size());
+  out.laplacian.resize(start.laplacian.size());
   const bool plate = is_plate(options);
   Window window(rows, position, filter_rings(options) - 1, plate);
   Scratch scratch;
@@ -452,7 +453,8 @@ FilterState filter_surface(const SurfaceRows& rows, std::span<const Double3> pos
         const std::uint32_t u = window.vertex[i];
         if (!(rows.inverse_degree[u] > 0.0F)) continue;
         if (!start.moved.empty()) std::copy_n(start.moved[u].xyz.begin(), 4, scratch.plate[i].xyz.begin());
-        if (!start.bend.empty()) std::copy_n(start.bend[u].xyz.begin(), 4, scratch.plate[i].xyz.begin() + 4);
+        if (!start.laplacian.empty())
+          std::copy_n(start.laplacian[u].xyz.begin(), 4, scratch.plate[i].xyz.begin() + 4);
       }
       scratch.plate_other = scratch.plate;
     } else {
@@ -470,7 +472,7 @@ FilterState filter_surface(const SurfaceRows& rows, std::span<const Double3> pos
       }
       const auto& both = scratch.plate[i].xyz;
       std::copy_n(both.begin(), 4, out.moved[core[i]].xyz.begin());
-      if (!out.bend.empty()) std::copy_n(both.begin() + 4, 4, out.bend[core[i]].xyz.begin());
+      if (!out.laplacian.empty()) std::copy_n(both.begin() + 4, 4, out.laplacian[core[i]].xyz.begin());
     }
   }
   return out;

@@ -50,7 +50,7 @@ int chebyshev_degree(double lambda, int order, double accuracy);
 struct FilterState {
   std::vector<Displacement> moved;
   /// Order 2: sqrt(lambda) times the negative Laplacian of the surface it goes to. Empty: zero, not asked for
-  std::vector<Displacement> bend;
+  std::vector<Displacement> laplacian;
 };
 
 /// Free vertices at the ends of lines do not move for the line.

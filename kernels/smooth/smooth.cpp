@@ -140,7 +140,7 @@ std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options) {
       for (int cycle = 0; cycle < (coarse ? kCoarseCycles : 1); ++cycle) {
         rounds.push_back(filter_round(options, FilterKind::kImplicit, lambda, degree));
         if (coarse) rounds.back().cycle = cycle;
-        rounds.back().sets_upright = options.method == "denoise" && !coarse;
+        rounds.back().unflips = options.method == "denoise" && !coarse;
       }
     }
   }
@@ -159,12 +159,12 @@ int round_rings(const SmoothRound& round) {
   if (round.by_flow) return 1;
   if (round.by_fits) return denoise_rings(denoise_options(round));
   if (round.by_normals) return filter_rings(round.normals);
-  return filter_rings(round.filter) + (round.sets_upright ? kUprightRings : 0);
+  return filter_rings(round.filter) + (round.unflips ? kUnflipRings : 0);
 }
 
 double round_edges(const SmoothRound& round) {
   if (round.by_fits) return denoise_edges(denoise_options(round));
-  return round.sets_upright ? round_rings(round) : 0.0;
+  return round.unflips ? round_rings(round) : 0.0;
 }
 
 namespace {
@@ -249,25 +249,26 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
   } else {
     out.position = block.position;
     std::vector<std::uint8_t> filtered = out.complete;
-    if (round.sets_upright) {
+    if (round.unflips) {
       // Those around what is wanted too, since faces there may turn back.
       for (std::uint8_t& flag : filtered) flag = flag == 0;
-      erode(block, corners, kUprightRings, filtered);
+      erode(block, corners, kUnflipRings, filtered);
       for (std::uint8_t& flag : filtered) flag = flag == 0;
     }
     const std::vector<Displacement> moved =
         filter_surface(rows, block.position, round.filter, filtered).moved;
     for (std::size_t v = 0; v < moved.size(); ++v)
       for (std::size_t a = 0; a < 3; ++a) out.position[v][a] += static_cast<double>(moved[v].xyz[a]);
-    if (round.sets_upright) set_faces_upright(block, corners, out.position);
+    if (round.unflips) unflip_faces(block, corners, out.position);
   }
   finish(block, rows, out);
   return out;
 }
 
-SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now, std::span<const Float3> bend,
-                           const SmoothRound& round, const CoarseOptions& coarse,
-                           const CoarseSolution& solution, std::span<const std::uint8_t> wanted) {
+SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
+                           std::span<const Float3> laplacian, const SmoothRound& round,
+                           const CoarseOptions& coarse, const CoarseSolution& solution,
+                           std::span<const std::uint8_t> wanted) {
   SmoothedBlock out;
   const FaceCorners corners(block);
   SurfaceRows rows = make_surface_rows(block, corners, round.rows);
@@ -278,38 +279,38 @@ SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
   out.complete = complete_rings(block, corners, rows, filter_rings(filter));
   FilterState start;
   start.moved.resize(block.position.size());
-  start.bend.resize(plate ? block.position.size() : 0);
+  start.laplacian.resize(plate ? block.position.size() : 0);
   {
     CoarseBasis basis = make_coarse_basis(block, rows, coarse);
-    std::vector<std::size_t> place(basis.name.size());
-    for (std::size_t i = 0, at = 0; i < place.size(); ++i) {
+    std::vector<std::size_t> slot(basis.name.size());
+    for (std::size_t i = 0, at = 0; i < slot.size(); ++i) {
       at = static_cast<std::size_t>(std::lower_bound(solution.name.begin() + static_cast<std::ptrdiff_t>(at),
                                                      solution.name.end(), basis.name[i]) -
                                     solution.name.begin());
-      place[i] = at;
+      slot[i] = at;
     }
     for (std::size_t v = 0; v < start.moved.size(); ++v) {
       CoarseValue d;
       for (std::size_t a = 0; a < 3; ++a) {
         d.moved[a] = now[v][a] - block.position[v][a];
-        if (!bend.empty()) d.bend[a] = static_cast<double>(bend[v][a]);
+        if (!laplacian.empty()) d.laplacian[a] = static_cast<double>(laplacian[v][a]);
       }
       basis.for_unknowns(static_cast<std::uint32_t>(v), [&](std::uint32_t u, double w) {
         // Right, and yet beyond what was asked for: the solution may not have it.
-        if (basis.right[v] == 0 || place[u] == solution.name.size() ||
-            solution.name[place[u]] != basis.name[u]) {
+        if (basis.right[v] == 0 || slot[u] == solution.name.size() ||
+            solution.name[slot[u]] != basis.name[u]) {
           basis.right[v] = 0;
           return;
         }
-        const CoarseValue& value = solution.value[place[u]];
+        const CoarseValue& value = solution.value[slot[u]];
         for (std::size_t a = 0; a < 3; ++a) {
           d.moved[a] += w * value.moved[a];
-          d.bend[a] += w * value.bend[a];
+          d.laplacian[a] += w * value.laplacian[a];
         }
       });
       for (std::size_t a = 0; a < 3; ++a) {
         start.moved[v].xyz[a] = static_cast<float>(d.moved[a]);
-        if (plate) start.bend[v].xyz[a] = static_cast<float>(d.bend[a]);
+        if (plate) start.laplacian[v].xyz[a] = static_cast<float>(d.laplacian[a]);
       }
     }
     erode(block, corners, filter.degree, basis.right);
@@ -318,11 +319,11 @@ SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
   for (std::size_t v = 0; v < wanted.size(); ++v) out.complete[v] &= wanted[v];
   out.position = block.position;
   const FilterState end = filter_surface(rows, block.position, filter, out.complete, start);
-  out.bend.resize(end.bend.size());
+  out.laplacian.resize(end.laplacian.size());
   for (std::size_t v = 0; v < end.moved.size(); ++v)
     for (std::size_t a = 0; a < 3; ++a) {
       out.position[v][a] += static_cast<double>(end.moved[v].xyz[a]);
-      if (plate) out.bend[v][a] = end.bend[v].xyz[a];
+      if (plate) out.laplacian[v][a] = end.laplacian[v].xyz[a];
     }
   finish(block, rows, out);
   return out;

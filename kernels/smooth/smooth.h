@@ -49,7 +49,7 @@ struct SmoothRound {
   /// degree and lowest eigenvalue of the filter are those of coarse_options()
   int cycle = -1;
   /// After by_fits: faces that lie turned over at the end are spread out (turned_faces.h).
-  bool sets_upright = false;
+  bool unflips = false;
 };
 /// Each leaves about a tenth of the error: three make less than 1e-3 of the displacement.
 constexpr int kCoarseCycles = 3;
@@ -77,7 +77,7 @@ struct SmoothCounts {
 
 struct SmoothedBlock {
   std::vector<Double3> position;  ///< n
-  std::vector<Float3> bend;       ///< n after a cycle of order 2, else empty
+  std::vector<Float3> laplacian;  ///< n after a cycle of order 2, else empty
   std::vector<VertexRole> role;   ///< n
   /// n; 1 = wanted, round_rings() rings are in the block, the position is right.
   std::vector<std::uint8_t> complete;
@@ -100,12 +100,13 @@ struct CoarseSolution {
 /// One cycle of an implicit step with a coarse level.
 /// \param block  as the step found it: what the rows are made from
 /// \param now   n, where the vertices are after the cycles before
-/// \param bend  order 2: n, what these cycles said of it, or empty in the first
+/// \param laplacian  order 2: n, what these cycles said of it, or empty in the first
 /// \pre round.cycle >= 0; the solution holds all unknowns of the wanted vertices' surroundings
 /// \throws as smooth_block()
-SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now, std::span<const Float3> bend,
-                           const SmoothRound& round, const CoarseOptions& coarse,
-                           const CoarseSolution& solution, std::span<const std::uint8_t> wanted = {});
+SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
+                           std::span<const Float3> laplacian, const SmoothRound& round,
+                           const CoarseOptions& coarse, const CoarseSolution& solution,
+                           std::span<const std::uint8_t> wanted = {});
 
 /// Where a vertex comes to rest: `to`, rounded to floats if a mesh of floats holds it, and drawn towards
 /// `from` until it is no farther than `tolerance` (0 = no limit) from it. The distance computed from the

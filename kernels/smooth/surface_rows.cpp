@@ -17,7 +17,7 @@ constexpr double kDegenerateRatio = 1e-10;
 constexpr double kLargestCotangent = 1e3;
 /// Cosine of the turn from which a vertex of a polyline is a corner: noise of a fifth of an edge turns up to
 /// 45 degrees.
-constexpr double kCornerTurnCosine = 0.5;
+constexpr double kCornerCosine = 0.5;
 
 struct FaceShape {
   std::array<float, 3> cotangent = {0, 0, 0};  ///< of the angle at each corner
@@ -176,7 +176,7 @@ class RowMaker {
     for (const EdgeView& e : star_)
       if (on_line(e)) arm[found++] = block_.position[e.to] - block_.position[v];
     const double lengths = norm(arm[0]) * norm(arm[1]);
-    return lengths > 0.0 && -dot(arm[0], arm[1]) > kCornerTurnCosine * lengths;
+    return lengths > 0.0 && -dot(arm[0], arm[1]) > kCornerCosine * lengths;
   }
 
   void append(std::uint32_t to, float weight) {

@@ -43,7 +43,7 @@ void SurfaceWindow::begin(std::uint32_t vertex, const Double3& normal, std::span
   waiting_.clear();
   next_face_ = 0;
   quadric_ = {};
-  bent_ = false;
+  laplacians_ = false;
   for (const std::uint32_t f : faces) {
     likeness(f, narrow(normal));
     face_mark_[f].stamp = stamp_ + 1;
@@ -53,11 +53,11 @@ void SurfaceWindow::begin(std::uint32_t vertex, const Double3& normal, std::span
 
 void SurfaceWindow::expect(const std::array<double, 6>& quadric) {
   quadric_ = quadric;
-  bent_ = true;
+  laplacians_ = true;
 }
 
 Float3 SurfaceWindow::expected_normal(std::uint32_t vertex) const {
-  if (!bent_) return narrow(frame_.n);
+  if (!laplacians_) return narrow(frame_.n);
   const Double3 d = position_[vertex] - frame_.origin;
   const double s = dot(d, frame_.a), t = dot(d, frame_.b);
   const double slope_s = quadric_[1] + 2.0 * quadric_[3] * s + quadric_[4] * t,

@@ -81,8 +81,8 @@ class SurfaceWindow {
   WindowSamples samples_;
   float inverse_width_;  ///< of the likeness
   std::array<double, 6> quadric_ = {};
-  bool bent_ = false;    ///< the quadric is not zero
-  double square_ = 0.0;  ///< of the radius
+  bool laplacians_ = false;  ///< the quadric is not zero
+  double square_ = 0.0;      ///< of the radius
   std::uint32_t stamp_ = 0;
   std::vector<std::uint32_t> vertex_stamp_;  ///< n
   std::vector<FaceMark> face_mark_;          ///< m

@@ -39,7 +39,7 @@ class Marked {
 
 }  // namespace
 
-std::uint64_t count_turned_faces(const MeshBlock& block) {
+std::uint64_t count_flipped_faces(const MeshBlock& block) {
   std::vector<Double3> normal, sum(block.position.size(), Double3{});
   normal.reserve(block.faces.size());
   for (const auto& face : block.faces) {
@@ -54,14 +54,14 @@ std::uint64_t count_turned_faces(const MeshBlock& block) {
   return count;
 }
 
-void set_faces_upright(const MeshBlock& block, const FaceCorners& corners, std::vector<Double3>& position) {
+void unflip_faces(const MeshBlock& block, const FaceCorners& corners, std::vector<Double3>& position) {
   std::vector<Double3> normal, sum(position.size(), Double3{});
   normal.reserve(block.faces.size());
   for (const auto& face : block.faces) {
     normal.push_back(unit_normal(face, position));
     for (const std::uint32_t v : face) sum[v] = sum[v] + normal.back();
   }
-  const auto turned = [&](std::uint32_t f) {
+  const auto flipped = [&](std::uint32_t f) {
     const auto& [a, b, c] = block.faces[f];
     return dot(normal[f], sum[a] + sum[b] + sum[c] - normal[f] * 3.0) < 0.0;
   };
@@ -74,22 +74,22 @@ void set_faces_upright(const MeshBlock& block, const FaceCorners& corners, std::
       for (const std::uint32_t v : block.faces[f]) vertices.add(v);
   };
   const auto on_crease = [&](std::uint32_t v) {
-    Double3 upright{};
+    Double3 unflip{};
     double count = 0.0;
     for (const std::uint32_t corner : corners.at(v))
-      if (dot(normal[corner >> 2], sum[v]) > 0.0) upright = upright + normal[corner >> 2], count += 1.0;
-    return dot(upright, upright) < kFlat * kFlat * count * count;
+      if (dot(normal[corner >> 2], sum[v]) > 0.0) unflip = unflip + normal[corner >> 2], count += 1.0;
+    return dot(unflip, unflip) < kFlat * kFlat * count * count;
   };
   Marked bad(block.faces.size()), near(block.faces.size()), moving(position.size()), touched(position.size());
   for (std::uint32_t f = 0; f < block.faces.size(); ++f)
-    if (turned(f)) bad.add(f);
+    if (flipped(f)) bad.add(f);
   std::vector<Double3> next;
-  for (int round = 0; round < kUprightRounds && !bad.list().empty(); ++round) {
+  for (int round = 0; round < kUnflipRounds && !bad.list().empty(); ++round) {
     moving.clear();
     corners_of(bad, moving);
     near.clear();
     around(moving, near);
-    if (round >= kUprightPlainRounds) {
+    if (round >= kUnflipPlainRounds) {
       corners_of(near, moving);
       around(moving, near);
     }
@@ -114,7 +114,7 @@ void set_faces_upright(const MeshBlock& block, const FaceCorners& corners, std::
     around(touched, near);
     bad.clear();
     for (const std::uint32_t f : near.list())
-      if (turned(f)) bad.add(f);
+      if (flipped(f)) bad.add(f);
   }
 }
 

@@ -12,17 +12,17 @@ namespace tessera {
 
 /// Nothing is known of faces that are not in the block.
 /// \cost 24 bytes a vertex and a face
-std::uint64_t count_turned_faces(const MeshBlock& block);
+std::uint64_t count_flipped_faces(const MeshBlock& block);
 
 /// In a few rounds the vertices of such faces, later of those around them too, go towards the mean of their neighbours;
 /// those on creases stay.
-/// Right where kUprightRings whole rings of right positions are in the block.
+/// Right where kUnflipRings whole rings of right positions are in the block.
 /// \param corners   the block's own
 /// \param position  n, in place of the block's own
 /// \cost 24 bytes a vertex and a face; one look at all faces, then at those near what moved
-void set_faces_upright(const MeshBlock& block, const FaceCorners& corners, std::vector<Double3>& position);
+void unflip_faces(const MeshBlock& block, const FaceCorners& corners, std::vector<Double3>& position);
 /// A round reads two rings, one that widens three.
-inline constexpr int kUprightRounds = 5, kUprightPlainRounds = 4;
-inline constexpr int kUprightRings = 2 * kUprightPlainRounds + 3 * (kUprightRounds - kUprightPlainRounds);
+inline constexpr int kUnflipRounds = 5, kUnflipPlainRounds = 4;
+inline constexpr int kUnflipRings = 2 * kUnflipPlainRounds + 3 * (kUnflipRounds - kUnflipPlainRounds);
 
 }  // namespace tessera

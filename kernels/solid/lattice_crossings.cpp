@@ -27,7 +27,7 @@ class Projection {
       : corner_(triangle), a_(axis), u_((axis + 1) % 3), v_((axis + 2) % 3) {
     normal_ = normal();
     if (normal_[a_] == 0) return;
-    turn_ = normal_[a_] > 0 ? std::int8_t{-1} : std::int8_t{1};
+    winding_ = normal_[a_] > 0 ? std::int8_t{-1} : std::int8_t{1};
     if (normal_[a_] < 0) {
       std::swap(corner_[1], corner_[2]);
       for (T& n : normal_) n = -n;
@@ -121,7 +121,7 @@ class Projection {
     c.node[u_] = static_cast<std::int32_t>(i);
     c.node[v_] = static_cast<std::int32_t>(j);
     c.axis = static_cast<std::uint8_t>(a_);
-    c.turn = turn_;
+    c.winding = winding_;
     c.t = t;
   }
 
@@ -131,7 +131,7 @@ class Projection {
   std::array<std::int64_t, 3> du_{}, dv_{};
   std::array<bool, 3> takes_edge_{};
   bool before_node_ = false;
-  std::int8_t turn_ = 0;
+  std::int8_t winding_ = 0;
 };
 
 /// Extents up to which 64 bits hold every product.

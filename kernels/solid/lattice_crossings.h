@@ -30,8 +30,9 @@ struct NodeBox {
 struct LatticeCrossing {
   Int3 node = {0, 0, 0};
   std::uint8_t axis = 0;
-  std::int8_t turn = 0;  ///< +1: who goes along +axis enters (the normal points against the axis); -1: leaves
-  double t = 0.0;        ///< from the node, cells, within [0, 1]
+  std::int8_t winding =
+      0;           ///< +1: who goes along +axis enters (the normal points against the axis); -1: leaves
+  double t = 0.0;  ///< from the node, cells, within [0, 1]
 };
 
 using QuantisedTriangle = std::array<Long3, 3>;  ///< counter-clockwise from outside

@@ -11,17 +11,17 @@
 namespace tessera {
 
 /// What the faces of a mesh do to the 64 lines along x through one leaf of 8^3 nodes (line y + 8 z).
-struct LeafTurns {
+struct LeafWindings {
   std::uint64_t key = 0;  ///< leaf_row_key
-  std::array<std::int16_t, 64> turn{};
+  std::array<std::int16_t, 64> winding{};
   std::uint32_t crossings = 0;  ///< on edges from its nodes, along all axes
   std::uint32_t unused = 0;
 
   /// Adds another part of the same leaf.
-  void add(const LeafTurns& other);
-  bool operator<(const LeafTurns& other) const { return key < other.key; }
+  void add(const LeafWindings& other);
+  bool operator<(const LeafWindings& other) const { return key < other.key; }
 };
-static_assert(sizeof(LeafTurns) == 144);
+static_assert(sizeof(LeafWindings) == 144);
 
 /// Leaves of a row along x follow each other. \pre coordinates in leaves, each within [0, 2^20)
 constexpr std::uint64_t leaf_row_key(const Int3& leaf) {
@@ -37,16 +37,16 @@ class LineWindings {
  public:
   LineWindings() = default;
   /// \param leaves  ascending, no repeats
-  explicit LineWindings(std::vector<LeafTurns> leaves);
+  explicit LineWindings(std::vector<LeafWindings> leaves);
   /// Turns of all faces with smaller x than the leaf's nodes x = 0, by line.
   std::array<std::int16_t, 64> before(const Int3& leaf) const;
   /// All zero once every line has left the mesh on its far side.
   bool closes() const;
-  const std::vector<LeafTurns>& leaves() const { return leaves_; }  ///< `turn` summed up along each row
-  std::uint64_t bytes() const { return leaves_.capacity() * sizeof(LeafTurns); }
+  const std::vector<LeafWindings>& leaves() const { return leaves_; }  ///< `winding` summed up along each row
+  std::uint64_t bytes() const { return leaves_.capacity() * sizeof(LeafWindings); }
 
  private:
-  std::vector<LeafTurns> leaves_;
+  std::vector<LeafWindings> leaves_;
 };
 
 }  // namespace tessera

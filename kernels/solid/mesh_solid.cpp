@@ -17,8 +17,8 @@ constexpr int kHalf = kLeafCells / 2;
 struct LeafFill {
   const BorderWinding& border;
   Int3 corner;
-  const std::array<std::int32_t, 512>& n;                    ///< integer parts
-  const std::array<std::array<std::int16_t, 512>, 3>& turn;  ///< on the edges from every node
+  const std::array<std::int32_t, 512>& n;                       ///< integer parts
+  const std::array<std::array<std::int16_t, 512>, 3>& winding;  ///< on the edges from every node
   std::span<float> out;
 
   Int3 node(std::size_t i) const {
@@ -51,11 +51,11 @@ struct LeafFill {
     const double here = n[first] + share();
     const double free = std::fabs(here - (std::floor(here) + 0.5)) - kClusterError;
     if (change >= free) return false;
-    count_turns(first, edge, here);
+    count_windings(first, edge, here);
     return true;
   }
 
-  void count_turns(std::size_t first, int edge, double here) {
+  void count_windings(std::size_t first, int edge, double here) {
     const auto size = static_cast<std::size_t>(edge);
     std::array<std::int32_t, 512> from;
     from[first] = 0;
@@ -64,11 +64,11 @@ struct LeafFill {
         for (std::size_t x = 0; x < size; ++x) {
           const std::size_t i = first + x + 8 * y + 64 * z;
           if (x > 0) {
-            from[i] = from[i - 1] + turn[0][i - 1];
+            from[i] = from[i - 1] + winding[0][i - 1];
           } else if (y > 0) {
-            from[i] = from[i - 8] + turn[1][i - 8];
+            from[i] = from[i - 8] + winding[1][i - 8];
           } else if (z > 0) {
-            from[i] = from[i - 64] + turn[2][i - 64];
+            from[i] = from[i - 64] + winding[2][i - 64];
           }
           out[i] = static_cast<float>(here + from[i]);
         }
@@ -80,23 +80,23 @@ struct LeafFill {
 void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
                          std::span<float> out) const {
   // Turns on the edges from every node, per axis.
-  std::array<std::array<std::int16_t, 512>, 3> turn{};
+  std::array<std::array<std::int16_t, 512>, 3> winding{};
   for (const SolidCrossing& c : crossings) {
-    std::int16_t& t = turn[c.edge / 512 % 3][c.edge % 512];
-    t = static_cast<std::int16_t>(t + c.turn);
+    std::int16_t& t = winding[c.edge / 512 % 3][c.edge % 512];
+    t = static_cast<std::int16_t>(t + c.winding);
   }
   const std::array<std::int16_t, 64> before = lines_.before(leaf);
   std::array<std::int32_t, 512> n;
   for (std::size_t row = 0; row < 64; ++row) {
     n[8 * row] = before[row];
-    for (std::size_t x = 0; x < 7; ++x) n[8 * row + x + 1] = n[8 * row + x] + turn[0][8 * row + x];
+    for (std::size_t x = 0; x < 7; ++x) n[8 * row + x + 1] = n[8 * row + x] + winding[0][8 * row + x];
   }
   if (border_.empty()) {
     for (std::size_t i = 0; i < 512; ++i) out[i] = static_cast<float>(n[i]);
     return;
   }
   const Int3 corner = {leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells};
-  LeafFill fill{border_, corner, n, turn, out};
+  LeafFill fill{border_, corner, n, winding, out};
   fill.fill();
 }
 
@@ -151,7 +151,7 @@ void MeshSolid::membrane_leaves(const SolidBlock& block, std::span<const std::ui
 }
 
 double MeshSolid::half_share(std::size_t maximum) const {
-  const std::vector<LeafTurns>& leaves = lines_.leaves();
+  const std::vector<LeafWindings>& leaves = lines_.leaves();
   const std::size_t count = std::min(maximum, leaves.size());
   std::size_t half = 0;
   for (std::size_t i = 0; i < count; ++i) {

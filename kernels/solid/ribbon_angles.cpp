@@ -23,9 +23,9 @@ bool is_left(const BorderEdge& e, const Long3& x) {
   return by > ay;
 }
 
-double angle_of(double re, double im, double turns) {
+double angle_of(double re, double im, double windings) {
   const double angle = angle_between({1.0, 0.0, 0.0}, {re, im, 0.0});
-  return (im < 0.0 ? -angle : angle) + 2.0 * kPi * turns;
+  return (im < 0.0 ? -angle : angle) + 2.0 * kPi * windings;
 }
 
 }  // namespace
@@ -37,12 +37,12 @@ void AngleSum::add(double re, double im) {
   re_ = r * scale;
   im_ = i * scale;
   const bool now_up = im_ >= 0.0;
-  if (up && other_up && !now_up) ++turns_;
-  if (!up && !other_up && now_up) --turns_;
+  if (up && other_up && !now_up) ++windings_;
+  if (!up && !other_up && now_up) --windings_;
 }
 
 double AngleSum::value() const {
-  return angle_of(re_, im_, turns_);
+  return angle_of(re_, im_, windings_);
 }
 
 void add_boundary_strip(const BorderEdge& edge, const Long3& x, AngleSum& half) {
@@ -61,15 +61,15 @@ void add_boundary_strip(const BorderEdge& edge, const Long3& x, AngleSum& half) 
   if (at_a && at_b) return;
   if (at_a) along = -b[1], area = b[2];
   if (at_b) along = -a[1], area = a[2];
-  const bool turned = edge.count < 0;
+  const bool reversed = edge.count < 0;
   const double width = std::max(std::fabs(area), kMinAngle * std::fabs(along));
-  const double across = left != turned ? width : -width;
+  const double across = left != reversed ? width : -width;
   if (!(along * along + area * area > 0.0)) return;
   for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
 }
 
 template <std::size_t kVectors>
-BoundaryStripRow<kVectors>::BoundaryStripRow(const std::array<std::int64_t, kPlaces>& x, std::int64_t y,
+BoundaryStripRow<kVectors>::BoundaryStripRow(const std::array<std::int64_t, kTargets>& x, std::int64_t y,
                                              std::int64_t z)
     : quanta_(x), y_(y), z_(z) {
   for (std::size_t v = 0; v < kVectors; ++v)
@@ -99,7 +99,7 @@ void BoundaryStripRow<kVectors>::add(const BorderEdge& edge) {
   const double p = ay * bz, q = az * by, area = p - q, beside = ay * by + az * bz;
   if (area == 0.0 && beside <= 0.0) {  // the line meets the edge's shadow, or one of its ends
     any_apart_ = true;
-    for (std::size_t l = 0; l < kPlaces; ++l) add_boundary_strip(edge, {quanta_[l], y_, z_}, apart_[l]);
+    for (std::size_t l = 0; l < kTargets; ++l) add_boundary_strip(edge, {quanta_[l], y_, z_}, apart_[l]);
     return;
   }
   const bool sure = std::fabs(area) > kSureArea * (std::fabs(p) + std::fabs(q));
@@ -123,9 +123,9 @@ void BoundaryStripRow<kVectors>::add(const BorderEdge& edge) {
       const Lanes r = re_[v] * along[v] - im_[v] * across[v], i = re_[v] * across[v] + im_[v] * along[v];
       const Masks was_up = im_[v] >= 0.0, now_up = i >= 0.0;  // masks are -1 where true
       if (up) {
-        turns_[v] -= was_up & ~now_up;
+        windings_[v] -= was_up & ~now_up;
       } else {
-        turns_[v] += ~was_up & now_up;
+        windings_[v] += ~was_up & now_up;
       }
       re_[v] = r;
       im_[v] = i;
@@ -135,12 +135,12 @@ void BoundaryStripRow<kVectors>::add(const BorderEdge& edge) {
 }
 
 template <std::size_t kVectors>
-std::array<double, BoundaryStripRow<kVectors>::kPlaces> BoundaryStripRow<kVectors>::value() {
+std::array<double, BoundaryStripRow<kVectors>::kTargets> BoundaryStripRow<kVectors>::value() {
   scale();
-  std::array<double, kPlaces> out;
-  for (std::size_t l = 0; l < kPlaces; ++l) {
+  std::array<double, kTargets> out;
+  for (std::size_t l = 0; l < kTargets; ++l) {
     const std::size_t v = l / 4, k = l % 4;
-    out[l] = angle_of(re_[v][k], im_[v][k], static_cast<double>(turns_[v][k]));
+    out[l] = angle_of(re_[v][k], im_[v][k], static_cast<double>(windings_[v][k]));
     if (any_apart_) out[l] += apart_[l].value();
   }
   return out;

@@ -21,7 +21,7 @@ class AngleSum {
 
  private:
   double re_ = 1.0, im_ = 0.0;
-  int turns_ = 0;
+  int windings_ = 0;
 };
 
 /// Adds half the solid angle of the ribbon from an edge to +x infinity, times its count, seen from a place in quanta.
@@ -31,11 +31,11 @@ void add_boundary_strip(const BorderEdge& edge, const Long3& x, AngleSum& half);
 template <std::size_t kVectors>
 class BoundaryStripRow {
  public:
-  static constexpr std::size_t kPlaces = 4 * kVectors;
-  BoundaryStripRow(const std::array<std::int64_t, kPlaces>& x, std::int64_t y, std::int64_t z);
+  static constexpr std::size_t kTargets = 4 * kVectors;
+  BoundaryStripRow(const std::array<std::int64_t, kTargets>& x, std::int64_t y, std::int64_t z);
   void add(const BorderEdge& edge);
   /// Half of all solid angles.
-  std::array<double, kPlaces> value();
+  std::array<double, kTargets> value();
 
  private:
   using Lanes [[gnu::vector_size(4 * sizeof(double))]] = double;
@@ -44,12 +44,12 @@ class BoundaryStripRow {
   static constexpr int kFactors = 8;
   void scale();
 
-  std::array<std::int64_t, kPlaces> quanta_;
+  std::array<std::int64_t, kTargets> quanta_;
   std::int64_t y_, z_;
   std::array<Lanes, kVectors> x_, re_, im_;
-  std::array<Masks, kVectors> turns_{};
+  std::array<Masks, kVectors> windings_{};
   int factors_ = 0;
-  std::array<AngleSum, kPlaces> apart_;  ///< of edges that the line of the row meets or nearly so
+  std::array<AngleSum, kTargets> apart_;  ///< of edges that the line of the row meets or nearly so
   bool any_apart_ = false;
 };
 

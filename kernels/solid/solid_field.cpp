@@ -167,7 +167,7 @@ class Builder {
     for (; cursor < crossings_.size() && crossings_[cursor].edge == edge; ++cursor) {
       const SolidCrossing& c = crossings_[cursor];
       const float before = now_[c.operand];
-      now_[c.operand] += static_cast<float>(c.turn);
+      now_[c.operand] += static_cast<float>(c.winding);
       if (found || (combined(now_) != 0) == starts_inside) continue;
       t = c.t;
       normal = c.normal;
@@ -331,7 +331,7 @@ class Builder {
 }  // namespace
 
 bool SolidCrossing::operator<(const SolidCrossing& o) const {
-  return std::tie(edge, t, operand, turn, normal) < std::tie(o.edge, o.t, o.operand, o.turn, o.normal);
+  return std::tie(edge, t, operand, winding, normal) < std::tie(o.edge, o.t, o.operand, o.winding, o.normal);
 }
 
 Int3 SolidBlock::leaf(std::size_t slot) const {
@@ -350,7 +350,7 @@ SolidCrossing SolidBlock::place(const LatticeCrossing& crossing, const Float3& n
       static_cast<std::uint32_t>((at * 3 + crossing.axis) * kLeafNodes + BandLeaf::node(n[0], n[1], n[2]));
   c.t = static_cast<float>(crossing.t);
   c.normal = normal;
-  c.turn = crossing.turn;
+  c.winding = crossing.winding;
   c.operand = operand;
   return c;
 }

@@ -24,7 +24,7 @@ struct SolidCrossing {
   std::uint32_t edge = 0;  ///< 512 (3 slot + axis) + node, as SolidBlock names it
   float t = 0.0f;          ///< cells from the node, within [0, 1]
   Float3 normal = {0, 0, 0};
-  std::int8_t turn = 0;  ///< LatticeCrossing::turn
+  std::int8_t winding = 0;  ///< LatticeCrossing::turn
   std::uint8_t operand = 0;
 
   bool operator<(const SolidCrossing& o) const;  ///< total: what it calls equal is equal

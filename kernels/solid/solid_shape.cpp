@@ -196,12 +196,12 @@ struct Around {
 };
 
 void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, int edge,
-            std::vector<LeafTurns>& out) {
+            std::vector<LeafWindings>& out) {
   // Nodes of the cube, and the next ones.
   const Around cube(lattice, leaf, edge);
   if (std::fabs(shape.value(cube.middle)) > cube.radius) return;
   if (edge == 1) {
-    LeafTurns& found = out.emplace_back();
+    LeafWindings& found = out.emplace_back();
     found.key = leaf_row_key(leaf);
     found.crossings = kCrossingsPerLeaf;
     return;
@@ -268,10 +268,10 @@ std::unique_ptr<SolidShape> make_shape(std::string_view kind, const std::vector<
   return std::make_unique<Placed<HalfSpace>>(HalfSpace{three(n, 0), unit(three(n, 3))}, placement);
 }
 
-std::vector<LeafTurns> shape_leaves(const SolidShape& shape, const Lattice& lattice, const Int3& low,
-                                    const Int3& high) {
+std::vector<LeafWindings> shape_leaves(const SolidShape& shape, const Lattice& lattice, const Int3& low,
+                                       const Int3& high) {
   constexpr int kCube = kBrickCells / kLeafCells;
-  std::vector<LeafTurns> out;
+  std::vector<LeafWindings> out;
   for (int z = low[2]; z <= high[2]; ++z)
     for (int y = low[1]; y <= high[1]; ++y)
       for (int x = low[0]; x <= high[0]; ++x)

@@ -56,8 +56,8 @@ std::unique_ptr<SolidShape> make_shape(std::string_view kind, const std::vector<
 
 /// Leaves that the surface of a shape may touch, of these bricks [low, high], with no turns and a bound of crossings: the
 /// table by which blocks are planned.
-std::vector<LeafTurns> shape_leaves(const SolidShape& shape, const Lattice& lattice, const Int3& low,
-                                    const Int3& high);
+std::vector<LeafWindings> shape_leaves(const SolidShape& shape, const Lattice& lattice, const Int3& low,
+                                       const Int3& high);
 
 /// A shape on the lattice.
 class ShapeSolid : public SolidOperand {

@@ -22,21 +22,22 @@ constexpr auto kNone = static_cast<std::size_t>(-1);
 
 /// Distance from a tool without a top; it grows with the distance from the axis and falls with height.
 inline double of_nose(const MillingTool& tool, double across, double above_tip) {
-  const double wide = across - (tool.radius - tool.rim), low = tool.rim - above_tip;
-  return (wide <= 0.0 || low <= 0.0 ? std::max(wide, low) : std::sqrt(wide * wide + low * low)) - tool.rim;
+  const double wide = across - (tool.radius - tool.corner_radius), low = tool.corner_radius - above_tip;
+  return (wide <= 0.0 || low <= 0.0 ? std::max(wide, low) : std::sqrt(wide * wide + low * low)) -
+         tool.corner_radius;
 }
 
 /// Value and outward direction of a tool, from its tip.
 inline void of_tool(const MillingTool& tool, const Double3& q, double& value, Double3& direction) {
   const double across = std::sqrt(q[0] * q[0] + q[1] * q[1]);
   const Double3 out = across > 0.0 ? Double3{q[0] / across, q[1] / across, 0.0} : Double3{1, 0, 0};
-  const double wide = across - (tool.radius - tool.rim), low = tool.rim - q[2];
+  const double wide = across - (tool.radius - tool.corner_radius), low = tool.corner_radius - q[2];
   if (wide <= 0.0 || low <= 0.0) {
-    value = std::max(wide, low) - tool.rim;
+    value = std::max(wide, low) - tool.corner_radius;
     direction = wide > low ? out : Double3{0, 0, -1};
   } else {
     const double away = std::sqrt(wide * wide + low * low);
-    value = away - tool.rim;
+    value = away - tool.corner_radius;
     direction = out * (wide / away) + Double3{0, 0, -low / away};
   }
   if (const double above = q[2] - tool.length; above > value) value = above, direction = {0, 0, 1};
@@ -158,7 +159,7 @@ SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, 
     return n;
   };
   // Most often it is where the middle of a ball passes, or the axis.
-  const double around = foot_on({from_a[0], from_a[1], from_a[2] - tool_.rim}, delta);
+  const double around = foot_on({from_a[0], from_a[1], from_a[2] - tool_.corner_radius}, delta);
   double low = 0.0, high = 1.0;
   Nearest best;
   best.value = std::numeric_limits<double>::infinity();

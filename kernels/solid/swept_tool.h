@@ -11,9 +11,9 @@ namespace tessera {
 /// A tool that stands upright on its tip: a cylinder whose lower rim is rounded. The radius of the rim is that of the tool
 /// for a ball nose, 0 for a flat one.
 struct MillingTool {
-  double radius = 1.0;  ///< > 0
-  double rim = 0.0;     ///< within [0, radius]
-  double length = 1.0;  ///< from the tip to the top of what cuts, above `rim`
+  double radius = 1.0;         ///< > 0
+  double corner_radius = 0.0;  ///< within [0, radius]
+  double length = 1.0;         ///< from the tip to the top of what cuts, above `corner_radius`
 };
 
 /// The union of the tool at all points of a polyline, which may cross itself and stand still. For each segment that is a

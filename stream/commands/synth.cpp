@@ -302,10 +302,10 @@ class ScanFiles {
 
 }  // namespace
 
-SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& output) {
-  validate(asked);
+SynthReport synthesize(const SynthOptions& requested, const std::filesystem::path& output) {
+  validate(requested);
   const auto start = std::chrono::steady_clock::now();
-  SynthOptions o = asked;
+  SynthOptions o = requested;
   synth::SceneOptions scene_options{o.scene, o.octaves, o.spacing};
   if (o.spacing == 0.0) {
     // The terrain's detail follows the spacing; its area hardly depends on detail.

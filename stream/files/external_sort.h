@@ -76,8 +76,8 @@ class ExternalSort {
     records_.clear();
   }
 
-  bool refill(Cursor& cursor, std::size_t room) const {
-    const std::size_t count = static_cast<std::size_t>(std::min<std::uint64_t>(room, cursor.rest.count));
+  bool refill(Cursor& cursor, std::size_t capacity) const {
+    const std::size_t count = static_cast<std::size_t>(std::min<std::uint64_t>(capacity, cursor.rest.count));
     cursor.buffer.resize(count);
     cursor.next = 0;
     file_->read_at(cursor.rest.offset, cursor.buffer.data(), count * sizeof(Record));
@@ -87,7 +87,7 @@ class ExternalSort {
   }
 
   void merge(std::span<const Run> runs, const std::function<void(std::span<const Record>)>& sink) const {
-    const std::size_t room = std::max<std::size_t>(1, capacity_ / (runs.size() + 1));
+    const std::size_t capacity = std::max<std::size_t>(1, capacity_ / (runs.size() + 1));
     std::vector<Cursor> cursors(runs.size());
     std::vector<std::uint32_t> heap;  // runs by their next record, smallest on top
     const auto later = [&](std::uint32_t a, std::uint32_t b) {
@@ -95,20 +95,20 @@ class ExternalSort {
     };
     for (std::uint32_t i = 0; i < runs.size(); ++i) {
       cursors[i].rest = runs[i];
-      if (refill(cursors[i], room)) heap.push_back(i);
+      if (refill(cursors[i], capacity)) heap.push_back(i);
     }
     std::make_heap(heap.begin(), heap.end(), later);
     std::vector<Record> out;
-    out.reserve(room);
+    out.reserve(capacity);
     while (!heap.empty()) {
       std::pop_heap(heap.begin(), heap.end(), later);
       Cursor& cursor = cursors[heap.back()];
       out.push_back(cursor.buffer[cursor.next++]);
-      if (out.size() == room) {
+      if (out.size() == capacity) {
         sink(out);
         out.clear();
       }
-      if (cursor.next < cursor.buffer.size() || refill(cursor, room)) {
+      if (cursor.next < cursor.buffer.size() || refill(cursor, capacity)) {
         std::push_heap(heap.begin(), heap.end(), later);
       } else {
         heap.pop_back();

@@ -36,7 +36,7 @@ std::span<const std::byte> bytes_of(const Range& values) {
   return std::as_bytes(std::span(values.data(), values.size()));
 }
 template <class T>
-std::span<std::byte> room_of(std::vector<T>& values) {
+std::span<std::byte> buffer_of(std::vector<T>& values) {
   static_assert(std::is_trivially_copyable_v<T>);
   return std::as_writable_bytes(std::span(values));
 }
@@ -96,7 +96,7 @@ class PackedFile {
   template <class T>
   std::vector<T> load(const Section& section) const {
     std::vector<T> out(section.bytes / sizeof(T));
-    read(section, {room_of(out)});
+    read(section, {buffer_of(out)});
     return out;
   }
   /// Part of a section, not checked.

@@ -39,7 +39,7 @@ class SpillBuckets {
 
   void add(std::size_t bucket, const Record& record) {
     Bucket& b = buckets_[bucket];
-    if (b.filled == b.room) grow(b);
+    if (b.filled == b.capacity) grow(b);
     b.open[b.filled++] = record;
     ++b.count;
   }
@@ -78,17 +78,17 @@ class SpillBuckets {
     std::vector<Chunk> chunks;  ///< full ones, capacity_ records each
     std::unique_ptr<Record[]> open;
     std::size_t filled = 0;
-    std::size_t room = 0;
+    std::size_t capacity = 0;
     std::uint64_t count = 0;
   };
 
   void grow(Bucket& b) {
-    if (b.room < capacity_) {  // small buckets stay small
-      const std::size_t room = std::min(capacity_, std::max<std::size_t>(2 * b.room, 64));
-      auto wider = std::make_unique_for_overwrite<Record[]>(room);
+    if (b.capacity < capacity_) {  // small buckets stay small
+      const std::size_t capacity = std::min(capacity_, std::max<std::size_t>(2 * b.capacity, 64));
+      auto wider = std::make_unique_for_overwrite<Record[]>(capacity);
       std::copy_n(b.open.get(), b.filled, wider.get());
       b.open = std::move(wider);
-      b.room = room;
+      b.capacity = capacity;
       return;
     }
     const std::uint64_t bytes = capacity_ * sizeof(Record);

@@ -13,14 +13,14 @@ constexpr std::size_t kBuffer = std::size_t{1} << 16;
 
 }  // namespace
 
-LzfReader::LzfReader(const ReadFile& file, const LzfPlace& from, std::uint64_t end, bool release)
+LzfReader::LzfReader(const ReadFile& file, const LzfPosition& from, std::uint64_t end, bool release)
     : file_(file), window_(file, from.packed, end, kBuffer, release), place_(from) {}
 
 std::uint64_t LzfReader::read(char* to, std::uint64_t bytes) {
-  LzfPlace& p = place_;
+  LzfPosition& p = place_;
   std::uint64_t done = 0;
   const auto put = [&](char c) {
-    p.ring[p.unpacked++ % LzfPlace::kWindow] = c;
+    p.ring[p.unpacked++ % LzfPosition::kWindow] = c;
     if (to) to[done] = c;
     ++done;
   };
@@ -35,7 +35,7 @@ std::uint64_t LzfReader::read(char* to, std::uint64_t bytes) {
       p.literals -= static_cast<std::uint32_t>(n);
     } else if (p.copies > 0) {
       for (; p.copies > 0 && done < bytes; --p.copies)
-        put(p.ring[(p.unpacked - p.distance) % LzfPlace::kWindow]);
+        put(p.ring[(p.unpacked - p.distance) % LzfPosition::kWindow]);
     } else if (!next_instruction()) {
       return done;
     }

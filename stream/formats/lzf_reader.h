@@ -11,7 +11,7 @@
 namespace tessera {
 
 /// A place in the stream with all that unpacking on from it takes: matches reach back 8 KiB at most.
-struct LzfPlace {
+struct LzfPosition {
   static constexpr std::size_t kWindow = 8192;
   std::uint64_t packed = 0;    ///< file offset of the next byte
   std::uint64_t unpacked = 0;  ///< bytes before it
@@ -24,9 +24,9 @@ struct LzfPlace {
 class LzfReader {
  public:
   /// \param end  file offset behind the stream  \pre from.packed <= end <= file.size(); `file` outlives this
-  LzfReader(const ReadFile& file, const LzfPlace& from, std::uint64_t end, bool release);
+  LzfReader(const ReadFile& file, const LzfPosition& from, std::uint64_t end, bool release);
 
-  const LzfPlace& place() const { return place_; }
+  const LzfPosition& place() const { return place_; }
   /// Unpacks up to `bytes`, to nowhere if `to` is null; fewer where the stream ends, be it in an instruction.
   /// \throws InputError naming file and byte of an instruction that copies from before the beginning
   std::uint64_t read(char* to, std::uint64_t bytes);
@@ -36,7 +36,7 @@ class LzfReader {
 
   const ReadFile& file_;
   ByteWindow window_;
-  LzfPlace place_;
+  LzfPosition place_;
 };
 
 }  // namespace tessera

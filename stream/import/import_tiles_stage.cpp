@@ -94,7 +94,7 @@ class ImportTilesStage : public Stage {
             {"duplicate_faces", r.duplicate_faces},
             {"nonmanifold_edges", r.nonmanifold_edges},
             {"inconsistent_edges", r.inconsistent_edges},
-            {"turned_faces", r.turned_faces},
+            {"turned_faces", r.reversed_faces},
             {"split_vertices", r.split_vertices},
             {"border_edges", r.border_edges + remote},
             {"fixes", result.fixes.size()}};

@@ -35,19 +35,19 @@ std::vector<FailedFace> read_failed_faces(const std::filesystem::path& path) {
   return PackedFile(path, kFailedKind, sizeof(FailedFace)).table<FailedFace>();
 }
 
-void FailedPlaces::add(std::vector<FailedFace> faces, double radius) {
+void FailedRegions::add(std::vector<FailedFace> faces, double radius) {
   if (!faces.empty()) rounds_.push_back({std::move(faces), radius});
 }
 
-bool FailedPlaces::meet(const MeshBox& box) const {
+bool FailedRegions::meet(const MeshBox& box) const {
   for (const Round& round : rounds_)
     for (const FailedFace& face : round.faces)
       if (overlap(box_around(face, round.radius), box)) return true;
   return false;
 }
 
-std::vector<std::uint64_t> FailedPlaces::keys_near(const MeshBlock& block,
-                                                   const std::function<void()>& check_stop) const {
+std::vector<std::uint64_t> FailedRegions::keys_near(const MeshBlock& block,
+                                                    const std::function<void()>& check_stop) const {
   std::vector<std::uint64_t> keys;
   if (block.position.empty()) return keys;
   MeshBox box{block.position[0], block.position[0]};
@@ -82,7 +82,7 @@ std::vector<std::uint64_t> FailedPlaces::keys_near(const MeshBlock& block,
   return keys;
 }
 
-std::uint64_t FailedPlaces::bytes() const {
+std::uint64_t FailedRegions::bytes() const {
   std::uint64_t faces = 0;
   for (const Round& round : rounds_) faces += round.faces.size();
   return faces * (sizeof(FailedFace) + 3 * sizeof(Double3) + 12 + ClosestFaces::bytes_per_face());

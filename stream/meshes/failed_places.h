@@ -25,7 +25,7 @@ std::uint64_t write_failed_faces(const std::filesystem::path& path, const std::v
 std::vector<FailedFace> read_failed_faces(const std::filesystem::path& path);
 
 /// Failed faces of several rounds, each with how far around them the reference stays.
-class FailedPlaces {
+class FailedRegions {
  public:
   /// \param radius  >= 0, scan units
   void add(std::vector<FailedFace> faces, double radius);

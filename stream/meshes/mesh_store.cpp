@@ -222,7 +222,7 @@ struct MeshStore::Impl {
   void read_sections(std::size_t patch, std::vector<char>& data) const {
     const MeshPatchEntry& e = patches[patch];
     data.resize(std::size_t{e.vertex_bytes} + e.face_bytes);
-    const auto all = room_of(data);
+    const auto all = buffer_of(data);
     files[e.file].read({e.offset, e.vertex_bytes, e.vertex_hash}, {all.first(e.vertex_bytes)});
     files[e.file].read({e.offset + e.vertex_bytes, e.face_bytes, e.face_hash}, {all.subspan(e.vertex_bytes)});
   }
@@ -299,20 +299,20 @@ struct MeshStore::Impl {
     }
     std::vector<const MeshBlock*> pointers;
     for (const MeshBlock& piece : pieces) pointers.push_back(&piece);
-    std::vector<std::uint32_t> place;
+    std::vector<std::uint32_t> slot;
     MeshBlock block;
     if (pieces.size() == 1) {
       if (tag) tag->assign(pieces[0].faces.size(), tags[0]);
       block = std::move(pieces[0]);
-      place.resize(block.key.size());
-      std::iota(place.begin(), place.end(), std::uint32_t{0});
+      slot.resize(block.key.size());
+      std::iota(slot.begin(), slot.end(), std::uint32_t{0});
     } else {
-      block = merge_blocks(pointers, tags, tag, near ? &place : nullptr);
+      block = merge_blocks(pointers, tags, tag, near ? &slot : nullptr);
     }
     if (!near) return block;
     near->first_patch.assign(block.key.size(), ~std::uint32_t{0});
     near->core_vertices.clear();
-    auto at = place.begin();
+    auto at = slot.begin();
     for (std::size_t k = 0; k < pieces.size(); ++k) {
       const std::size_t count = pieces.size() == 1 ? block.key.size() : pieces[k].key.size();
       const auto end = at + static_cast<std::ptrdiff_t>(count);

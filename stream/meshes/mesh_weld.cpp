@@ -39,7 +39,7 @@ template <class Bits, class Index>
 struct PlacedVertex {
   Bits x, y, z;
   Index vertex;
-  auto place() const { return std::tie(x, y, z); }
+  auto position() const { return std::tie(x, y, z); }
   bool operator<(const PlacedVertex& o) const {
     return std::tie(x, y, z, vertex) < std::tie(o.x, o.y, o.z, o.vertex);
   }
@@ -106,7 +106,7 @@ void WeldedMesh::weld(const WeldOptions& options) {
   sort.drain([&](std::span<const Placed> batch) {
     if (options.check_stop) options.check_stop();
     for (const Placed& placed : batch) {
-      if (positions_.size() + fresh.size() == 0 || placed.place() != last.place()) {
+      if (positions_.size() + fresh.size() == 0 || placed.position() != last.position()) {
         fresh.push_back({from_ordered(placed.x), from_ordered(placed.y), from_ordered(placed.z)});
         last = placed;
         if (fresh.size() == kBatch) {

@@ -36,9 +36,9 @@ struct Layout {
 };
 
 template <class T>
-std::span<std::byte> room(std::vector<T>& values, std::uint64_t bytes) {
+std::span<std::byte> buffer(std::vector<T>& values, std::uint64_t bytes) {
   values.resize(bytes / sizeof(T));
-  return room_of(values);
+  return buffer_of(values);
 }
 
 }  // namespace
@@ -90,10 +90,10 @@ PatchSeam PatchStore::load_seam(std::size_t patch) const {
   parts.count = e.components;
   patches_.file_of(patch).read(
       layout.seam(e),
-      {room(seam.foreign, layout.foreign), room(seam.exported_key, layout.exported_key),
-       room(seam.exported_index, layout.exported_index), room(parts.of_vertex, layout.component_of),
-       room(parts.vertices, layout.component_counts / 3), room(parts.faces, layout.component_counts / 3),
-       room(parts.border, layout.component_counts / 3)});
+      {buffer(seam.foreign, layout.foreign), buffer(seam.exported_key, layout.exported_key),
+       buffer(seam.exported_index, layout.exported_index), buffer(parts.of_vertex, layout.component_of),
+       buffer(parts.vertices, layout.component_counts / 3), buffer(parts.faces, layout.component_counts / 3),
+       buffer(parts.border, layout.component_counts / 3)});
   if (e.components == 1) parts.of_vertex.assign(e.vertices + std::size_t{e.foreign}, 0);
   return seam;
 }
@@ -104,8 +104,9 @@ void PatchStore::load_vertices(std::size_t patch, std::vector<Float3>& position,
   const PatchEntry& e = patches_[patch];
   const Layout layout(e);
   std::vector<VertexClass> classes;
-  patches_.file_of(patch).read(layout.vertices(e), {room(position, layout.position), room(rgba, layout.rgba),
-                                                    room(classes, layout.vertex_class)});
+  patches_.file_of(patch).read(
+      layout.vertices(e),
+      {buffer(position, layout.position), buffer(rgba, layout.rgba), buffer(classes, layout.vertex_class)});
   if (!vertex_class) return;
   classes.resize(e.vertices);
   *vertex_class = std::move(classes);
@@ -117,7 +118,7 @@ void PatchStore::load_faces(std::size_t patch, std::vector<PatchFace>& faces,
   const Layout layout(e);
   std::vector<std::uint8_t> flags;
   patches_.file_of(patch).read(layout.face_section(e),
-                               {room(faces, layout.faces), room(flags, layout.synthetic)});
+                               {buffer(faces, layout.faces), buffer(flags, layout.synthetic)});
   if (synthetic) *synthetic = std::move(flags);
 }
 

@@ -106,7 +106,7 @@ std::string origin_text(const json& result) {
   return stl_shift_text(result.at("origin").get<Double3>());
 }
 
-SidecarOutput told_origin() {
+SidecarOutput known_origin() {
   return {stl_shift_path, "the origin beside -o", false,
           [](const json& report) { return origin_text(report.value("mesh", json::object())); }};
 }

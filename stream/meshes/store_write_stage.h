@@ -34,7 +34,7 @@ void tell_rounding(nlohmann::json& result, const std::filesystem::path& output, 
 /// What the file beside an STL says of the origin in such a result; empty without one.
 std::string origin_text(const nlohmann::json& result);
 /// That file, which tells other programs (mesh_precision.h), from `mesh` of a job's report.
-SidecarOutput told_origin();
+SidecarOutput known_origin();
 
 /// What the sorts of a stage may take under the job's cap.
 std::uint64_t sort_bytes(const RunOptions& run);

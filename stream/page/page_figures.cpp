@@ -30,10 +30,10 @@ std::string count_bars(const std::string& title, const std::vector<std::pair<std
   return rows.empty() ? "" : html::bars(title, rows);
 }
 
-std::string fates(const json& report) {
-  const json& fate = value_at(stage_result(report, "survey"), "/points");
-  if (!fate.is_object()) return "";
-  const auto of = [&](const char* key) { return value_at(fate, key); };
+std::string dispositions(const json& report) {
+  const json& disposition = value_at(stage_result(report, "survey"), "/points");
+  if (!disposition.is_object()) return "";
+  const auto of = [&](const char* key) { return value_at(disposition, key); };
   const json& order = stage_result(report, "order");
   const json& orient = stage_result(report, "orient");
   const json& dropped = value_at(orient, "/vegetation/as");
@@ -55,8 +55,8 @@ std::string fates(const json& report) {
                      {fmt::format("of these: strewn through space{}",
                                   dropped.is_string() ? ", " + dropped.get<std::string>() : ""),
                       value_at(orient, "/vegetation/points")}},
-                    number_at(fate, "/read") + number_at(fate, "/withheld") + number_at(fate, "/empty") +
-                        number_at(fate, "/missing"));
+                    number_at(disposition, "/read") + number_at(disposition, "/withheld") +
+                        number_at(disposition, "/empty") + number_at(disposition, "/missing"));
 }
 
 /// Area by distance: 32 bins up to the tolerance, then up to reach, then beyond (kernels/certify/certificate.h).
@@ -121,7 +121,7 @@ void append_bytes(std::string& to, const void* data, std::size_t bytes) {
 }  // namespace
 
 std::string input_figures(const json& report) {
-  std::string text = fates(report);
+  std::string text = dispositions(report);
   Rows rows;
   if (const json& h = value_at(report, "/resolution/h"); h.is_number())
     rows.emplace_back("resolution h", fmt::format("{}: {}", number_text(h.get<double>()),

@@ -14,8 +14,8 @@ void read(const PackedTables<BrickSection>& bricks, const BrickSection& brick, s
   const std::size_t old = items.size();
   items.resize(old + brick.count);
   extra.resize(brick.extra);
-  const auto room = std::as_writable_bytes(std::span(items).subspan(old));
-  bricks.file_of(brick).read(brick.section(sizeof(Item)), {room, room_of(extra)});
+  const auto buffer = std::as_writable_bytes(std::span(items).subspan(old));
+  bricks.file_of(brick).read(brick.section(sizeof(Item)), {buffer, buffer_of(extra)});
 }
 
 }  // namespace
@@ -23,9 +23,9 @@ void read(const PackedTables<BrickSection>& bricks, const BrickSection& brick, s
 BrickSectionWriter::BrickSectionWriter(const std::filesystem::path& path) : file_(path, kClosingKind) {}
 
 void BrickSectionWriter::signs(std::uint64_t key, const std::vector<BandSigns>& signs,
-                               const std::vector<Int3>& rims) {
-  const Section s = file_.append({bytes_of(signs), bytes_of(rims)});
-  table_.push_back({key, s.offset, s.hash, signs.size(), rims.size()});
+                               const std::vector<Int3>& boundaries) {
+  const Section s = file_.append({bytes_of(signs), bytes_of(boundaries)});
+  table_.push_back({key, s.offset, s.hash, signs.size(), boundaries.size()});
 }
 void BrickSectionWriter::cells(std::uint64_t key, const std::vector<ClosingLeaf>& leaves) {
   const Section s = file_.append(bytes_of(leaves));
@@ -43,12 +43,12 @@ const BrickSection* BrickSectionStore::find(const Int3& brick) const {
 
 std::vector<BandSigns> BrickSectionStore::signs_around(const Int3& brick) const {
   std::vector<BandSigns> out;
-  std::vector<Int3> rims;
+  std::vector<Int3> boundaries;
   for (int d = 0; d < 8; ++d) {
     const BrickSection* found = find({brick[0] + (d & 1), brick[1] + (d >> 1 & 1), brick[2] + (d >> 2)});
     if (!found) continue;
     const std::size_t old = out.size();
-    read(bricks_, *found, out, rims);
+    read(bricks_, *found, out, boundaries);
     if (d == 0) continue;
     const auto beyond = [&](const BandSigns& s) {
       for (std::size_t a = 0; a < 3; ++a)
@@ -60,7 +60,7 @@ std::vector<BandSigns> BrickSectionStore::signs_around(const Int3& brick) const 
   return out;
 }
 
-std::vector<Int3> BrickSectionStore::rims(const BrickSection& brick) const {
+std::vector<Int3> BrickSectionStore::boundaries(const BrickSection& brick) const {
   std::vector<Int3> out;
   std::vector<BandSigns> signs;
   read(bricks_, brick, signs, out);

@@ -28,7 +28,7 @@ struct BrickSection {
 class BrickSectionWriter {
  public:
   explicit BrickSectionWriter(const std::filesystem::path& path);
-  void signs(std::uint64_t key, const std::vector<BandSigns>& signs, const std::vector<Int3>& rims);
+  void signs(std::uint64_t key, const std::vector<BandSigns>& signs, const std::vector<Int3>& boundaries);
   void cells(std::uint64_t key, const std::vector<ClosingLeaf>& leaves);
   std::uint64_t finish() { return file_.finish(table_); }
 
@@ -47,7 +47,7 @@ class BrickSectionStore {
   const BrickSection* find(const Int3& brick) const;
   /// Signs of the leaves that hold nodes [0, 64] of a brick.
   std::vector<BandSigns> signs_around(const Int3& brick) const;
-  std::vector<Int3> rims(const BrickSection& brick) const;
+  std::vector<Int3> boundaries(const BrickSection& brick) const;
   /// Closing cells of a block and of the leaves just below and above it.
   std::vector<ClosingLeaf> cells_around(const Int3& origin_cells, const Int3& cells) const;
 

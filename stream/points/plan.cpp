@@ -15,8 +15,8 @@ constexpr PackedKind kBricksKind = {"TSBRICK3", "a brick list"};
 
 }  // namespace
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PointFates, read, withheld, empty, missing, other_class, other_return,
-                                   outside, thinned, non_finite, absurd, kept)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PointDispositions, read, withheld, empty, missing, other_class,
+                                   other_return, outside, thinned, non_finite, absurd, kept)
 
 nlohmann::json Plan::to_json() const {
   nlohmann::json j;
@@ -38,7 +38,7 @@ nlohmann::json Plan::to_json() const {
   j["brick_max"] = brick_max;
   j["bricks"] = bricks;
   j["faces_estimate"] = faces_estimate;
-  j["points"] = fates;
+  j["points"] = dispositions;
   j["buckets"] = nlohmann::json::array();
   for (const PlanBucket& b : buckets)
     j["buckets"].push_back({b.first_key, b.first_brick, b.bricks, b.points});
@@ -78,7 +78,7 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("brick_max").get_to(p.brick_max);
     j.at("bricks").get_to(p.bricks);
     j.at("faces_estimate").get_to(p.faces_estimate);
-    j.at("points").get_to(p.fates);
+    j.at("points").get_to(p.dispositions);
     for (const auto& b : j.at("buckets"))
       p.buckets.push_back({b.at(0).get<std::uint64_t>(), b.at(1).get<std::uint64_t>(),
                            b.at(2).get<std::uint64_t>(), b.at(3).get<std::uint64_t>()});

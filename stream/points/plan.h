@@ -17,7 +17,7 @@ namespace tessera {
 
 /// Where every point that was read went; read = kept + other_class + other_return + outside +
 /// thinned + non_finite + absurd.
-struct PointFates {
+struct PointDispositions {
   std::uint64_t read = 0;          ///< handed over by the readers
   std::uint64_t withheld = 0;      ///< flagged withheld by the format, never handed over
   std::uint64_t empty = 0;         ///< placeholders for "no return", never handed over
@@ -65,12 +65,12 @@ struct Plan {
   Int3 brick_max = {0, 0, 0};
   std::uint64_t bricks = 0;          ///< occupied bricks
   std::uint64_t faces_estimate = 0;  ///< of the raw mesh, from the cells that the sampled points occupy
-  PointFates fates;
+  PointDispositions dispositions;
   std::vector<PlanBucket> buckets;
   std::vector<std::string> warnings;  ///< one sentence each
 
   bool has_normals() const { return normal_fraction > 0.0; }
-  std::uint64_t points() const { return fates.kept; }
+  std::uint64_t points() const { return dispositions.kept; }
 
   nlohmann::json to_json() const;
   void save(const std::filesystem::path& file) const;

@@ -42,9 +42,9 @@ PointBox box_of(const std::vector<std::string>& words) {
 }  // namespace
 
 PointFilter::PointFilter(const ReconstructOptions& options)
-    : asked_classes_(joined(options.classes)),
-      asked_bounds_(joined(options.bounds)),
-      asked_clip_(options.clip),
+    : requested_classes_(joined(options.classes)),
+      requested_bounds_(joined(options.bounds)),
+      requested_clip_(options.clip),
       returns_(options.returns) {
   for (const std::string& word : options.classes) {
     std::uint8_t value = 0;
@@ -98,25 +98,26 @@ const PointChunk& PointFilter::apply(const PointChunk& chunk, PointChunk& scratc
 }
 
 void PointFilter::refuse() const {
-  if (!asked_classes_.empty())
-    throw UsageError("--classes " + asked_classes_ +
+  if (!requested_classes_.empty())
+    throw UsageError("--classes " + requested_classes_ +
                      ": no input tells the classes of its points, LAS files do");
   if (returns_ != "all")
     throw UsageError("--returns " + returns_ +
                      ": no input tells the return of its pulse that a point is, LAS files do");
 }
 
-std::string PointFilter::asked_region() const {
-  return (asked_bounds_.empty() ? "" : ", --bounds " + asked_bounds_) +
-         (asked_clip_.empty() ? "" : ", --clip " + asked_clip_);
+std::string PointFilter::requested_region() const {
+  return (requested_bounds_.empty() ? "" : ", --bounds " + requested_bounds_) +
+         (requested_clip_.empty() ? "" : ", --clip " + requested_clip_);
 }
 
 void PointFilter::require_wanted(std::uint64_t read, std::uint64_t left_out) const {
-  if (read == 0 && box_) throw EmptyError("no point lies within" + asked_region().substr(1));
+  if (read == 0 && box_) throw EmptyError("no point lies within" + requested_region().substr(1));
   if (read == 0 || left_out < read) return;
-  throw EmptyError("none of the " + std::to_string(read) + " points is wanted: " +
-                   (asked_classes_.empty() ? "all but noise (--classes)" : "--classes " + asked_classes_) +
-                   ", --returns " + returns_ + asked_region());
+  throw EmptyError(
+      "none of the " + std::to_string(read) + " points is wanted: " +
+      (requested_classes_.empty() ? "all but noise (--classes)" : "--classes " + requested_classes_) +
+      ", --returns " + returns_ + requested_region());
 }
 
 }  // namespace tessera

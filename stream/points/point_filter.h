@@ -33,10 +33,10 @@ class PointFilter {
 
  private:
   bool inside(double x, double y, double z) const;
-  std::string asked_region() const;
+  std::string requested_region() const;
 
   std::bitset<256> classes_;
-  std::string asked_classes_, asked_bounds_, asked_clip_;  ///< as given
+  std::string requested_classes_, requested_bounds_, requested_clip_;  ///< as given
   std::string returns_;
   std::optional<PointBox> box_;
   std::optional<ClipPolygon> clip_;

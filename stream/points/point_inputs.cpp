@@ -41,16 +41,16 @@ std::shared_ptr<PointInputs> open_inputs(const JobState& job, bool colours, bool
   read.resolution_limit = options.resolution_limit;
   std::vector<std::unique_ptr<PointFile>> files;
   for (const auto& path : job.inputs) files.push_back(open_point_file(path, read));
-  std::vector<std::string> told;
-  files = in_one_plane(std::move(files), {options.crs, options.project, options.columns}, !unpacked, told);
-  return std::make_shared<PointInputs>(std::move(files), options, kTaskBytes, std::move(told));
+  std::vector<std::string> notes;
+  files = in_one_plane(std::move(files), {options.crs, options.project, options.columns}, !unpacked, notes);
+  return std::make_shared<PointInputs>(std::move(files), options, kTaskBytes, std::move(notes));
 }
 
 }  // namespace
 
 PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
-                         std::uint64_t task_bytes, std::vector<std::string> told)
-    : files_(std::move(files)), filter_(options), notices_(std::move(told)) {
+                         std::uint64_t task_bytes, std::vector<std::string> notes)
+    : files_(std::move(files)), filter_(options), notices_(std::move(notes)) {
   if (files_.empty()) throw UsageError("no input: name at least one scan, folder, glob or @list");
   require_one_crs();
   FileNotices notices;
@@ -224,17 +224,17 @@ ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
     const double bytes_per_point = info.declared_points == 0 ? 24.0
                                                              : static_cast<double>(info.planned_bytes()) /
                                                                    static_cast<double>(info.declared_points);
-    std::uint64_t told = 0;
+    std::uint64_t notes = 0;
     const ReadCounts counts = files_[slice.file]->read(slice, [&](const PointChunk& chunk) {
       context.check_stop();
       const PointChunk& wanted = filter_.apply(chunk, scratch, sum);
       if (wanted.size() > 0) sink(slice.file, wanted);
       const auto step = static_cast<std::uint64_t>(static_cast<double>(chunk.size()) * bytes_per_point);
-      const std::uint64_t part = std::min(step, slice.bytes - told);
-      told += part;
+      const std::uint64_t part = std::min(step, slice.bytes - notes);
+      notes += part;
       context.advance(in_bytes ? part : chunk.size());
     });
-    if (in_bytes) context.advance(slice.bytes - told);
+    if (in_bytes) context.advance(slice.bytes - notes);
     context.count_read(slice.bytes);
     sum.points += counts.points;
     sum.withheld += counts.withheld;
@@ -252,7 +252,7 @@ ReadCounts PointInputs::read_unpacked_task(
   const std::filesystem::path path = unpacked_of_ / (thin_buckets_ > 0 ? thinned_file(k) : unpacked_file(k));
   const std::uint64_t bytes = task_input_bytes(k);
   std::uint64_t handed = 0;
-  std::uint64_t told = 0;
+  std::uint64_t notes = 0;
   ReadCounts counts = read_unpacked(
       path, unpacked_colours_, [&](std::uint32_t file) { return files_[file]->info().grid; },
       [&](std::uint32_t file, const PointChunk& chunk) {
@@ -260,11 +260,11 @@ ReadCounts PointInputs::read_unpacked_task(
         sink(file, chunk);
         handed += chunk.size();
         // Of a record of LAS, about; it ends exactly.
-        const std::uint64_t part = std::min<std::uint64_t>(chunk.size() * 28, bytes - told);
-        told += part;
+        const std::uint64_t part = std::min<std::uint64_t>(chunk.size() * 28, bytes - notes);
+        notes += part;
         context.advance(in_bytes ? part : chunk.size());
       });
-  context.advance(in_bytes ? bytes - told : counts.points - handed);
+  context.advance(in_bytes ? bytes - notes : counts.points - handed);
   context.count_read(std::filesystem::file_size(path));
   return counts;
 }

@@ -20,9 +20,9 @@ class PointInputs {
   ///                    about 400. Changes no result.
   /// \throws UsageError  no file, or classes or returns wanted that no file tells; InputError  more than 65534
   /// different sensor origins
-  /// \param told  sentences that notices() begins with
+  /// \param notes  sentences that notices() begins with
   PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
-              std::uint64_t task_bytes = std::uint64_t{32} << 20, std::vector<std::string> told = {});
+              std::uint64_t task_bytes = std::uint64_t{32} << 20, std::vector<std::string> notes = {});
 
   std::size_t file_count() const { return files_.size(); }
   const PointFile& file(std::size_t i) const { return *files_[i]; }

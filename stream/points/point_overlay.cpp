@@ -17,7 +17,7 @@ constexpr PackedKind kDecisionsKind = {"TSDECID2", "a file of orientation decisi
 
 Section OverlayBrick::section(Part part) const {
   const std::uint64_t bytes[] = {points * sizeof(PointOverlayRecord), boundary * sizeof(Surfel),
-                                 patches * sizeof(PatchFacts), votes * sizeof(PatchVote),
+                                 patches * sizeof(PatchStats), votes * sizeof(PatchVote),
                                  coarse * sizeof(CoarseSurfel)};
   return {std::accumulate(bytes, bytes + part, offset), bytes[part], hash[part]};
 }
@@ -30,13 +30,13 @@ void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRec
   e.key = key;
   e.points = static_cast<std::uint32_t>(records.size());
   e.boundary = static_cast<std::uint32_t>(orientation.boundary.size());
-  e.patches = static_cast<std::uint32_t>(orientation.facts.size());
+  e.patches = static_cast<std::uint32_t>(orientation.stats.size());
   e.votes = static_cast<std::uint32_t>(orientation.votes.size());
   e.coarse = static_cast<std::uint32_t>(orientation.coarse.size());
   const Section first = file_.append(std::as_bytes(records));
   e.offset = first.offset;
   e.hash = {first.hash, file_.append(bytes_of(orientation.boundary)).hash,
-            file_.append(bytes_of(orientation.facts)).hash, file_.append(bytes_of(orientation.votes)).hash,
+            file_.append(bytes_of(orientation.stats)).hash, file_.append(bytes_of(orientation.votes)).hash,
             file_.append(bytes_of(orientation.coarse)).hash};
   table_.push_back(e);
 }
@@ -110,8 +110,8 @@ std::int64_t PointOverlay::find(std::uint64_t key) const {
 std::vector<Surfel> PointOverlay::load_boundary(std::size_t brick) const {
   return impl_->load<Surfel>(brick, OverlayBrick::kBoundary);
 }
-std::vector<PatchFacts> PointOverlay::load_facts(std::size_t brick) const {
-  return impl_->load<PatchFacts>(brick, OverlayBrick::kFacts);
+std::vector<PatchStats> PointOverlay::load_stats(std::size_t brick) const {
+  return impl_->load<PatchStats>(brick, OverlayBrick::kStats);
 }
 std::vector<PatchVote> PointOverlay::load_votes(std::size_t brick) const {
   return impl_->load<PatchVote>(brick, OverlayBrick::kVotes);
@@ -126,7 +126,7 @@ std::vector<PointOverlayRecord> PointOverlay::load_records(std::size_t brick, st
   const Section all = e.section(OverlayBrick::kRecords);
   std::vector<PointOverlayRecord> records(count);
   if (count == e.points)
-    impl_->bricks.file_of(brick).read(all, {room_of(records)});
+    impl_->bricks.file_of(brick).read(all, {buffer_of(records)});
   else
     impl_->bricks.file_of(brick).read_part(all, first * sizeof(PointOverlayRecord), records.data(),
                                            count * sizeof(PointOverlayRecord));

@@ -37,7 +37,7 @@ struct OverlayBrick {
   std::uint32_t coarse = 0;  ///< coarse surfels
   std::uint32_t unused = 0;
 
-  enum Part { kRecords, kBoundary, kFacts, kVotes, kCoarse };
+  enum Part { kRecords, kBoundary, kStats, kVotes, kCoarse };
   Section section(Part part) const;
 };
 
@@ -101,7 +101,7 @@ class PointOverlay {
   std::span<const std::uint64_t> first_patch() const;
 
   std::vector<Surfel> load_boundary(std::size_t brick) const;
-  std::vector<PatchFacts> load_facts(std::size_t brick) const;
+  std::vector<PatchStats> load_stats(std::size_t brick) const;
   std::vector<PatchVote> load_votes(std::size_t brick) const;  ///< patches numbered inside the brick
   std::vector<CoarseSurfel> load_coarse(std::size_t brick) const;
   /// Records [first, first + count) of the brick, checked against its hash when all are asked for.

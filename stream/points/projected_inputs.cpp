@@ -154,8 +154,8 @@ std::string advice(const Crs& geographic, const Box2& box) {
 class Plane {
  public:
   Plane(std::vector<std::unique_ptr<PointFile>> files, const CrsOptions& options, bool inspect,
-        std::vector<std::string>& told)
-      : files_(std::move(files)), options_(options), told_(told) {
+        std::vector<std::string>& notes)
+      : files_(std::move(files)), options_(options), told_(notes) {
     std::optional<Crs> given;
     if (!options.crs.empty()) given = user_crs(options.crs, "--crs");
     for (const auto& f : files_) from_.push_back(given ? *given : f->info().crs);
@@ -300,8 +300,8 @@ bool look_like_degrees(const std::vector<Double3>& p) {
 
 std::vector<std::unique_ptr<PointFile>> in_one_plane(std::vector<std::unique_ptr<PointFile>> files,
                                                      const CrsOptions& options, bool inspect,
-                                                     std::vector<std::string>& told) {
-  return Plane(std::move(files), options, inspect, told).take();
+                                                     std::vector<std::string>& notes) {
+  return Plane(std::move(files), options, inspect, notes).take();
 }
 
 }  // namespace tessera

@@ -22,7 +22,7 @@ enum Content : std::uint32_t {
 };
 
 /// The last record of a file.
-struct Fates {
+struct Dispositions {
   std::uint64_t points, withheld, empty, missing, surplus, other_class, other_return, outside, thinned;
 };
 
@@ -94,26 +94,26 @@ std::uint64_t UnpackedWriter::finish(const ReadCounts& counts) {
   warnings.content = kWarnings;
   warnings.places = out_.append(bytes_of(joined_lines(counts.warnings)));
   blocks_.push_back(warnings);
-  const Fates fates = {counts.points,       counts.withheld, counts.empty,
-                       counts.missing,      counts.surplus,  counts.other_class,
-                       counts.other_return, counts.outside,  counts.thinned};
-  return out_.finish(blocks_, std::as_bytes(std::span(&fates, 1)));
+  const Dispositions dispositions = {counts.points,       counts.withheld, counts.empty,
+                                     counts.missing,      counts.surplus,  counts.other_class,
+                                     counts.other_return, counts.outside,  counts.thinned};
+  return out_.finish(blocks_, std::as_bytes(std::span(&dispositions, 1)));
 }
 
 UnpackedFile::UnpackedFile(const std::filesystem::path& path)
-    : file_(path, kUnpackedKind, sizeof(UnpackedBlock), sizeof(Fates)),
+    : file_(path, kUnpackedKind, sizeof(UnpackedBlock), sizeof(Dispositions)),
       blocks_(file_.table<UnpackedBlock>()) {
-  Fates fates;
-  std::memcpy(&fates, file_.info().data(), sizeof fates);
-  counts_.points = fates.points;
-  counts_.withheld = fates.withheld;
-  counts_.empty = fates.empty;
-  counts_.missing = fates.missing;
-  counts_.surplus = fates.surplus;
-  counts_.other_class = fates.other_class;
-  counts_.other_return = fates.other_return;
-  counts_.outside = fates.outside;
-  counts_.thinned = fates.thinned;
+  Dispositions dispositions;
+  std::memcpy(&dispositions, file_.info().data(), sizeof dispositions);
+  counts_.points = dispositions.points;
+  counts_.withheld = dispositions.withheld;
+  counts_.empty = dispositions.empty;
+  counts_.missing = dispositions.missing;
+  counts_.surplus = dispositions.surplus;
+  counts_.other_class = dispositions.other_class;
+  counts_.other_return = dispositions.other_return;
+  counts_.outside = dispositions.outside;
+  counts_.thinned = dispositions.thinned;
   if (blocks_.empty() || blocks_.back().content != kWarnings) file_.damaged(0, "it ends before its warnings");
   split(file_.load<char>(blocks_.back().places), counts_.warnings);
   blocks_.pop_back();
@@ -133,18 +133,18 @@ void UnpackedFile::read(const UnpackedBlock& block, bool colours, const Position
     std::array<std::vector<std::int32_t>, 3> steps;
     for (auto& s : steps) s.resize(block.points);
     file_.read(block.places,
-               {room_of(steps[0]), room_of(steps[1]), room_of(steps[2]), room_of(chunk.nx), room_of(chunk.ny),
-                room_of(chunk.nz), room_of(chunk.sensor), room_of(chunk.echo)});
+               {buffer_of(steps[0]), buffer_of(steps[1]), buffer_of(steps[2]), buffer_of(chunk.nx),
+                buffer_of(chunk.ny), buffer_of(chunk.nz), buffer_of(chunk.sensor), buffer_of(chunk.echo)});
     from_steps(steps[0], grid.step[0], grid.shift[0], chunk.x);
     from_steps(steps[1], grid.step[1], grid.shift[1], chunk.y);
     from_steps(steps[2], grid.step[2], grid.shift[2], chunk.z);
   } else {
     chunk.x.resize(block.points), chunk.y.resize(block.points), chunk.z.resize(block.points);
     file_.read(block.places,
-               {room_of(chunk.x), room_of(chunk.y), room_of(chunk.z), room_of(chunk.nx), room_of(chunk.ny),
-                room_of(chunk.nz), room_of(chunk.sensor), room_of(chunk.echo)});
+               {buffer_of(chunk.x), buffer_of(chunk.y), buffer_of(chunk.z), buffer_of(chunk.nx),
+                buffer_of(chunk.ny), buffer_of(chunk.nz), buffer_of(chunk.sensor), buffer_of(chunk.echo)});
   }
-  if (colours) file_.read(block.colours, {room_of(chunk.rgba), room_of(chunk.intensity)});
+  if (colours) file_.read(block.colours, {buffer_of(chunk.rgba), buffer_of(chunk.intensity)});
   file_.release(block.places);
 }
 

@@ -34,9 +34,9 @@ json optional_json(const fs::path& path) {
 /// What the plan of a reconstruction told of each stage.
 std::map<std::string, double> forecast_seconds(const fs::path& work) {
   std::map<std::string, double> seconds;
-  const json told = optional_json(work / "forecast.json");
-  if (!told.is_object()) return seconds;
-  for (const json& stage : told.value("forecast", json::array()))
+  const json forecast = optional_json(work / "forecast.json");
+  if (!forecast.is_object()) return seconds;
+  for (const json& stage : forecast.value("forecast", json::array()))
     if (stage.is_object()) seconds[stage.value("stage", "")] = stage.value("seconds", 0.0);
   return seconds;
 }
@@ -119,8 +119,8 @@ JobStatus job_status(const fs::path& path, const JobFinder& find_job) {
   for (const StageEntry& entry : job.stages) {
     StageStatus stage;
     stage.name = entry.name;
-    if (const auto told = forecast.find(entry.name); told != forecast.end())
-      stage.forecast_seconds = told->second;
+    if (const auto forecast = forecast.find(entry.name); forecast != forecast.end())
+      stage.forecast_seconds = forecast->second;
     StageRecords records;
     stage.complete = follows && find_complete(journal, entry.name, basis, records);
     if (follows) {

@@ -131,20 +131,20 @@ Makespan makespan(const std::vector<StageCost>& stages, std::size_t planning, co
   for (auto s = queued; s != stages.end(); ++s)
     estimates.push_back({s->stage, s->tasks, s->task_seconds / cluster.threads, 0, 0, s->tasks == 0});
 
-  Makespan told;
-  for (const StageCost& stage : stages) told.work_seconds += stage.task_seconds + stage.end_seconds;
+  Makespan estimate;
+  for (const StageCost& stage : stages) estimate.work_seconds += stage.task_seconds + stage.end_seconds;
   const Player player(stages, cluster);
-  if (queued != stages.begin()) told.steps.push_back(player.plan({stages.begin(), queued}));
+  if (queued != stages.begin()) estimate.steps.push_back(player.plan({stages.begin(), queued}));
   for (const QueueStep& step : queue_steps(estimates, 0, cluster.threads, options))
-    told.steps.push_back(player.play(step));
-  for (const StepSpan& span : told.steps) {
-    told.seconds += span.seconds;
-    if (span.bound == kSerial) told.serial_seconds += span.seconds;
-    told.busiest_io = std::max(told.busiest_io, span.moved_bytes / span.seconds);
+    estimate.steps.push_back(player.play(step));
+  for (const StepSpan& span : estimate.steps) {
+    estimate.seconds += span.seconds;
+    if (span.bound == kSerial) estimate.serial_seconds += span.seconds;
+    estimate.busiest_io = std::max(estimate.busiest_io, span.moved_bytes / span.seconds);
   }
-  if (told.seconds > 0.0)
-    told.efficiency = told.work_seconds / (told.seconds * cluster.nodes * cluster.threads);
-  return told;
+  if (estimate.seconds > 0.0)
+    estimate.efficiency = estimate.work_seconds / (estimate.seconds * cluster.nodes * cluster.threads);
+  return estimate;
 }
 
 }  // namespace tessera

@@ -329,14 +329,14 @@ void RenderOptions::validate() const {
 RenderReport render(const RenderOptions& options) {
   options.validate();
   // A wrong name fails before anything is read.
-  const std::vector<ViewSpec> asked = chosen_views(options, {0, 0, 0});
+  const std::vector<ViewSpec> requested = chosen_views(options, {0, 0, 0});
   RenderReport report;
   const auto panels = static_cast<int>(1 + options.compare.size());
   const int panel_width = (options.width - (panels - 1) * kGap) / panels;
   if (panel_width < 64)
     throw UsageError("--size: too narrow for " + std::to_string(panels) + " pictures side by side");
 
-  Pixels pixels(options, asked, panel_width);
+  Pixels pixels(options, requested, panel_width);
   const std::uint64_t image_bytes = 3 * static_cast<std::uint64_t>(options.width + panel_width) *
                                     static_cast<std::uint64_t>(options.height);
   const std::uint64_t fixed = fixed_bytes() + image_bytes, minimum = fixed + pixels.band + kMinWorkBytes;

@@ -261,10 +261,10 @@ void MeshItem::add_normals(RenderReport& report) {
 
 void MeshItem::find_borders(const RenderOptions& options, RenderReport& report) {
   const std::uint64_t resident = resident_ ? vertex_bytes() : 0;
-  const std::uint64_t room =
+  const std::uint64_t budget =
       memory_bytes_ == 0 ? kUnlimited : memory_bytes_ - std::min(memory_bytes_, resident);
   // Half for joining vertices where the format does not share them, the other half for the edges then.
-  const std::uint64_t table_room = soup() ? room / 2 : room;
+  const std::uint64_t table_room = soup() ? budget / 2 : budget;
   const std::uint64_t table = edge_table_bytes(vertex_count_, face_count_);
   if (options.borders != "on" && table > table_room) {
     report.notices.push_back(path_.string() + ": border edges are not drawn; their table takes " +

@@ -127,7 +127,7 @@ class Driver {
         log_.info("stage {}: {} tasks and finish were committed by an earlier run", records.finish.stage,
                   records.tasks.size());
         delete_obsolete(records);
-        stop_if_asked(records.finish.stage);
+        stop_if_requested(records.finish.stage);
         done_.push_back(std::move(records));
         ++resumed_stages_;
       }
@@ -139,7 +139,7 @@ class Driver {
       require_same_inputs(work_.identity());
       basis_ = next_basis(basis_, done_.back());
       delete_obsolete(done_.back());
-      stop_if_asked(done_.back().finish.stage);
+      stop_if_requested(done_.back().finish.stage);
       ++s;
     }
     if (last == job_.stages.size()) note_output();
@@ -171,7 +171,7 @@ class Driver {
     journal_.append(record);
   }
 
-  void stop_if_asked(const std::string& stage) const {
+  void stop_if_requested(const std::string& stage) const {
     if (state_.run.until != stage) return;
     throw StoppedError(
         fmt::format("stopped after stage {} as asked: {} is kept, the same command without --until "

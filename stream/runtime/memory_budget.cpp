@@ -199,8 +199,8 @@ MemoryBudget::MemoryBudget(std::uint64_t cap, std::uint64_t base)
 }
 
 std::uint64_t MemoryBudget::expected_base(std::uint64_t later) {
-  const std::uint64_t told = (resident_bytes() + later + 2 * kBaseStep - 1) / kBaseStep * kBaseStep;
-  return std::max(told, kMinBase);
+  const std::uint64_t known = (resident_bytes() + later + 2 * kBaseStep - 1) / kBaseStep * kBaseStep;
+  return std::max(known, kMinBase);
 }
 
 std::uint64_t MemoryBudget::smallest_fitting_cap(

@@ -11,15 +11,16 @@ namespace tessera::test {
 inline std::vector<BlendCurve> search_blends(const MeshBlock& block, double radius, double step) {
   BandOptions options;
   options.radius = radius;
-  const std::vector<CurvatureTensor> bends =
+  const std::vector<CurvatureTensor> curvatures =
       curvature_tensors(block, std::vector<std::uint8_t>(block.key.size(), 1), radius);
   constexpr std::uint32_t kNone = 0xffffffffu;
   std::vector<BandVertex> band;
-  std::vector<std::uint32_t> place(bends.size(), kNone);
-  for (std::size_t v = 0; v < bends.size(); ++v) {
-    if (!is_in_band(bends[v].across, bends[v].minimum, options)) continue;
+  std::vector<std::uint32_t> place(curvatures.size(), kNone);
+  for (std::size_t v = 0; v < curvatures.size(); ++v) {
+    if (!is_in_band(curvatures[v].across, curvatures[v].minimum, options)) continue;
     place[v] = static_cast<std::uint32_t>(band.size());
-    band.push_back({block.key[v], block.position[v], bends[v].normal, bends[v].along, bends[v].across});
+    band.push_back(
+        {block.key[v], block.position[v], curvatures[v].normal, curvatures[v].along, curvatures[v].across});
   }
   std::vector<std::pair<std::uint32_t, std::uint32_t>> links;
   for (const auto& f : block.faces)

@@ -169,8 +169,8 @@ json random_edit(Points points, std::uint64_t seed) {
   return edit;
 }
 
-TurnedFaces turned_faces(Points before, Points after, Faces faces, double minimum) {
-  TurnedFaces out;
+FlippedFaces reversed_faces(Points before, Points after, Faces faces, double minimum) {
+  FlippedFaces out;
   for (std::size_t v = 0; v < after.size(); ++v)
     if (!std::isfinite(dot(after[v], after[v])) && std::isfinite(dot(before[v], before[v]))) ++out.not_finite;
   const auto normals = [&](Points p) {

@@ -89,11 +89,11 @@ Findings check_labels(const Sources& sources) {
         const std::string label = (*t)[1];
         if (kLabels.count(label) == 1) ++count;
         const bool hidden = label == ".large" || label == ".shared";
-        const std::string asked = hidden ? label.substr(1) : label;
-        if (!hidden && kLabels.count(asked) == 0) {
+        const std::string requested = hidden ? label.substr(1) : label;
+        if (!hidden && kLabels.count(requested) == 0) {
           out.push_back(s.path + ": " + name + " has the unknown label [" + label + "]");
-        } else if (program->second.count(asked) == 0) {
-          out.push_back(s.path + ": " + name + ": ctest never looks for [" + asked + "] in its program");
+        } else if (program->second.count(requested) == 0) {
+          out.push_back(s.path + ": " + name + ": ctest never looks for [" + requested + "] in its program");
         }
       }
       if (count != 1)

@@ -33,8 +33,8 @@ class CountingStore final : public FactorStore {
     ++appended;
     memory_.append(values);
   }
-  std::span<const double> read(std::uint64_t first, std::span<double> room) override {
-    return memory_.read(first, room);
+  std::span<const double> read(std::uint64_t first, std::span<double> buffer) override {
+    return memory_.read(first, buffer);
   }
   int appended = 0;
 

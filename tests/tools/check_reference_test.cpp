@@ -263,17 +263,17 @@ TEST_CASE(
   const std::string report = (folder / "report.json").string();
   for (const std::string tolerance : {"0.02", "0.5", "1"}) {
     REQUIRE(check(wave, two, "--tolerance " + tolerance + " --force --report " + report).code == 0);
-    const auto told = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+    const auto deviation = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
     for (const char* variant : {"mesh_to_reference", "reference_to_mesh"}) {
-      const double rms = told.at(variant).at("rms");
-      CHECK(rms <= told.at(variant).at("found_max").get<double>());
+      const double rms = deviation.at(variant).at("rms");
+      CHECK(rms <= deviation.at(variant).at("found_max").get<double>());
       // Of the sine 0.00707, a little less of its chords; back it is less by the slopes.
       CHECK(rms == Approx(0.0069).epsilon(0.05));
     }
   }
   CHECK(check(wave, two, "--tolerance 0.002 --force --report " + report).code == 6);
-  const auto told = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
-  CHECK(told.at("mesh_to_reference").at("rms").is_null());
+  const auto deviation = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+  CHECK(deviation.at("mesh_to_reference").at("rms").is_null());
 }
 
 }  // namespace check_reference_test

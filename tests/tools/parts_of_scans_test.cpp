@@ -57,7 +57,7 @@ Made mesh_of(const std::vector<std::string>& inputs, const std::vector<std::stri
   return {file_bytes(out), nlohmann::json::parse(file_bytes(out.string() + ".report.json"))};
 }
 
-nlohmann::json fates(const Made& made) {
+nlohmann::json dispositions(const Made& made) {
   for (const auto& stage : made.report.at("stages"))
     if (stage.at("name") == "survey") return stage.at("result").at("points");
   return {};
@@ -103,7 +103,7 @@ TEST_CASE("parts: one point of a cube, the same whatever format and order of the
   const std::string laz = (scans() / "scan.laz").string(), las = (scans() / "scan.las").string();
   const std::vector<std::string> options = {"--thin", "12", "--resolution", "15"};
   const Made want = mesh_of({laz}, options);
-  const nlohmann::json f = fates(want);
+  const nlohmann::json f = dispositions(want);
   CHECK(f.at("read") == 60000);
   CHECK(f.at("thinned").get<int>() > 10000);
   CHECK(f.at("thinned").get<int>() + f.at("kept").get<int>() == 60000);
@@ -121,8 +121,8 @@ TEST_CASE("parts: a box and a polygon leave out what lies outside, and are part 
       "clip.geojson",
       R"({"type":"Polygon","coordinates":[[[-1e6,-1e6],[1e6,-1e6],[1e6,500.00005],[-1e6,500.00005]]]})");
   const Made half = mesh_of({las}, {"--resolution", "8", "--clip", clip.string()});
-  CHECK(fates(half).at("outside").get<int>() > 1000);
-  CHECK(fates(half).at("outside").get<int>() + fates(half).at("kept").get<int>() == 60000);
+  CHECK(dispositions(half).at("outside").get<int>() > 1000);
+  CHECK(dispositions(half).at("outside").get<int>() + dispositions(half).at("kept").get<int>() == 60000);
   CHECK(mesh_of({laz}, {"--resolution", "8", "--bounds=-1e6,-1e6,-1e6,1e6,500.00005,1e6"}).mesh == half.mesh);
   CHECK(half.mesh.size() < all.mesh.size());
   CommandResult r = tessera_command(
@@ -221,7 +221,7 @@ TEST_CASE("parts: convert keeps of scans what reconstruct would, the same on any
 
   const ReadResult thin = kept("out.las", {"--thin", "12"});
   const Made mesh = mesh_of({in}, {"--thin", "12", "--resolution", "15", "--classes", "0,1,2,3"});
-  CHECK(static_cast<int>(thin.points.size()) == fates(mesh).at("kept").get<int>());
+  CHECK(static_cast<int>(thin.points.size()) == dispositions(mesh).at("kept").get<int>());
   CHECK(thin.points.echo.size() == thin.points.size());
   CHECK(thin.points.rgba.size() == thin.points.size());
   std::vector<tessera::Double3> cubes;

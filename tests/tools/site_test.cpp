@@ -79,11 +79,11 @@ TEST_CASE("site: reconstruct --tiles writes what tiles makes of its mesh, and th
   CHECK_FALSE(fs::exists(places.at("mesh.ply.tessera")));
   CHECK_FALSE(fs::exists(places.at("site/tileset.json.tessera")));
 
-  const json told = places.report("mesh.ply.report.json").at("tiles");
-  CHECK(told.at("path") == site + "/tileset.json");
-  CHECK(told.at("report") == site + ".report.json");
-  CHECK(told.at("tiles") == places.report("site.report.json").at("tiles").at("tiles"));
-  CHECK(told.at("levels").size() > 1);
+  const json tiles = places.report("mesh.ply.report.json").at("tiles");
+  CHECK(tiles.at("path") == site + "/tileset.json");
+  CHECK(tiles.at("report") == site + ".report.json");
+  CHECK(tiles.at("tiles") == places.report("site.report.json").at("tiles").at("tiles"));
+  CHECK(tiles.at("levels").size() > 1);
 
   SECTION("the same command again changes nothing") {
     const auto mesh = fs::last_write_time(places.at("mesh.ply"));
@@ -210,14 +210,14 @@ TEST_CASE("site: what is told of its disk holds for a mesh of a scan", "[propert
   }
   require_done(places.tiles(site, {"--force"}));
   const MeshSize mesh = claimed_mesh_size(places.at("mesh.ply"));
-  const TilesDisk told = tiles_disk({}, mesh);
+  const TilesDisk tiles = tiles_disk({}, mesh);
   INFO("bytes a face in the work directory: "
        << static_cast<double>(maximum) / static_cast<double>(mesh.faces)
        << ", in the site: " << static_cast<double>(bytes_below(site)) / static_cast<double>(mesh.faces));
-  CHECK(maximum <= told.work);
-  CHECK(static_cast<double>(maximum) > 0.5 * static_cast<double>(told.work));
-  CHECK(bytes_below(site) <= told.site);
-  CHECK(static_cast<double>(bytes_below(site)) > 0.4 * static_cast<double>(told.site));
+  CHECK(maximum <= tiles.work);
+  CHECK(static_cast<double>(maximum) > 0.5 * static_cast<double>(tiles.work));
+  CHECK(bytes_below(site) <= tiles.site);
+  CHECK(static_cast<double>(bytes_below(site)) > 0.4 * static_cast<double>(tiles.site));
 }
 
 }  // namespace site_test

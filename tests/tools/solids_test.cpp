@@ -270,15 +270,15 @@ TEST_CASE("csg: words and scenes of meshes agree, new edges lie on both", "[pipe
   CHECK(volume(mesh) == Approx(8.0 - 2.0 * kPi * 0.25).epsilon(1e-3));
   // The rim of the bore: vertices within a cell of both surfaces lie on one of them, those on both on the circle.
   double worst = 0.0;
-  std::size_t rim = 0;
+  std::size_t boundary = 0;
   for (const Double3& p : mesh.points) {
     const double radius = std::sqrt(p[0] * p[0] + p[1] * p[1]);
     if (std::fabs(radius - 0.5) > 0.01 || std::fabs(std::fabs(p[2]) - 1.0) > 0.01) continue;
     worst = std::max(worst, std::min(std::fabs(radius - 0.5), std::fabs(std::fabs(p[2]) - 1.0)));
-    rim += std::fabs(radius - 0.5) < 0.02 * 0.02 && std::fabs(std::fabs(p[2]) - 1.0) < 0.02 * 0.02;
+    boundary += std::fabs(radius - 0.5) < 0.02 * 0.02 && std::fabs(std::fabs(p[2]) - 1.0) < 0.02 * 0.02;
   }
   CHECK(worst < 0.02 * 0.02);
-  CHECK(rim > 200);
+  CHECK(boundary > 200);
   REQUIRE(
       solid_command(
           {"csg",

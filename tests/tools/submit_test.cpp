@@ -122,10 +122,11 @@ TEST_CASE("status: of a job on one machine, by its journal alone", "[pipeline]")
   const Outcome text = tessera_in(folder, "status out.ply.tessera");
   CHECK(text.code == 0);
   CHECK_THAT(text.said, Catch::Contains("reconstruct, 8 of "));
-  const nlohmann::json told = nlohmann::json::parse(tessera_in(folder, "status out.ply.tessera --json").said);
-  CHECK(told.at("stages").at(7).at("name") == "order");
-  CHECK(told.at("stages").at(7).at("complete") == true);
-  CHECK(told.at("stages").at(8).at("complete") == false);
+  const nlohmann::json status =
+      nlohmann::json::parse(tessera_in(folder, "status out.ply.tessera --json").said);
+  CHECK(status.at("stages").at(7).at("name") == "order");
+  CHECK(status.at("stages").at(7).at("complete") == true);
+  CHECK(status.at("stages").at(8).at("complete") == false);
   REQUIRE(tessera_in(folder, "reconstruct scan.ply -o out.ply --no-html -q").code == 0);
   CHECK_THAT(tessera_in(folder, "status out.ply.tessera").said, Catch::Contains("out.ply.report.json"));
 }
@@ -137,17 +138,17 @@ TEST_CASE("plan: how long many machines would take, by the report of a job that 
   const auto plan = [&](const std::string& words) {
     return tessera_in(folder, "plan scan.ply -q --threads 1 " + words);
   };
-  const Outcome told = plan("--measured out.ply.report.json --nodes 1,64 --points 1e9 --io-rate 1G");
-  INFO(told.said);
-  REQUIRE(told.code == 0);
+  const Outcome status = plan("--measured out.ply.report.json --nodes 1,64 --points 1e9 --io-rate 1G");
+  INFO(status.said);
+  REQUIRE(status.code == 0);
   double one = 0.0, many = 0.0;
-  const std::size_t table = told.said.find("1e+09 points");
+  const std::size_t table = status.said.find("1e+09 points");
   REQUIRE(table != std::string::npos);
-  REQUIRE(std::sscanf(told.said.c_str() + told.said.find("\n       1 ", table), " 1 %lf", &one) == 1);
-  REQUIRE(std::sscanf(told.said.c_str() + told.said.find("\n      64 ", table), " 64 %lf", &many) == 1);
+  REQUIRE(std::sscanf(status.said.c_str() + status.said.find("\n       1 ", table), " 1 %lf", &one) == 1);
+  REQUIRE(std::sscanf(status.said.c_str() + status.said.find("\n      64 ", table), " 64 %lf", &many) == 1);
   CHECK(many > 0.0);
   CHECK(one > many);
-  CHECK_THAT(told.said, Catch::Contains("measure a larger part"));
+  CHECK_THAT(status.said, Catch::Contains("measure a larger part"));
   CHECK(plan("--nodes 8").code == 2);
   CHECK(plan("--measured out.ply.report.json").code == 2);
   CHECK(plan("--points 1e9").code == 2);
@@ -312,9 +313,9 @@ TEST_CASE("submit: thirty faults of nodes, daemons and elements, none lost", "[s
     REQUIRE(hash_of(folder / "out.ply") == hash_of(folder / "here.ply"));
     REQUIRE(cluster.idle_within(kPatience));
   }
-  std::string told;
-  for (const auto& [kind, count] : hits) told += kind + " " + std::to_string(count) + ", ";
-  WARN(told << rounds << " jobs, submitted " << submissions << " times");
+  std::string status;
+  for (const auto& [kind, count] : hits) status += kind + " " + std::to_string(count) + ", ";
+  WARN(status << rounds << " jobs, submitted " << submissions << " times");
 }
 
 }  // namespace submit_test

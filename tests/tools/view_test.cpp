@@ -136,9 +136,9 @@ class Served {
     at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     REQUIRE(::connect(s, reinterpret_cast<const sockaddr*>(&at), sizeof at) == 0);
     if (host.empty()) host = "127.0.0.1:" + std::to_string(port());
-    const std::string asked =
+    const std::string requested =
         method + " " + path + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n\r\n";
-    REQUIRE(::send(s, asked.data(), asked.size(), 0) == static_cast<ssize_t>(asked.size()));
+    REQUIRE(::send(s, requested.data(), requested.size(), 0) == static_cast<ssize_t>(requested.size()));
     std::string answer;
     char part[4096];
     for (ssize_t n = 0; (n = ::recv(s, part, sizeof part, 0)) > 0;)
@@ -371,9 +371,9 @@ TEST_CASE("view: the server gives page and tiles to this machine, and nothing el
     CHECK(entry.path().filename().string().rfind("tessera-", 0) != 0);
 
   // An open connection that says nothing does not hold it.
-  const auto asked = std::chrono::steady_clock::now();
+  const auto requested = std::chrono::steady_clock::now();
   CHECK(served.stop(SIGTERM) == 0);
-  CHECK(std::chrono::steady_clock::now() - asked < std::chrono::seconds(1));
+  CHECK(std::chrono::steady_clock::now() - requested < std::chrono::seconds(1));
 }
 
 TEST_CASE("view: Ctrl-C ends the server, a port may be chosen, a taken one is told", "[pipeline]") {

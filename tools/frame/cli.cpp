@@ -207,7 +207,7 @@ void add_threads(OptionTable& table, int& threads, const std::string& help) {
 
 std::vector<std::filesystem::path> expand_and_tell(const std::vector<std::string>& inputs) {
   InputList list = list_inputs(inputs);
-  for (const std::string& line : list.told) fmt::print(stderr, "tessera: {}\n", line);
+  for (const std::string& line : list.notes) fmt::print(stderr, "tessera: {}\n", line);
   return std::move(list.files);
 }
 

@@ -140,7 +140,7 @@ int main(int argc, char** argv) {
   DecimateOptions options;
   options.tolerance = number("tolerance") / 100.0 * diagonal;
   options.feature_angle_deg = number("feature");
-  options.max_normal_turn_deg = number("turn");
+  options.max_normal_deviation_deg = number("turn");
   options.min_mean_ratio = number("roundness");
   options.colour_weight = number("colour") / 100.0 * diagonal;
   const std::map<std::string, DecimatePriority> priorities = {
@@ -164,7 +164,7 @@ int main(int argc, char** argv) {
     double seconds = 1e300;
     DecimateReport r;
     const MeshBlock before = mesh;
-    for (int turn = 0; turn < static_cast<int>(number("repeat")); ++turn) {
+    for (int round = 0; round < static_cast<int>(number("repeat")); ++round) {
       mesh = before;
       const double start = thread_seconds();
       r = decimate(mesh, pass == 0 ? mesh : original, options);

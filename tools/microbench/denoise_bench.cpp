@@ -66,7 +66,7 @@ Distances distances(const ClosestFaces& truth, const std::vector<Double3>& posit
 }
 
 /// Faces whose normal is against those of the faces of the truth nearest to their middle and to each corner.
-std::size_t turned(const ClosestFaces& truth, const MeshBlock& mesh, const std::vector<Double3>& position) {
+std::size_t flipped(const ClosestFaces& truth, const MeshBlock& mesh, const std::vector<Double3>& position) {
   std::size_t count = 0;
   std::uint32_t hint = ClosestFaces::kNone;
   for (const auto& f : mesh.faces) {
@@ -115,7 +115,7 @@ int main(int argc, char** argv) {
       for (double& x : p) x += deviation * normal(random);
     const ClosestFaces truth(clean.position, clean.faces, clean.position[0]);
     const Distances before = distances(truth, mesh.position);
-    const std::size_t turned_before = turned(truth, mesh, mesh.position);
+    const std::size_t flipped_before = flipped(truth, mesh, mesh.position);
     SmoothOptions options;
     options.method = value["method"];
     options.lambda = number("lambda");
@@ -123,7 +123,7 @@ int main(int argc, char** argv) {
     options.noise = number("given") * edge;
     double seconds = 1e300;
     MeshBlock now;
-    for (int turn = 0; turn < static_cast<int>(number("repeat")); ++turn) {
+    for (int round = 0; round < static_cast<int>(number("repeat")); ++round) {
       now = mesh;
       const double start = thread_seconds();
       for (const SmoothRound& round : smooth_rounds(options))
@@ -139,9 +139,10 @@ int main(int argc, char** argv) {
         slash ? slash + 1 : argv[i], mesh.position.size(),
         1e6 * seconds / static_cast<double>(mesh.position.size()), before.mean / edge, after.mean / edge,
         before.mean / after.mean, before.rms / after.rms, before.maximum / edge, after.maximum / edge,
-        turned_before, turned(truth, mesh, now.position), mesh.faces.size(),
-        static_cast<std::size_t>(count_turned_faces(mesh)), static_cast<std::size_t>(count_turned_faces(now)),
-        static_cast<std::size_t>(count_turned_faces(clean)));
+        flipped_before, flipped(truth, mesh, now.position), mesh.faces.size(),
+        static_cast<std::size_t>(count_flipped_faces(mesh)),
+        static_cast<std::size_t>(count_flipped_faces(now)),
+        static_cast<std::size_t>(count_flipped_faces(clean)));
     std::fflush(stdout);
     if (!value["out"].empty()) write(mesh, now.position, value["out"]);
   }

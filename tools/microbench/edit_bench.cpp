@@ -63,18 +63,18 @@ void bench_sheet(int order, double smoothness, int repeat) {
     pose[h].shift = pose[h].shift + Double3{0, 0, 6.0};
   }
   std::vector<Double3> rest, smooth, posed;
-  std::vector<Rotation> turn;
+  std::vector<Rotation> rotation;
   const double at_rest = min_seconds(repeat, [&] { rest = rest_base(basis, s.position); }),
                by_basis = min_seconds(repeat, [&] { smooth = smooth_base(basis, s.position, pose); }),
-               by_turns = min_seconds(repeat, [&] { turn = pose_rotations(basis, pose); }),
-               by_details =
-                   min_seconds(repeat, [&] { posed = posed_base(basis, s.position, turn, rest, smooth); });
+               by_rotations = min_seconds(repeat, [&] { rotation = pose_rotations(basis, pose); }),
+               by_details = min_seconds(
+                   repeat, [&] { posed = posed_base(basis, s.position, rotation, rest, smooth); });
   std::printf(
       "sheet of %zu vertices, order %d: %zu unknowns, %zu solutions, prepared in %.3f s; rest %.2f ms; pose "
       "%.2f ms: "
       "smooth base %.2f, turns %.2f, details %.2f\n",
       s.position.size(), order, basis.active.size(), basis.width(), prepare, 1e3 * at_rest,
-      1e3 * (by_basis + by_turns + by_details), 1e3 * by_basis, 1e3 * by_turns, 1e3 * by_details);
+      1e3 * (by_basis + by_rotations + by_details), 1e3 * by_basis, 1e3 * by_rotations, 1e3 * by_details);
 }
 
 test::Surface tube(int around) {
@@ -82,8 +82,8 @@ test::Surface tube(int around) {
   const int along = static_cast<int>(1.6 * around);
   for (int i = 0; i <= along; ++i)
     for (int j = 0; j < around; ++j) {
-      const double turn = 2.0 * kPi * (j + 0.5 * (i % 2)) / around;
-      t.position.push_back({10.0 * i / along, std::cos(turn), std::sin(turn)});
+      const double rotation = 2.0 * kPi * (j + 0.5 * (i % 2)) / around;
+      t.position.push_back({10.0 * i / along, std::cos(rotation), std::sin(rotation)});
     }
   const auto at = [&](int i, int j) { return static_cast<std::uint32_t>(i * around + j % around); };
   for (int i = 0; i < along; ++i)
@@ -114,16 +114,17 @@ void bench_tube(int around, int repeat) {
   const std::vector<Placement> pose = {rotation({0, 0, 1}, 90.0).about({5, 0, 0})};
   const std::vector<Double3> rest = rest_base(basis, s.position),
                              smooth = smooth_base(basis, s.position, pose);
-  const std::vector<Rotation> turns = pose_rotations(basis, pose);
-  const std::vector<Double3> vectors = posed_base(basis, s.position, turns, rest, smooth);
-  std::vector<Rotation> turn(s.position.size(), Rotation{});
-  for (std::size_t k = 0; k < turns.size(); ++k) turn[static_cast<std::size_t>(basis.active[k])] = turns[k];
+  const std::vector<Rotation> pose_rotation = pose_rotations(basis, pose);
+  const std::vector<Double3> vectors = posed_base(basis, s.position, pose_rotation, rest, smooth);
+  std::vector<Rotation> rotation(s.position.size(), Rotation{});
+  for (std::size_t k = 0; k < pose_rotation.size(); ++k)
+    rotation[static_cast<std::size_t>(basis.active[k])] = pose_rotation[k];
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.role) free.push_back(role == kSupportVertex);
   const std::vector<LayerLevel> levels = layer_levels(s.position, s.faces, free);
   DisplacementVolumeReport volumes;
   const double seconds = min_seconds(std::max(1, repeat / 4), [&] {
-    displacement_volumes({{rest, s.position}, {smooth, vectors}, s.faces, free, turn, {}}, levels, {},
+    displacement_volumes({{rest, s.position}, {smooth, vectors}, s.faces, free, rotation, {}}, levels, {},
                          volumes);
   });
   std::printf(

@@ -68,14 +68,14 @@ void print_json(const JobStatus& status) {
                       {"bytes_read", stage.bytes_read},
                       {"bytes_written", stage.bytes_written},
                       {"task_seconds", stage.task_seconds}});
-  const json told = {{"command", status.command},
-                     {"output", json_text(status.output)},
-                     {"finished", false},
-                     {"stages", std::move(stages)},
-                     {"failures", status.failures},
-                     {"queued", status.queued},
-                     {"left_s", status.left_s ? json(*status.left_s) : json()}};
-  fmt::print("{}\n", dump_json(told, 1));
+  const json status_json = {{"command", status.command},
+                            {"output", json_text(status.output)},
+                            {"finished", false},
+                            {"stages", std::move(stages)},
+                            {"failures", status.failures},
+                            {"queued", status.queued},
+                            {"left_s", status.left_s ? json(*status.left_s) : json()}};
+  fmt::print("{}\n", dump_json(status_json, 1));
 }
 
 /// The report of a job whose work directory has gone because it is done; empty if there is none.

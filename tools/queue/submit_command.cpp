@@ -75,9 +75,9 @@ std::size_t complete_stages(const JobState& state, const JobDescription& job) {
 /// \param planned  work directory with a plan, or empty
 std::vector<StageEstimate> estimate(const JobState& state, const JobDescription& job, std::size_t first,
                                     const fs::path& planned) {
-  std::map<std::string, StageForecast> told;
+  std::map<std::string, StageForecast> forecasts;
   if (!planned.empty())
-    for (const StageForecast& f : Forecast::of_work(planned).stages) told[f.stage] = f;
+    for (const StageForecast& f : Forecast::of_work(planned).stages) forecasts[f.stage] = f;
   double bytes = 0.0;
   for (const fs::path& input : state.inputs) bytes += static_cast<double>(fs::file_size(input));
   const double whole = job_rates().at(job.command) * bytes / kGigabyte / state.run.threads;
@@ -85,7 +85,7 @@ std::vector<StageEstimate> estimate(const JobState& state, const JobDescription&
   for (std::size_t s = first; s < job.stages.size(); ++s) {
     StageEstimate stage;
     stage.stage = job.stages[s].name;
-    if (const auto at = told.find(stage.stage); at != told.end()) {
+    if (const auto at = forecasts.find(stage.stage); at != forecasts.end()) {
       const StageForecast& f = at->second;
       stage.tasks = f.tasks, stage.task_bytes = f.task_bytes, stage.finish_bytes = f.finish_bytes;
       stage.seconds = f.seconds * (1.0 + kEndShare);

@@ -128,8 +128,8 @@ class ScanParser {
   }
   static void characters(void* self, const char* text, int bytes) {
     guarded(self, [&](ScanParser& p) {
-      const std::size_t room = kLongestText - p.text_.size();
-      p.text_.append(text, std::min(room, static_cast<std::size_t>(bytes)));
+      const std::size_t left = kLongestText - p.text_.size();
+      p.text_.append(text, std::min(left, static_cast<std::size_t>(bytes)));
     });
   }
   static void doctype(void* self, const char*, const char*, const char*, int) {

@@ -366,15 +366,15 @@ class PlyMeshReader : public MeshReader {
     };
     for (std::uint64_t i = 0; i < faces.count;) {
       const std::string_view bytes = window.peek(kBytes);
-      const std::uint64_t room = std::min<std::uint64_t>(bytes.size() / kBytes, faces.count - i);
+      const std::uint64_t capacity = std::min<std::uint64_t>(bytes.size() / kBytes, faces.count - i);
       std::uint64_t k = 0;
-      for (; k < room && bytes[k * kBytes] == 3; ++k) {
+      for (; k < capacity && bytes[k * kBytes] == 3; ++k) {
         const char* p = bytes.data() + k * kBytes + 1;
         batch.triangle(index(p), index(p + 4), index(p + 8));
       }
       window.skip(k * kBytes);
       i += k;
-      if (k < room || room == 0) return i;
+      if (k < capacity || capacity == 0) return i;
     }
     return faces.count;
   }

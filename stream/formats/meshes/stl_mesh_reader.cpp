@@ -87,8 +87,8 @@ class StlMeshReader : public MeshReader {
                           std::to_string(facets) + ": those are read");
       return facets;
     };
-    const std::uint64_t room = size < kHeaderSize ? 0 : size - kHeaderSize;
-    const std::uint64_t fit = room / kFacetSize, over = room % kFacetSize;
+    const std::uint64_t capacity = size < kHeaderSize ? 0 : size - kHeaderSize;
+    const std::uint64_t fit = capacity / kFacetSize, over = capacity % kFacetSize;
     constexpr std::uint64_t kNoCount = kHeaderSize - sizeof(std::uint32_t);
     if (size >= kHeaderSize && over != 0 && count != fit && (size - kNoCount) % kFacetSize == 0 &&
         count != (size - kNoCount) / kFacetSize && all_plausible(kNoCount, (size - kNoCount) / kFacetSize)) {
@@ -106,7 +106,7 @@ class StlMeshReader : public MeshReader {
     const std::uint64_t more = fit - count;
     if (more > 0 && all_plausible(kHeaderSize + count * kFacetSize, more)) return says(fit);
     if (more > 0 || over > 0)
-      warnings_.push_back(std::to_string(room - count * kFacetSize) +
+      warnings_.push_back(std::to_string(capacity - count * kFacetSize) +
                           " bytes behind the last facet are left out");
     return count;
   }

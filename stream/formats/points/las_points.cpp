@@ -50,7 +50,7 @@ class LasPoints final : public PointFile {
                       std::max(ByteWindow::kDefaultCapacity, stride), options_.release_cache);
     for (std::uint64_t left = end - begin; left > 0;) {
       const char* records = window.peek(stride).data();
-      const std::size_t n = std::min(window.peek(stride).size() / stride, out.room());
+      const std::size_t n = std::min(window.peek(stride).size() / stride, out.remaining());
       header_.append(records, n, out, counts);
       window.skip(n * stride);
       left -= n;

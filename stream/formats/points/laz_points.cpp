@@ -162,8 +162,9 @@ class LazPoints final : public PointFile {
     const std::size_t maximum = std::max<std::size_t>(1, kBatchBytes / header_.layout.stride);
     std::vector<char> records(maximum * header_.layout.stride);
     while (left > 0) {
-      const std::size_t n = stream.read(
-          records.data(), static_cast<std::size_t>(std::min<std::uint64_t>({maximum, left, out.room()})));
+      const std::size_t n =
+          stream.read(records.data(),
+                      static_cast<std::size_t>(std::min<std::uint64_t>({maximum, left, out.remaining()})));
       if (n == 0) break;
       if (!cubes_.empty()) require_in_cube(file, records.data(), n, stream.chunk());
       header_.append(records.data(), n, out, counts);

@@ -419,7 +419,7 @@ class PcdPoints final : public PointFile {
                       options_.release_cache);
     for (std::uint64_t left = end - begin; left > 0;) {
       const std::string_view bytes = window.peek(layout_.stride);
-      const std::size_t n = std::min(bytes.size() / layout_.stride, out.room());
+      const std::size_t n = std::min(bytes.size() / layout_.stride, out.remaining());
       append_records(layout_, bytes.data(), n, out.chunk());
       append_sensors(out.chunk());
       window.skip(n * layout_.stride);
@@ -437,7 +437,7 @@ class PcdPoints final : public PointFile {
     file.read_at(header_.data_begin, sizes, sizeof sizes);
     const std::uint64_t packed = load_scalar<std::uint32_t>(sizes);
     const std::uint64_t unpacked = load_scalar<std::uint32_t>(sizes + 4);
-    LzfPlace at;
+    LzfPosition at;
     at.packed = header_.data_begin + sizeof sizes;
     packed_end_ = at.packed + std::min(packed, file.size() - at.packed);
     std::uint64_t records = unpacked / header_.stride;
@@ -472,12 +472,12 @@ class PcdPoints final : public PointFile {
     const std::size_t block = std::max<std::size_t>(1, kBlockBytes / layout_.stride);
     std::vector<LzfReader> readers;
     readers.reserve(starts_.size());
-    for (const LzfPlace& start : starts_)
+    for (const LzfPosition& start : starts_)
       readers.emplace_back(file, start, packed_end_, options_.release_cache);
     std::vector<char> column;
     std::vector<char> records;
     for (std::uint64_t left = count_.usable; left > 0;) {
-      const auto n = static_cast<std::size_t>(std::min<std::uint64_t>({block, out.room(), left}));
+      const auto n = static_cast<std::size_t>(std::min<std::uint64_t>({block, out.remaining(), left}));
       records.resize(n * layout_.stride);
       for (std::size_t i = 0; i < used_.size(); ++i) {
         const auto bytes = static_cast<std::size_t>(used_[i]->bytes());
@@ -508,7 +508,7 @@ class PcdPoints final : public PointFile {
   std::vector<int> slots_;             ///< ascii: per value of a line
   RecordCount count_;                  ///< binary and compressed
   std::uint64_t packed_end_ = 0;       ///< compressed: file offset behind the block
-  std::vector<LzfPlace> starts_;       ///< compressed: where the fields of used_ start
+  std::vector<LzfPosition> starts_;    ///< compressed: where the fields of used_ start
 };
 
 }  // namespace

@@ -220,7 +220,7 @@ class PlyPoints final : public PointFile {
                       std::max(ByteWindow::kDefaultCapacity, layout_.stride), options_.release_cache);
     for (std::uint64_t left = end - begin; left > 0;) {
       const std::string_view bytes = window.peek(layout_.stride);
-      const std::size_t n = std::min(bytes.size() / layout_.stride, out.room());
+      const std::size_t n = std::min(bytes.size() / layout_.stride, out.remaining());
       append_records(layout_, bytes.data(), n, out.chunk());
       if (has_[kIntensity] && options_.intensities)
         for (std::size_t i = 0; i < n; ++i)

@@ -68,7 +68,7 @@ class ChunkSink {
       : limit_(chunk_points > 0 ? chunk_points : 1), sink_(sink) {}
   PointChunk& chunk() { return chunk_; }
   /// Points that the chunk still takes, at least one.
-  std::size_t room() const { return limit_ - chunk_.size(); }
+  std::size_t remaining() const { return limit_ - chunk_.size(); }
   /// After points were appended: hands on a full chunk.
   void added() {
     if (chunk_.size() >= limit_) flush();

@@ -158,7 +158,7 @@ std::string left_out_sentence(const PointFileInfo& info);
 struct InputList {
   std::vector<std::filesystem::path> files;
   std::vector<std::string>
-      told;  ///< a sentence for every folder and deep glob: how many files of which kinds
+      notes;  ///< a sentence for every folder and deep glob: how many files of which kinds
 };
 
 /// Expands files, folders, globs and @list files to a list of paths without repeats, in the order given; the order never

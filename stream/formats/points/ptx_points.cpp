@@ -255,8 +255,8 @@ class PtxPoints final : public PointFile {
     info_.attributes.colour = info_.attributes.colour || scan.colour;
     info_.attributes.normals = info_.attributes.normals || scan.rows > 0;
     info_.attributes.grid_normals = info_.attributes.normals;
-    const std::uint64_t room = ~std::uint64_t{0} - info_.declared_points;
-    info_.declared_points += std::min(room, scan.declared);
+    const std::uint64_t remaining = ~std::uint64_t{0} - info_.declared_points;
+    info_.declared_points += std::min(remaining, scan.declared);
     const std::string name = "scan " + std::to_string(index + 1);
     if (scan.lines != scan.declared) {
       info_.warnings.push_back(name + ": the header declares " + std::to_string(scan.declared) +

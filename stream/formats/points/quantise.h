@@ -21,12 +21,12 @@ enum class PointClass : std::uint8_t { kGood, kNonFinite, kTooFar };
 /// Scratch of one reader: absolute quanta (origin 0) of a chunk, whole numbers in doubles.
 struct ChunkQuanta {
   std::vector<double> x, y, z;
-  std::vector<PointClass> fate;
+  std::vector<PointClass> disposition;
 
   void compute(const PointChunk& chunk, double h) {
     const std::size_t n = chunk.size();
     for (auto* v : {&x, &y, &z}) v->resize(n);
-    fate.resize(n);
+    disposition.resize(n);
     quanta(chunk.x.data(), n, h, x.data());
     quanta(chunk.y.data(), n, h, y.data());
     quanta(chunk.z.data(), n, h, z.data());
@@ -38,7 +38,7 @@ struct ChunkQuanta {
       // order.
       const bool bad = !(sum - sum == 0.0) &&
                        !(std::isfinite(chunk.x[i]) && std::isfinite(chunk.y[i]) && std::isfinite(chunk.z[i]));
-      fate[i] = bad ? PointClass::kNonFinite : far ? PointClass::kTooFar : PointClass::kGood;
+      disposition[i] = bad ? PointClass::kNonFinite : far ? PointClass::kTooFar : PointClass::kGood;
     }
   }
 

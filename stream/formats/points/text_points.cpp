@@ -47,7 +47,7 @@ std::size_t count_numbers(std::string_view line) {
 }
 
 /// What the rows that were looked at hold, column by column, to tell columns without names.
-class RowFacts {
+class RowStats {
  public:
   void add(std::string_view line) {
     std::array<double, kMaxColumns> v{};
@@ -341,7 +341,7 @@ class TextPoints final : public PointFile {
   }
 
   TextColumns guess(std::size_t count) const {
-    RowFacts rows;
+    RowStats rows;
     for_sampled_lines([&](std::string_view line) { rows.add(line); });
     std::vector<TextColumn> columns(count, TextColumn::kOther);
     const auto name = [&](std::size_t at, TextColumn first, std::size_t n) {

@@ -115,12 +115,12 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
                         if (round > last_round(state.work)) return make_idle_stage(request.name);
                         CertifyRequest now = request;
                         now.tolerance = stores.options(state, options).tolerance;
-                        now.placement = stores.placement(state, stores.asked(state, options).tolerance);
+                        now.placement = stores.placement(state, stores.requested(state, options).tolerance);
                         return make_certify_stage(state, now);
                       }});
   }
   stages.push_back({"write", [=](const JobState& state) {
-                      const double tolerance = stores.asked(state, options).tolerance;
+                      const double tolerance = stores.requested(state, options).tolerance;
                       return make_store_write_stage(
                           state,
                           open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
@@ -138,7 +138,7 @@ JobDescription decimate_job(const SimplifyOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, kDecimateImport});
   for (StageEntry& entry : simplify_stages(options, imported_stores(kDecimateImport), "tessera decimate"))
     stages.push_back(std::move(entry));
-  JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_crs(), told_origin()},
+  JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_crs(), known_origin()},
                         job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));

@@ -51,7 +51,7 @@ class PassBlocks {
 
   MeshStore in_, reference_;
   std::vector<MeshBlockCut> blocks_;
-  FailedPlaces failed_;
+  FailedRegions failed_;
   double careful_ = 1.0;
   std::optional<RoundBefore> before_;
   std::vector<std::size_t> first_;  ///< block index per task, one more at the end

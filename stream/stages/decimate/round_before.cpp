@@ -21,7 +21,7 @@ RoundBefore::RoundBefore(MeshStore in, MeshStore out, std::vector<MeshBlockCut> 
 }
 
 const MeshBlockCut* RoundBefore::same(const MeshStore& now, const MeshBlockCut& cut,
-                                      const FailedPlaces& failed) const {
+                                      const FailedRegions& failed) const {
   const auto at = by_cube_.find(cube(cut));
   if (at == by_cube_.end()) return nullptr;
   const MeshBlockCut& old = blocks_[at->second];

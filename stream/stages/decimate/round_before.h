@@ -18,7 +18,7 @@ class RoundBefore {
   RoundBefore(MeshStore in, MeshStore out, std::vector<MeshBlockCut> blocks);
 
   /// The block of that round that `cut` of the store `now` repeats; null where it differs or `failed` touches it.
-  const MeshBlockCut* same(const MeshStore& now, const MeshBlockCut& cut, const FailedPlaces& failed) const;
+  const MeshBlockCut* same(const MeshStore& now, const MeshBlockCut& cut, const FailedRegions& failed) const;
   /// What the round before left of a block of its own. Returns the number of faces.
   std::uint64_t copy(const MeshBlockCut& cut, MeshFileWriter& writer) const;
   /// The same in one piece.

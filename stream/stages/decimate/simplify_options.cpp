@@ -89,7 +89,7 @@ DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
   o.float_positions = float_positions;
   o.sweep = target_faces == 0;
   o.feature_angle_deg = feature_angle_deg;
-  o.max_normal_turn_deg = max_normal_deviation_deg;
+  o.max_normal_deviation_deg = max_normal_deviation_deg;
   o.min_mean_ratio = min_mean_ratio;
   o.colour_weight = colour_weight;
   return o;

@@ -54,13 +54,13 @@ struct SimplifyStores {
   std::function<MeshPlacement(const JobState&)> placed = {};
 
   /// With the tolerance as it was asked for, or found.
-  SimplifyOptions asked(const JobState& state, SimplifyOptions chosen) const {
+  SimplifyOptions requested(const JobState& state, SimplifyOptions chosen) const {
     if (tolerance_left) chosen.tolerance = tolerance_left(state);
     return chosen;
   }
   /// With what rounding in the output leaves of it: for passes and certificate.
   SimplifyOptions options(const JobState& state, SimplifyOptions chosen) const {
-    chosen = asked(state, chosen);
+    chosen = requested(state, chosen);
     if (!placed && chosen.tolerance > 0.0)
       chosen.tolerance =
           tolerance_before_rounding(state.output, chosen.tolerance, placement(state, chosen.tolerance));

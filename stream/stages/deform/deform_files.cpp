@@ -16,7 +16,7 @@ enum Key : std::uint64_t {
   kColumns,
   kTargets,
   kAbout,
-  kTurns,
+  kRotations,
   kLevels = 100,   ///< kLevelParts of each level
   kBatches = 1000  ///< two of each batch
 };
@@ -58,7 +58,7 @@ BasisWriter::BasisWriter(const std::filesystem::path& path, const DeformBasis& b
   put(kRadii, bytes_of(basis.edit.radius));
   put(kColumns, bytes_of(basis.edit.columns));
   put(kTargets, bytes_of(basis.edit.target));
-  put(kTurns, bytes_of(basis.edit.rotation_columns));
+  put(kRotations, bytes_of(basis.edit.rotation_columns));
   for (std::uint64_t k = 0; k < basis.levels.size(); ++k) {
     const LayerLevel& l = basis.levels[k];
     const std::uint64_t from = kLevels + k * kLevelParts;
@@ -114,7 +114,7 @@ DeformBasis BasisReader::load() const {
   out.edit.radius = part<double>(kRadii);
   out.edit.columns = part<double>(kColumns);
   out.edit.target = part<Double3>(kTargets);
-  out.edit.rotation_columns = part<float>(kTurns);
+  out.edit.rotation_columns = part<float>(kRotations);
   for (std::uint64_t from = kLevels; sections_.count(from) != 0; from += kLevelParts)
     out.levels.push_back(
         {{part<Double3>(from + kSurface), part<std::array<std::uint32_t, 3>>(from + kCoarseFaces),

@@ -43,9 +43,10 @@ std::uint64_t base_room(std::uint64_t faces, std::uint64_t base_vertices) {
 std::uint64_t base_stage_bytes(bool own, std::uint64_t faces, std::uint64_t block,
                                std::uint64_t base_vertices) {
   if (own) return 2 * block + kSlackBytes;
-  const std::uint64_t room = base_room(faces, base_vertices);
+  const std::uint64_t base_bytes = base_room(faces, base_vertices);
   return 3 * block +
-         std::max(remesh_bytes(room, faces), smooth_bytes(room / 2, room, base_low_pass().front())) +
+         std::max(remesh_bytes(base_bytes, faces),
+                  smooth_bytes(base_bytes / 2, base_bytes, base_low_pass().front())) +
          kSlackBytes;
 }
 

@@ -186,13 +186,13 @@ class DeformWriteStage : public SerialStage {
           tangents += b.displaced.rest.size();
           writer->vertices(b.position, b.rgba);
         });
-    std::vector<MeshFace> turned;
+    std::vector<MeshFace> reversed;
     mesh.read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
       context.check_stop();
       if (mirrored && !colours) {
-        turned.assign(faces.begin(), faces.end());
-        for (MeshFace& f : turned) std::swap(f[1], f[2]);
-        faces = turned;
+        reversed.assign(faces.begin(), faces.end());
+        for (MeshFace& f : reversed) std::swap(f[1], f[2]);
+        faces = reversed;
       }
       writer->faces(faces, synthetic);
     });
@@ -211,7 +211,7 @@ class DeformWriteStage : public SerialStage {
     if (!colours) {
       out["largest_move"] = std::sqrt(largest) + writer->rounding().largest;
       if (mirrored) out["mirrored"] = true;
-      out.update(parse_json(pose.told));
+      out.update(parse_json(pose.summary));
       json warnings = out.value("warnings", json::array());
       if (pose.flipped * kManyFlips > basis.base.faces.size())
         warnings.push_back(std::to_string(pose.flipped) + " of the " +

@@ -77,28 +77,28 @@ bool take_out_mirror(const DeformBasis& basis, std::vector<Placement>& pose) {
 PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                     const std::function<void()>& check_stop) {
   const json about = parse_json(basis.about);
-  json told;
+  json summary;
   const std::vector<Double3>& at = basis.base.position;
   const std::vector<Face>& faces = basis.base.faces;
   const std::vector<Double3> rest = rest_base(basis.edit, at);
   const auto start = Clock::now();
   const std::vector<Double3> posed = smooth_base(basis.edit, at, pose);
   const double basis_s = since(start);
-  const std::vector<Rotation> turns = pose_rotations(basis.edit, pose);
-  const double turns_s = since(start) - basis_s;
+  const std::vector<Rotation> pose_rotation = pose_rotations(basis.edit, pose);
+  const double rotations_s = since(start) - basis_s;
   PosedBase out;
-  out.position = posed_base(basis.edit, at, turns, rest, posed);
+  out.position = posed_base(basis.edit, at, pose_rotation, rest, posed);
   const double pose_s = since(start);
   check_stop();
-  std::vector<Rotation> turn(at.size(), Rotation{});
-  for (std::size_t k = 0; k < turns.size(); ++k)
-    turn[static_cast<std::size_t>(basis.edit.active[k])] = turns[k];
+  std::vector<Rotation> rotation(at.size(), Rotation{});
+  for (std::size_t k = 0; k < pose_rotation.size(); ++k)
+    rotation[static_cast<std::size_t>(basis.edit.active[k])] = pose_rotation[k];
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
-  const TurningBase turning{at, faces, free, turn};
-  const UprightReport turned = set_upright(turning, out.position);
-  told["base_flipped_by_turns"] = turned.before;
-  out.flipped = turned.left;
+  const FlipBase folded{at, faces, free, rotation};
+  const UnflipReport flip_report = unflip(folded, out.position);
+  summary["base_flipped_by_turns"] = flip_report.before;
+  out.flipped = flip_report.left;
   if (out.flipped > 0) {
     // Details that only move along: where nothing says how they turn, as on what has shrunk to a line.
     std::vector<Double3> moved = posed;
@@ -106,12 +106,12 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
       const auto v = static_cast<std::size_t>(active);
       moved[v] = posed[v] + (at[v] - rest[v]);
     }
-    const std::size_t without = turned_over(turning, moved).size();
+    const std::size_t without = flipped_faces(folded, moved).size();
     if (2 * without < out.flipped) {
       out.position = std::move(moved);
       out.flipped = without;
     } else {
-      out.flipped = yield_to(turning, moved, out.flipped, out.position);
+      out.flipped = yield_to(folded, moved, out.flipped, out.position);
     }
   }
   check_stop();
@@ -126,20 +126,20 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     }
     DisplacementVolumeReport report;
     const std::vector<Double3> vectors = std::move(out.position);
-    out.position = displacement_volumes({{rest, at}, {posed, vectors}, faces, free, turn, widening},
+    out.position = displacement_volumes({{rest, at}, {posed, vectors}, faces, free, rotation, widening},
                                         basis.levels, {}, report);
-    told["details"] = {{"prisms", report.prisms},
-                       {"levels", report.levels},
-                       {"volumes_off_before", report.off_before},
-                       {"volumes_off", report.off_after},
-                       {"seconds", since(begun)}};
+    summary["details"] = {{"prisms", report.prisms},
+                          {"levels", report.levels},
+                          {"volumes_off_before", report.off_before},
+                          {"volumes_off", report.off_after},
+                          {"seconds", since(begun)}};
     check_stop();
-    std::size_t flipped = set_upright(turning, out.position).left;
-    if (flipped > out.flipped) flipped = yield_to(turning, vectors, flipped, out.position);
+    std::size_t flipped = unflip(folded, out.position).left;
+    if (flipped > out.flipped) flipped = yield_to(folded, vectors, flipped, out.position);
     // Thin layers over jagged bases may come out worse than vectors leave them.
     SelfIntersections by_vectors = self_intersections(vectors, faces, watched),
                       by_volumes = self_intersections(out.position, faces, watched);
-    json& details = told["details"];
+    json& details = summary["details"];
     details["crossing_faces_of_vectors"] = by_vectors.faces.size();
     details["crossing_faces_of_volumes"] = by_volumes.faces.size();
     const bool worse = by_volumes.faces.size() > by_vectors.faces.size();
@@ -153,21 +153,21 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   }
   if (!crossing) crossing = self_intersections(out.position, faces, watched);
   check_stop();
-  told.update(json{{"base_flipped_faces", out.flipped},
-                   {"base_crossing_faces_before", about.at("crossing_faces").get<std::uint64_t>()},
-                   {"base_crossing_faces", crossing->faces.size()},
-                   {"base_crossing_local", crossing->local},
-                   {"base_volume", enclosed_volume(out.position, faces)},
-                   {"base_volume_before", enclosed_volume(at, faces)},
-                   {"pose_basis_s", basis_s},
-                   {"pose_turns_s", turns_s},
-                   {"pose_base_s", pose_s}});
-  out.told = dump_json(told);
+  summary.update(json{{"base_flipped_faces", out.flipped},
+                      {"base_crossing_faces_before", about.at("crossing_faces").get<std::uint64_t>()},
+                      {"base_crossing_faces", crossing->faces.size()},
+                      {"base_crossing_local", crossing->local},
+                      {"base_volume", enclosed_volume(out.position, faces)},
+                      {"base_volume_before", enclosed_volume(at, faces)},
+                      {"pose_basis_s", basis_s},
+                      {"pose_turns_s", rotations_s},
+                      {"pose_base_s", pose_s}});
+  out.summary = dump_json(summary);
   return out;
 }
 
 std::uint64_t pose_base_bytes(std::uint64_t vertices, std::uint64_t faces, bool volumes) {
-  return vertices * 600 + upright_bytes(vertices, faces) +
+  return vertices * 600 + unflip_bytes(vertices, faces) +
          std::max(self_intersections_bytes(faces) + 48 * faces,
                   volumes ? displacement_volume_bytes(faces) : 0);
 }

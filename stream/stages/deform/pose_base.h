@@ -15,7 +15,7 @@ namespace tessera {
 struct PosedBase {
   std::vector<Double3> position;
   std::size_t flipped = 0;  ///< faces that turn over against how the smooth base turns
-  std::string told;         ///< JSON: volumes, faces that turn over and that cross others, for the report
+  std::string summary;      ///< JSON: volumes, faces that turn over and that cross others, for the report
 };
 
 /// 1 for faces of the base with a vertex of the support: those that a pose may turn over or push through others.

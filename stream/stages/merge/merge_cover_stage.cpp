@@ -18,9 +18,9 @@ using json = nlohmann::json;
 
 constexpr std::size_t kPage = 1u << 15;
 constexpr double kMarginEdges = 8.0;  ///< of the mesh: what a face must see to know its cut
-constexpr int kRimRings = 4;          ///< faces around a cut that "zip" may take away
+constexpr int kBoundaryRings = 4;     ///< faces around a cut that "zip" may take away
 
-enum class Fate : std::uint8_t { kStays, kBand, kCovered };
+enum class Disposition : std::uint8_t { kStays, kBand, kCovered };
 
 std::string leaves_part(std::size_t task) {
   return "leaves/" + task_file_stem(task) + ".key";
@@ -53,7 +53,7 @@ class CoverStage : public MergeFacesStage {
     const MeshStore& store = meshes_.store(t.rank);
     const std::string file = task_file_stem(task) + ".tmm";
     MeshFileWriter kept(context.create("kept/" + file), meshes_.plan().info);
-    MeshFileWriter rims(context.create("rims/" + file), meshes_.plan().info);
+    MeshFileWriter boundaries(context.create("rims/" + file), meshes_.plan().info);
     DirectFile leaves(context.create(leaves_part(task)));
     std::uint64_t stay = 0, band = 0, covered = 0;
     for (std::size_t p = t.first; p < t.end; ++p) {
@@ -69,14 +69,16 @@ class CoverStage : public MergeFacesStage {
         continue;
       }
       const MeshHaloBlock near = store.load_near({&p, 1}, halo(t.rank));
-      const std::vector<Fate> fate = judge(t.rank, near.block, context);
-      std::vector<std::uint8_t> stays(fate.size(), 0);
+      const std::vector<Disposition> disposition = judge(t.rank, near.block, context);
+      std::vector<std::uint8_t> stays(disposition.size(), 0);
       std::vector<std::uint64_t> keys;
-      for (std::size_t f = 0; f < fate.size(); ++f) {
+      for (std::size_t f = 0; f < disposition.size(); ++f) {
         if (!near.core[f]) continue;
-        stays[f] = fate[f] == Fate::kStays;
-        (fate[f] == Fate::kStays ? stay : fate[f] == Fate::kBand ? band : covered) += 1;
-        if (fate[f] == Fate::kBand) add_leaves(near.block, near.block.faces[f], keys);
+        stays[f] = disposition[f] == Disposition::kStays;
+        (disposition[f] == Disposition::kStays  ? stay
+         : disposition[f] == Disposition::kBand ? band
+                                                : covered) += 1;
+        if (disposition[f] == Disposition::kBand) add_leaves(near.block, near.block.faces[f], keys);
       }
       std::sort(keys.begin(), keys.end());
       keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
@@ -84,11 +86,11 @@ class CoverStage : public MergeFacesStage {
       MeshBlock rest = select_faces(near.block, stays);
       dress(t.rank, rest);
       kept.add(brick, rest);
-      MeshBlock rim = select_rim(near, fate);
-      dress(t.rank, rim);
-      rims.add(brick, rim);
+      MeshBlock boundary = select_boundary(near, disposition);
+      dress(t.rank, boundary);
+      boundaries.add(brick, boundary);
     }
-    context.count_written(kept.finish() + rims.finish() + leaves.finish());
+    context.count_written(kept.finish() + boundaries.finish() + leaves.finish());
     return {{"rank", t.rank}, {"stay", stay}, {"band", band}, {"covered", covered}};
   }
 
@@ -146,7 +148,7 @@ class CoverStage : public MergeFacesStage {
     if (meshes_.plan().info.colour && block.rgba.empty()) block.rgba.assign(block.key.size(), 0);
   }
 
-  std::vector<Fate> judge(std::size_t rank, const MeshBlock& block, TaskContext& context) const {
+  std::vector<Disposition> judge(std::size_t rank, const MeshBlock& block, TaskContext& context) const {
     MeshBox box{block.position[0], block.position[0]};
     for (const Double3& p : block.position)
       for (std::size_t a = 0; a < 3; ++a)
@@ -161,14 +163,16 @@ class CoverStage : public MergeFacesStage {
       owner[v] = blend.owner(block.position[v] - plan.origin, static_cast<int>(rank),
                              unit_or_zero(own.vertex_normal(static_cast<std::uint32_t>(v))));
     }
-    std::vector<Fate> fate;
-    fate.reserve(block.faces.size());
+    std::vector<Disposition> disposition;
+    disposition.reserve(block.faces.size());
     for (const auto& f : block.faces) {
       const int o = owner[f[0]];
       const bool one = o != MergeBlend::kMixed && owner[f[1]] == o && owner[f[2]] == o;
-      fate.push_back(!one ? Fate::kBand : o == static_cast<int>(rank) ? Fate::kStays : Fate::kCovered);
+      disposition.push_back(!one                          ? Disposition::kBand
+                            : o == static_cast<int>(rank) ? Disposition::kStays
+                                                          : Disposition::kCovered);
     }
-    return fate;
+    return disposition;
   }
 
   void add_leaves(const MeshBlock& block, const std::array<std::uint32_t, 3>& f,
@@ -199,14 +203,14 @@ class CoverStage : public MergeFacesStage {
   }
 
   /// Faces of the core that stay, within some rings of a cut; edges at a cut are marked as creases.
-  static MeshBlock select_rim(const MeshHaloBlock& near, const std::vector<Fate>& fate) {
+  static MeshBlock select_boundary(const MeshHaloBlock& near, const std::vector<Disposition>& disposition) {
     MeshBlock block = near.block;
     struct Side {
       std::uint32_t low, high, face, edge;
     };
     std::vector<Side> sides;
-    sides.reserve(3 * fate.size());
-    for (std::uint32_t f = 0; f < fate.size(); ++f)
+    sides.reserve(3 * disposition.size());
+    for (std::uint32_t f = 0; f < disposition.size(); ++f)
       for (std::uint32_t k = 0; k < 3; ++k) {
         const auto [low, high] = std::minmax(block.faces[f][k], block.faces[f][(k + 1) % 3]);
         sides.push_back({low, high, f, k});
@@ -214,7 +218,7 @@ class CoverStage : public MergeFacesStage {
     std::sort(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
       return l.low != r.low ? l.low < r.low : l.high != r.high ? l.high < r.high : l.face < r.face;
     });
-    constexpr int kFar = kRimRings + 1;
+    constexpr int kFar = kBoundaryRings + 1;
     std::vector<int> ring(block.position.size(), kFar);
     for (std::uint8_t& flags : block.face_flags)
       flags =
@@ -222,24 +226,25 @@ class CoverStage : public MergeFacesStage {
     for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
       const Side &a = sides[i], &b = sides[i + 1];
       if (a.low != b.low || a.high != b.high) continue;
-      if ((fate[a.face] == Fate::kStays) == (fate[b.face] == Fate::kStays)) continue;
-      const Side& stays = fate[a.face] == Fate::kStays ? a : b;
+      if ((disposition[a.face] == Disposition::kStays) == (disposition[b.face] == Disposition::kStays))
+        continue;
+      const Side& stays = disposition[a.face] == Disposition::kStays ? a : b;
       std::uint8_t& flags = block.face_flags[stays.face];
       flags = static_cast<std::uint8_t>(flags | kFaceCrease01 << stays.edge);
       ring[a.low] = ring[a.high] = 0;
     }
-    for (int r = 1; r <= kRimRings; ++r)
-      for (std::size_t f = 0; f < fate.size(); ++f) {
-        if (fate[f] != Fate::kStays) continue;
+    for (int r = 1; r <= kBoundaryRings; ++r)
+      for (std::size_t f = 0; f < disposition.size(); ++f) {
+        if (disposition[f] != Disposition::kStays) continue;
         bool next = false;
         for (const std::uint32_t v : block.faces[f]) next = next || ring[v] == r - 1;
         for (const std::uint32_t v : block.faces[f])
           if (next && ring[v] == kFar) ring[v] = r;
       }
-    std::vector<std::uint8_t> keep(fate.size(), 0);
-    for (std::size_t f = 0; f < fate.size(); ++f) {
-      if (!near.core[f] || fate[f] != Fate::kStays) continue;
-      for (const std::uint32_t v : block.faces[f]) keep[f] = keep[f] || ring[v] < kRimRings;
+    std::vector<std::uint8_t> keep(disposition.size(), 0);
+    for (std::size_t f = 0; f < disposition.size(); ++f) {
+      if (!near.core[f] || disposition[f] != Disposition::kStays) continue;
+      for (const std::uint32_t v : block.faces[f]) keep[f] = keep[f] || ring[v] < kBoundaryRings;
     }
     return select_faces(block, keep);
   }

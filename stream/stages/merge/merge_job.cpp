@@ -92,7 +92,7 @@ JobDescription merge_job(const MergeOptions& options) {
                       return make_store_write_stage(s, open_merged_mesh(s.work), "made by tessera merge",
                                                     sort_bytes(s.run));
                     }});
-  JobDescription job{"merge", std::move(stages), 0, summarise, {carried_crs(), told_origin()}, job_page()};
+  JobDescription job{"merge", std::move(stages), 0, summarise, {carried_crs(), known_origin()}, job_page()};
   job.needs = [meshes = options.meshes](const JobState& state) {
     return import_needs(state, meshes, merge_import);
   };

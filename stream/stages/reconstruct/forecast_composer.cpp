@@ -67,7 +67,7 @@ class Composer {
         store_bytes_(times(points_, kStoreBytes)),
         overlay_bytes_(mode_.needed() ? times(points_, kOverlayBytes) : 0) {
     FieldOptions field = field_options(plan, options_.feature_angle_deg);
-    closes_ = field.firm_rim = HolesMode(options_.holes).close;
+    closes_ = field.firm_boundary = HolesMode(options_.holes).close;
     halo_ = field_halo_cells(field);
     groups_ = make_tile_groups(bricks_, surface_tiling(job, field));
     patches_ = plan_patches(bricks_, groups_, plan.faces_estimate);
@@ -157,13 +157,16 @@ class Composer {
 
   /// \returns what it leaves on disk
   std::uint64_t close() {
-    const std::uint64_t multipoles = times(faces_, kMultipoleBytes), rims = times(faces_, kRimsBytes);
+    const std::uint64_t multipoles = times(faces_, kMultipoleBytes),
+                        boundaries = times(faces_, kBoundariesBytes);
     const auto read = static_cast<double>(store_bytes_ + overlay_bytes_);
     add("multipole", plan_.buckets.size(), known(multipole_task_bytes(largest_brick_), 0), multipoles,
         plan_.buckets.size(), points_ * kMultipoleTime, read);
     std::uint64_t maximum = 0;
-    for_each_tile([&](const Tile& t) { maximum = std::max(maximum, rims_tile_bytes(bricks_, t, halo_)); });
-    add("rims", groups_.size(), known(maximum, 0), rims, groups_.size(), faces_ * kRimsTime, read);
+    for_each_tile(
+        [&](const Tile& t) { maximum = std::max(maximum, boundaries_tile_bytes(bricks_, t, halo_)); });
+    add("rims", groups_.size(), known(maximum, 0), boundaries, groups_.size(), faces_ * kBoundariesTime,
+        read);
     // What a brick's neighbours lend depends on where in them the points lie: about a quarter.
     std::uint64_t bytes = 0;
     for (const BrickEntry& b : bricks_) {
@@ -180,7 +183,7 @@ class Composer {
       bytes = std::max(bytes, close_bytes(run_, counts));
     }
     add("close", 0, {0, bytes, close_bytes(run_, {})}, 0, 1, 0.0, 0.0);
-    return multipoles + rims;
+    return multipoles + boundaries;
   }
 
   void level_surface(std::uint64_t patches) {

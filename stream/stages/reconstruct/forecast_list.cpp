@@ -16,17 +16,17 @@ void ForecastList::add(std::string stage, std::uint64_t tasks, const ForecastMem
 }
 
 std::vector<StageForecast> ForecastList::in_order_of_the_run(const ReconstructOptions& options) const {
-  std::vector<StageForecast> told;
+  std::vector<StageForecast> forecasts;
   bool follows = false;
   for (const StageEntry& entry : reconstruct_stages(options)) {
     if (follows) {
       const auto at = std::find_if(stages_.begin(), stages_.end(),
                                    [&](const StageForecast& f) { return f.stage == entry.name; });
-      told.push_back(at != stages_.end() ? *at : StageForecast{entry.name, 0, 0, rates::kIdleBytes, 0});
+      forecasts.push_back(at != stages_.end() ? *at : StageForecast{entry.name, 0, 0, rates::kIdleBytes, 0});
     }
     follows |= entry.name == "forecast";
   }
-  return told;
+  return forecasts;
 }
 
 }  // namespace tessera

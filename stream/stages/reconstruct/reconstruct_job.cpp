@@ -125,7 +125,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"normals", make_normals_stage},
       {"orient", make_orient_stage},
       {"multipole", make_multipole_stage},
-      {"rims", make_rims_stage},
+      {"rims", make_boundaries_stage},
       {"close", make_close_stage},
   };
   if (options.has_levels()) {
@@ -205,7 +205,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
     job.beside.push_back({uncertain_points_path, "the doubts of --normals"});
   }
   job.beside.push_back({crs_sidecar_path, "the coordinate system beside -o", false, crs_text});
-  job.beside.push_back(told_origin());
+  job.beside.push_back(known_origin());
   if (options.keep_raw) {
     job.beside.push_back({raw_output_path, "--keep-raw", true});
     const auto path = [](const std::filesystem::path& output) {

@@ -111,7 +111,7 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
              "made by tessera remesh, edges of " + dump_json(json(Sizing::of_work(state.work).edge)),
              sort_bytes(state.run), placement(state, options));
        }});
-  JobDescription job = {"remesh", std::move(stages), 0, summarise, {told_origin()}, job_page()};
+  JobDescription job = {"remesh", std::move(stages), 0, summarise, {known_origin()}, job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, remesh_source(options), mesh);

@@ -68,7 +68,7 @@ RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool floa
   if (adaptive) k.sizing_tolerance = kSizingShare * tolerance;
   k.tolerance = tolerance > 0.0 ? kLoopShare * tolerance : kShapeShare * length;
   k.refine_beyond = tolerance > 0.0;
-  k.max_normal_turn_deg = max_normal_deviation_deg;
+  k.max_normal_deviation_deg = max_normal_deviation_deg;
   k.feature_angle_deg = feature_angle_deg;
   k.iterations = iterations;
   k.float_positions = float_positions;

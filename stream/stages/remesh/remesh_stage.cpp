@@ -23,7 +23,7 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces = 1u << 17;  ///< of block and weight: a task is worth a file from here
 /// Splits come before collapses, so a block has more faces for a while than it will have.
-constexpr std::uint64_t kRoom = 3, kMinRoom = 4096;
+constexpr std::uint64_t kCapacityFactor = 3, kMinCapacity = 4096;
 /// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
 constexpr double kHaloEdges = 4.0;
 
@@ -120,7 +120,7 @@ class RemeshStage : public Stage {
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
       maximum = std::max(maximum,
                          remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
-                                           room(blocks_[b]), faces, blocks_.failed_bytes()));
+                                           face_capacity(blocks_[b]), faces, blocks_.failed_bytes()));
     }
     return maximum;
   }
@@ -186,7 +186,7 @@ class RemeshStage : public Stage {
       const std::vector<std::uint64_t> pinned = blocks_.pinned_keys(block, context);
       const MeshBlock reference = load_reference(blocks_[b], block, whole);
       RemeshOptions kernel = kernel_;
-      kernel.max_faces = room(blocks_[b]);
+      kernel.max_faces = face_capacity(blocks_[b]);
       kernel.first_key = first_new_key(pass_, b);
       kernel.pause = [&context] { context.check_stop(); };
       const RemeshReport report = remesh(block, reference, kernel, pinned);
@@ -206,10 +206,10 @@ class RemeshStage : public Stage {
     return load_near_faces(reference_, block, std::vector<std::uint8_t>(block.faces.size(), 1), halo());
   }
 
-  std::uint64_t room(const MeshBlockCut& cut) const {
+  std::uint64_t face_capacity(const MeshBlockCut& cut) const {
     std::uint64_t expected = 0;
     for (const std::size_t p : cut.patches) expected += sizing_.expected(in_.patches()[p]);
-    return kRoom * std::max(expected, cut.faces) + kMinRoom;
+    return kCapacityFactor * std::max(expected, cut.faces) + kMinCapacity;
   }
 
   MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), halo()); }
@@ -242,7 +242,7 @@ std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t f
   const std::uint64_t block = std::min(expected, options.block_faces);
   const std::uint64_t reference = std::min(faces, around * kRemeshReferenceBlocks * options.block_faces);
   return remesh_task_bytes(surface_block_bytes(block) + surface_block_bytes(reference),
-                           kRoom * block + kMinRoom, reference, 0);
+                           kCapacityFactor * block + kMinCapacity, reference, 0);
 }
 
 std::vector<MeshBlockCut> remesh_blocks(const MeshStore& in, const MeshStore& reference,

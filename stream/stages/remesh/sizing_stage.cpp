@@ -37,17 +37,18 @@ constexpr double kAreaUnits = 0x1p40;  ///< the squared diagonal in units of wei
 /// crease does.
 constexpr double kShortestOfCalm = 0.25, kLongestOfCalm = 6.0, kShortestOfTolerance = 4.0;
 
-using Bends = std::map<std::uint32_t, std::uint64_t>;  ///< weight by class of curvature
+using Curvatures = std::map<std::uint32_t, std::uint64_t>;  ///< weight by class of curvature
 
-std::uint32_t bend_class(double curvature) {
+std::uint32_t curvature_class(double curvature) {
   return std::bit_cast<std::uint32_t>(static_cast<float>(curvature)) >> 20;
 }
-double bend_of_class(std::uint32_t c) {
+double curvature_of_class(std::uint32_t c) {
   return static_cast<double>(std::bit_cast<float>((c + 1) << 20));
 }
 
 /// Curvature along edges: by how much the normals at their ends differ. Ends on creases and borders say nothing.
-void measure_bends(const MeshBlock& block, double feature_angle_deg, double area_unit, Bends& bends) {
+void measure_curvatures(const MeshBlock& block, double feature_angle_deg, double area_unit,
+                        Curvatures& curvatures) {
   const CollapseMesh mesh(block, block.position[0]);
   const double minimum = cosine_of_degrees(feature_angle_deg > 0.0 ? feature_angle_deg : 90.0);
   std::vector<Double3> normal(mesh.vertices(), Double3{});
@@ -76,7 +77,7 @@ void measure_bends(const MeshBlock& block, double feature_angle_deg, double area
       const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
       const double length = norm(mesh.at(b) - mesh.at(a));
       if (silent[a] || silent[b] || !(length > 0.0)) continue;
-      bends[bend_class(norm(normal[b] - normal[a]) / length)] +=
+      curvatures[curvature_class(norm(normal[b] - normal[a]) / length)] +=
           static_cast<std::uint64_t>(area / area_unit) + 1;
     }
   }
@@ -111,7 +112,7 @@ class SizingStage : public Stage {
 
   json run(std::size_t task, TaskContext& context) const override {
     json areas = json::array();
-    Bends all;
+    Curvatures all;
     const double unit = store_.diagonal() * store_.diagonal() / kAreaUnits;
     for (std::size_t p = first_[task]; p < first_[task + 1]; ++p) {
       context.check_stop();
@@ -120,26 +121,26 @@ class SizingStage : public Stage {
       for (const auto& f : block.faces)
         area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
       areas.push_back(area);
-      if (by_curvature()) measure_bends(block, options_.feature_angle_deg, unit, all);
+      if (by_curvature()) measure_curvatures(block, options_.feature_angle_deg, unit, all);
       context.advance(block.faces.size());
     }
-    json bends = json::array();
-    for (const auto& [c, weight] : all) bends.push_back({c, weight});
-    return {{"areas", areas}, {"bends", bends}};
+    json curvatures = json::array();
+    for (const auto& [c, weight] : all) curvatures.push_back({c, weight});
+    return {{"areas", areas}, {"bends", curvatures}};
   }
 
   json finish(const std::vector<json>& tasks, TaskContext& context) const override {
     std::vector<double> areas;
-    Bends bends;
+    Curvatures curvatures;
     for (const json& task : tasks) {
       for (const json& area : task.at("areas")) areas.push_back(area.get<double>());
-      for (const json& bend : task.at("bends"))
-        bends[bend[0].get<std::uint32_t>()] += bend[1].get<std::uint64_t>();
+      for (const json& curvature : task.at("bends"))
+        curvatures[curvature[0].get<std::uint32_t>()] += curvature[1].get<std::uint64_t>();
     }
     double area = 0.0;
     for (const double a : areas) area += a;
     if (!(area > 0.0)) throw EmptyError("the mesh has no area: there is nothing to remesh");
-    const double calm = edge_for(area, bends);
+    const double calm = edge_for(area, curvatures);
     double edge = calm, shortest = 0.0;
     if (options_.adaptive) {
       const double maximum = kLongestShare * store_.diagonal();
@@ -191,18 +192,18 @@ class SizingStage : public Stage {
                           (options_.adaptive ? ", or give --min-edge" : ", or give --edge or --faces too"));
   }
 
-  double edge_for(double area, const Bends& bends) const {
+  double edge_for(double area, const Curvatures& curvatures) const {
     if (options_.edge > 0.0) return options_.edge;
     if (options_.faces > 0)
       return std::sqrt(kMoreFaces * 4.0 * area / (std::sqrt(3.0) * static_cast<double>(options_.faces)));
     std::uint64_t all = 0, calm = 0;
-    for (const auto& [c, weight] : bends) all += weight;
+    for (const auto& [c, weight] : curvatures) all += weight;
     double edge = kLongestShare * store_.diagonal();
-    for (const auto& [c, weight] : bends) {
+    for (const auto& [c, weight] : curvatures) {
       calm += weight;
       if (static_cast<double>(calm) < kCalmShare * static_cast<double>(all)) continue;
       // Dunyach et al. 2013: a chord of this length is within E of a circle of that curvature.
-      const double e = options_.tolerance, square = 6.0 * e / bend_of_class(c) - 3.0 * e * e;
+      const double e = options_.tolerance, square = 6.0 * e / curvature_of_class(c) - 3.0 * e * e;
       edge = std::fmin(edge, std::sqrt(std::fmax(square, e * e)));
       break;
     }

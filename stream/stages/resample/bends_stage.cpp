@@ -17,9 +17,9 @@ constexpr double kScaleEdges = 4.0;
 constexpr std::uint64_t kTaskFaces = 1u << 19;
 constexpr std::uint64_t kMaxTasks = 400;
 
-class BendsStage : public Stage {
+class CurvaturesStage : public Stage {
  public:
-  BendsStage(const JobState& state, const ResampleOptions& options)
+  CurvaturesStage(const JobState& state, const ResampleOptions& options)
       : work_(state.work),
         store_(open_imported_mesh(state.work, kResampleImport)),
         options_(options),
@@ -51,7 +51,7 @@ class BendsStage : public Stage {
       std::uint64_t vertices = 0, faces = 0;
       for (const std::size_t p : near)
         vertices += store_.patches()[p].vertices, faces += store_.patches()[p].faces;
-      maximum = std::max(maximum, bends_task_bytes(store_.block_bytes(near), vertices, faces));
+      maximum = std::max(maximum, curvatures_task_bytes(store_.block_bytes(near), vertices, faces));
     }
     return maximum;
   }
@@ -113,12 +113,12 @@ class BendsStage : public Stage {
     for (std::size_t f = 0; f < block.faces.size(); ++f)
       if (near.core[f])
         for (const std::uint32_t v : block.faces[f]) wanted[v] = 1;
-    const std::vector<CurvatureTensor> bends = curvature_tensors(block, wanted, band_.radius);
-    for (std::size_t v = 0; v < bends.size(); ++v) {
-      wanted[v] = wanted[v] && is_in_band(bends[v].across, bends[v].minimum, band_);
+    const std::vector<CurvatureTensor> curvatures = curvature_tensors(block, wanted, band_.radius);
+    for (std::size_t v = 0; v < curvatures.size(); ++v) {
+      wanted[v] = wanted[v] && is_in_band(curvatures[v].across, curvatures[v].minimum, band_);
       if (wanted[v])
-        part.vertices.push_back(
-            {block.key[v], block.position[v], bends[v].normal, bends[v].along, bends[v].across});
+        part.vertices.push_back({block.key[v], block.position[v], curvatures[v].normal, curvatures[v].along,
+                                 curvatures[v].across});
     }
     for (std::size_t f = 0; f < block.faces.size(); ++f) {
       if (!near.core[f]) continue;
@@ -169,13 +169,13 @@ class BendsStage : public Stage {
 
 }  // namespace
 
-std::uint64_t bends_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces) {
+std::uint64_t curvatures_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces) {
   return 2 * block_bytes + curvature_tensors_bytes(vertices, faces) + vertices * sizeof(BandVertex) +
          faces * 48 + (std::uint64_t{4} << 20);
 }
 
-std::unique_ptr<Stage> make_bends_stage(const JobState& state, const ResampleOptions& options) {
-  return std::make_unique<BendsStage>(state, options);
+std::unique_ptr<Stage> make_curvatures_stage(const JobState& state, const ResampleOptions& options) {
+  return std::make_unique<CurvaturesStage>(state, options);
 }
 
 }  // namespace tessera

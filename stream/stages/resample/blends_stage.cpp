@@ -39,7 +39,7 @@ json to_json(const BlendReport& r) {
               {"rows", r.rows},
               {"length", r.length},
               {"radius", r.radius},
-              {"turn_deg", r.turn * 180.0 / kPi},
+              {"turn_deg", r.arc_angle * 180.0 / kPi},
               {"noise", r.rms}};
   if (r.outcome != BlendOutcome::kChanged) {
     out["left_because"] = sentence_of(r.outcome);

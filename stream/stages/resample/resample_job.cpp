@@ -37,7 +37,7 @@ JobDescription resample_job(const ResampleOptions& options) {
   };
   std::vector<StageEntry> stages = import_stages({0, kResampleImport});
   stages.push_back({"scale", [=](const JobState& s) { return make_resample_scale_stage(s, options); }});
-  stages.push_back({"bends", [=](const JobState& s) { return make_bends_stage(s, options); }});
+  stages.push_back({"bends", [=](const JobState& s) { return make_curvatures_stage(s, options); }});
   stages.push_back({"blends", [=](const JobState& s) { return make_blends_stage(s, options); }});
   stages.push_back({"apply", make_resample_apply_stage});
   stages.push_back({"certify", [=](const JobState& s) {
@@ -57,16 +57,17 @@ JobDescription resample_job(const ResampleOptions& options) {
                       return make_store_write_stage(s, open_resampled(s.work), "made by tessera resample",
                                                     sort_bytes(s.run), placement(s));
                     }});
-  JobDescription job{"resample", std::move(stages), 0, summarise, {carried_crs(), told_origin()}, job_page()};
+  JobDescription job{"resample", std::move(stages), 0, summarise, {carried_crs(), known_origin()},
+                     job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kResampleImport}, mesh);
     if (options.blends == "auto") {
       const std::uint64_t block = std::min(mesh.faces, options.block_faces);
-      needs.push_back({"bends", bends_task_bytes(surface_block_bytes(block), block / 2, block),
-                       bends_task_bytes(surface_block_bytes(std::min(mesh.faces, kMaxAround * block)),
-                                        std::min(mesh.faces, kMaxAround * block) / 2,
-                                        std::min(mesh.faces, kMaxAround * block))});
+      needs.push_back({"bends", curvatures_task_bytes(surface_block_bytes(block), block / 2, block),
+                       curvatures_task_bytes(surface_block_bytes(std::min(mesh.faces, kMaxAround * block)),
+                                             std::min(mesh.faces, kMaxAround * block) / 2,
+                                             std::min(mesh.faces, kMaxAround * block))});
     }
     for (const StageNeed& need : proof_needs(state.run, mesh.faces, mesh.faces)) needs.push_back(need);
     return needs;

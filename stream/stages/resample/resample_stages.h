@@ -20,11 +20,11 @@ std::vector<std::size_t> blends_that_stand(const std::filesystem::path& work);
 MeshStore open_resampled(const std::filesystem::path& work);
 
 std::unique_ptr<Stage> make_resample_scale_stage(const JobState& state, const ResampleOptions& options);
-std::unique_ptr<Stage> make_bends_stage(const JobState& state, const ResampleOptions& options);
+std::unique_ptr<Stage> make_curvatures_stage(const JobState& state, const ResampleOptions& options);
 std::unique_ptr<Stage> make_blends_stage(const JobState& state, const ResampleOptions& options);
 std::unique_ptr<Stage> make_resample_apply_stage(const JobState& state);
 
 /// What a block of the search takes. \param block_bytes  MeshStore::block_bytes of it and its halo
-std::uint64_t bends_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces);
+std::uint64_t curvatures_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces);
 
 }  // namespace tessera

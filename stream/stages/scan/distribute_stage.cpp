@@ -112,8 +112,8 @@ nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) cons
       const double x = quanta.x[i];
       const double y = quanta.y[i];
       const double z = quanta.z[i];
-      if (quanta.fate[i] != PointClass::kGood || x < low[0] || x >= high[0] || y < low[1] || y >= high[1] ||
-          z < low[2] || z >= high[2])
+      if (quanta.disposition[i] != PointClass::kGood || x < low[0] || x >= high[0] || y < low[1] ||
+          y >= high[1] || z < low[2] || z >= high[2])
         continue;
       PointRecord p;
       p.q = {static_cast<std::int32_t>(x - base[0]), static_cast<std::int32_t>(y - base[1]),

@@ -17,7 +17,7 @@ class DistributeStage : public Stage {
   std::string name() const override { return "distribute"; }
   std::size_t task_count() const override { return inputs_->task_count(); }
   std::uint64_t task_bytes(std::size_t task) const override;
-  std::uint64_t units() const override { return plan_.fates.read; }
+  std::uint64_t units() const override { return plan_.dispositions.read; }
   std::string unit_name() const override { return "points"; }
   nlohmann::json run(std::size_t task, TaskContext& context) const override;
   nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override;

@@ -105,7 +105,7 @@ class NormalsStage : public Stage {
         for (std::size_t i = 0; i < kSupporterBins; ++i) histogram[i] += value[i].get<std::uint64_t>();
       }
     if (mode_.keeps_given()) sum["kept"] = mode_.lines ? "directions" : "given";
-    if (const std::string told = warning(); !told.empty()) sum["warnings"] = {told};
+    if (const std::string text = warning(); !text.empty()) sum["warnings"] = {text};
     if (mode_.needed()) {
       DirectFile file(context.create(kSupportersFile), std::size_t{1} << 16);
       histogram.push_back(sum.value("scattered", std::uint64_t{0}));

@@ -21,7 +21,7 @@ using json = nlohmann::json;
 /// Patches join to groups while so many whole links speak for it, and three quarters of all that speak.
 constexpr ContractionLimits kGroupLimits = {24.0 * kVoteScale, 0.8};
 /// Votes of what surfels see, of one surfel, against those of its links.
-constexpr double kSightScale = kVoteScale;
+constexpr double kVisibilityScale = kVoteScale;
 /// And of what the highest surface tells.
 constexpr double kSkyScale = 0.25 * kVoteScale;
 /// And of given normals, where such a share of a group's agrees.
@@ -43,7 +43,7 @@ double share(std::uint64_t part, std::uint64_t all) {
   return all == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(all);
 }
 
-std::vector<JobSurfel> job_surfels(const PointOverlay& overlay, const std::vector<PatchFacts>& facts,
+std::vector<JobSurfel> job_surfels(const PointOverlay& overlay, const std::vector<PatchStats>& stats,
                                    const TaskContext& context) {
   std::vector<JobSurfel> surfels;
   for (std::size_t b = 0; b < overlay.bricks().size(); ++b) {
@@ -56,7 +56,7 @@ std::vector<JobSurfel> job_surfels(const PointOverlay& overlay, const std::vecto
       s.area = c.area;
       s.patch = static_cast<std::uint32_t>(overlay.first_patch()[b] + c.patch);
       s.surfels = c.surfels;
-      s.points = static_cast<float>(facts[s.patch].points) / static_cast<float>(facts[s.patch].surfels);
+      s.points = static_cast<float>(stats[s.patch].points) / static_cast<float>(stats[s.patch].surfels);
       surfels.push_back(s);
     }
   }
@@ -75,7 +75,7 @@ std::string name_of(SceneKind scene) {
   return "";
 }
 
-enum class Decider : std::uint8_t { kSeen, kPropagation, kSight, kUncertain };
+enum class Decider : std::uint8_t { kSeen, kPropagation, kVisibility, kUncertain };
 
 /// What the solvers say of every patch.
 struct PatchSigns {
@@ -119,44 +119,45 @@ std::vector<PatchVote> votes_of_scene(const std::vector<JobSurfel>& surfels, std
       return tops.votes(groups, kSkyScale);
     }
   }
-  std::optional<SceneKind> told;
-  if (viewers.scene == "around") told = SceneKind::kObject;
-  if (viewers.scene == "inside") told = SceneKind::kRoom;
-  SightVotes sight = vote_by_sight(surfels, groups, viewers.up, kSightScale, told,
-                                   [&](std::size_t count, const std::function<void(std::size_t)>& body) {
-                                     parallel_for(count, [&](std::size_t i) {
-                                       context.check_stop();
-                                       body(i);
-                                     });
-                                   });
-  entry["enclosed_fraction"] = sight.enclosed;
-  entry["scene"] = name_of(sight.scene);
-  std::vector<PatchVote> votes = std::move(sight.pairs);
-  votes.insert(votes.end(), sight.sides.begin(), sight.sides.end());
+  std::optional<SceneKind> known;
+  if (viewers.scene == "around") known = SceneKind::kObject;
+  if (viewers.scene == "inside") known = SceneKind::kRoom;
+  VisibilityVotes visibility =
+      vote_by_visibility(surfels, groups, viewers.up, kVisibilityScale, known,
+                         [&](std::size_t count, const std::function<void(std::size_t)>& body) {
+                           parallel_for(count, [&](std::size_t i) {
+                             context.check_stop();
+                             body(i);
+                           });
+                         });
+  entry["enclosed_fraction"] = visibility.enclosed;
+  entry["scene"] = name_of(visibility.scene);
+  std::vector<PatchVote> votes = std::move(visibility.pairs);
+  votes.insert(votes.end(), visibility.sides.begin(), visibility.sides.end());
   return votes;
 }
 
 /// Votes of sensors or `up` that the patches brought along.
-std::vector<PatchVote> votes_of(const std::vector<PatchFacts>& facts) {
+std::vector<PatchVote> votes_of(const std::vector<PatchStats>& stats) {
   std::vector<PatchVote> votes;
-  const auto outside = static_cast<std::uint32_t>(facts.size());
+  const auto outside = static_cast<std::uint32_t>(stats.size());
   for (std::uint32_t p = 0; p < outside; ++p)
-    if (facts[p].seen != facts[p].hidden) votes.push_back({p, outside, facts[p].seen, facts[p].hidden});
+    if (stats[p].seen != stats[p].hidden) votes.push_back({p, outside, stats[p].seen, stats[p].hidden});
   return votes;
 }
 
 /// Votes of normals that came with the points, for groups of patches of which most agree on a side: they outweigh what is
 /// told of the scene. \param group, sign  of patches
-std::vector<PatchVote> votes_of_given(const std::vector<PatchFacts>& facts,
+std::vector<PatchVote> votes_of_given(const std::vector<PatchStats>& stats,
                                       const std::vector<std::uint32_t>& group,
                                       const std::vector<std::int8_t>& sign, std::uint32_t groups) {
   std::vector<Agreement> of(groups);
   std::vector<std::int64_t> surfels(groups, 0);
-  for (std::size_t p = 0; p < facts.size(); ++p) {
+  for (std::size_t p = 0; p < stats.size(); ++p) {
     Agreement& a = of[group[p]];
-    a.agree += sign[p] > 0 ? facts[p].agree : facts[p].disagree;
-    a.disagree += sign[p] > 0 ? facts[p].disagree : facts[p].agree;
-    surfels[group[p]] += facts[p].surfels;
+    a.agree += sign[p] > 0 ? stats[p].agree : stats[p].disagree;
+    a.disagree += sign[p] > 0 ? stats[p].disagree : stats[p].agree;
+    surfels[group[p]] += stats[p].surfels;
   }
   std::vector<PatchVote> votes;
   for (std::uint32_t g = 0; g < groups; ++g) {
@@ -169,9 +170,9 @@ std::vector<PatchVote> votes_of_given(const std::vector<PatchFacts>& facts,
 }
 
 /// Nobody is known to have seen anything: links make groups, and what their surfels see of each other and of the
-/// open decides which side of them is outside. \param facts  of patches, with votes of `up`
+/// open decides which side of them is outside. \param stats  of patches, with votes of `up`
 PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vector<PatchVote>& links,
-                        const std::vector<PatchFacts>& facts, std::vector<JobSurfel> surfels,
+                        const std::vector<PatchStats>& stats, std::vector<JobSurfel> surfels,
                         const Viewers& viewers, const TaskContext& context, json& entry) {
   const auto patches = static_cast<std::uint32_t>(weight.size());
   const Contraction tree = contract_signs(weight, links, kGroupLimits);
@@ -198,12 +199,12 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
   std::vector<PatchVote> votes = votes_of_scene(surfels, groups, viewers, context, entry);
   // In a room as much shows down as up: there `up` says where the sky is, no more.
   if (entry.at("scene") != name_of(SceneKind::kRoom))
-    for (const PatchVote& v : votes_of(facts)) {
+    for (const PatchVote& v : votes_of(stats)) {
       const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
       votes.push_back({group[v.a], groups, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
     }
   if (viewers.given) {
-    const std::vector<PatchVote> given = votes_of_given(facts, group, sign, groups);
+    const std::vector<PatchVote> given = votes_of_given(stats, group, sign, groups);
     votes.insert(votes.end(), given.begin(), given.end());
   }
   std::vector<std::int64_t> shown(groups, 0);
@@ -227,7 +228,7 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
     out.sign[p] = static_cast<std::int8_t>(sign[p] * s.sign[g]);
     out.component[p] = s.component[g];
     out.decider[p] = s.uncertain[g] != 0 || s.component[g] != groups ? Decider::kUncertain
-                     : shown[g] * s.sign[g] > 0                      ? Decider::kSight
+                     : shown[g] * s.sign[g] > 0                      ? Decider::kVisibility
                                                                      : Decider::kPropagation;
   }
   std::uint64_t broken = 0, all = 0;
@@ -245,7 +246,7 @@ std::uint64_t orient_solution_bytes(std::uint64_t patches, std::uint64_t votes, 
   ++patches;         // outside
   votes += patches;  // of sensors or up
   // Votes as given and inside the contraction, their adjacency; surfels, their disks as they are sorted; looks.
-  return votes * (2 * sizeof(PatchVote) + 8) + patches * (sizeof(PatchFacts) + 120) +
+  return votes * (2 * sizeof(PatchVote) + 8) + patches * (sizeof(PatchStats) + 120) +
          coarse * (sizeof(JobSurfel) + 56) + (24u << 20);
 }
 
@@ -254,8 +255,8 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
                        json& entry) {
   const auto patches = static_cast<std::uint32_t>(overlay.first_patch().back());
   std::vector<PatchVote> votes = std::move(boundary_votes);
-  std::vector<PatchFacts> facts;
-  facts.reserve(patches);
+  std::vector<PatchStats> stats;
+  stats.reserve(patches);
   std::vector<std::uint64_t> weight;
   weight.reserve(patches);
   std::uint64_t all_points = 0;
@@ -264,7 +265,7 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
     const auto first = static_cast<std::uint32_t>(overlay.first_patch()[b]);
     for (const PatchVote& v : overlay.load_votes(b))
       votes.push_back({first + v.a, first + v.b, v.same, v.opposite});
-    for (const PatchFacts& f : overlay.load_facts(b)) facts.push_back(f), weight.push_back(f.surfels);
+    for (const PatchStats& f : overlay.load_stats(b)) stats.push_back(f), weight.push_back(f.surfels);
     all_points += overlay.bricks()[b].points;
   }
   merge_votes(votes);
@@ -272,13 +273,13 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
   PatchSigns signs;
   if (viewers.own) {
     entry["scene"] = viewers.scene;
-    signs = solve_seen(weight, votes_of(facts), std::move(votes));
+    signs = solve_seen(weight, votes_of(stats), std::move(votes));
   } else if (!viewers.sensors.empty()) {
     signs = solve_seen(
-        weight, vote_by_sensors(job_surfels(overlay, facts, context), patches, viewers.sensors, kVoteScale),
+        weight, vote_by_sensors(job_surfels(overlay, stats, context), patches, viewers.sensors, kVoteScale),
         std::move(votes));
   } else {
-    signs = solve_unseen(weight, votes, facts, job_surfels(overlay, facts, context), viewers, context, entry);
+    signs = solve_unseen(weight, votes, stats, job_surfels(overlay, stats, context), viewers, context, entry);
   }
 
   decisions.patch.assign(patches, 0);
@@ -286,7 +287,7 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
   Agreement all, near;
   std::array<std::uint64_t, 4> decided{};
   for (std::uint32_t p = 0; p < patches; ++p) {
-    const PatchFacts& f = facts[p];
+    const PatchStats& f = stats[p];
     const bool flip = signs.sign[p] < 0;
     const bool uncertain = signs.decider[p] == Decider::kUncertain;
     decisions.patch[p] =

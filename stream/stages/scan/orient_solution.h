@@ -24,9 +24,9 @@ inline constexpr const char* kSeenFromAbove = "from above";
 /// And those where the normals that most points came with decide.
 inline constexpr const char* kGivenSides = "given normals";
 
-/// Who says which side of a patch is outside; if neither, what surfels see of each other, and `up` in PatchFacts.
+/// Who says which side of a patch is outside; if neither, what surfels see of each other, and `up` in PatchStats.
 struct Viewers {
-  bool own = false;             ///< points know from where they were seen, which has voted in PatchFacts
+  bool own = false;             ///< points know from where they were seen, which has voted in PatchStats
   std::string scene;            ///< what the report calls it then; else what the user says of it: --from
   std::vector<Float3> sensors;  ///< of points that do not know their own; cells from the lattice origin
   Float3 up = {0, 0, 1};        ///< unit; where the sky is

@@ -46,7 +46,7 @@ std::string normals_file(std::size_t task) {
 
 /// What one task adds up.
 struct Tally {
-  PointFates fates;
+  PointDispositions dispositions;
   std::uint64_t surplus = 0;
   std::uint64_t with_normal = 0;
   std::uint64_t multi_return = 0, first_return = 0;
@@ -57,16 +57,16 @@ struct Tally {
 };
 
 nlohmann::json to_json(const Tally& t) {
-  return {{"read", t.fates.read},
-          {"withheld", t.fates.withheld},
-          {"empty", t.fates.empty},
-          {"missing", t.fates.missing},
-          {"other_class", t.fates.other_class},
-          {"other_return", t.fates.other_return},
-          {"outside", t.fates.outside},
-          {"thinned", t.fates.thinned},
-          {"non_finite", t.fates.non_finite},
-          {"far", t.fates.absurd},
+  return {{"read", t.dispositions.read},
+          {"withheld", t.dispositions.withheld},
+          {"empty", t.dispositions.empty},
+          {"missing", t.dispositions.missing},
+          {"other_class", t.dispositions.other_class},
+          {"other_return", t.dispositions.other_return},
+          {"outside", t.dispositions.outside},
+          {"thinned", t.dispositions.thinned},
+          {"non_finite", t.dispositions.non_finite},
+          {"far", t.dispositions.absurd},
           {"surplus", t.surplus},
           {"with_normal", t.with_normal},
           {"multi_return", t.multi_return},
@@ -78,16 +78,16 @@ nlohmann::json to_json(const Tally& t) {
 }
 
 void add_json(const nlohmann::json& j, Tally& t) {
-  t.fates.read += j.at("read").get<std::uint64_t>();
-  t.fates.withheld += j.at("withheld").get<std::uint64_t>();
-  t.fates.empty += j.at("empty").get<std::uint64_t>();
-  t.fates.missing += j.at("missing").get<std::uint64_t>();
-  t.fates.other_class += j.at("other_class").get<std::uint64_t>();
-  t.fates.other_return += j.at("other_return").get<std::uint64_t>();
-  t.fates.outside += j.at("outside").get<std::uint64_t>();
-  t.fates.thinned += j.at("thinned").get<std::uint64_t>();
-  t.fates.non_finite += j.at("non_finite").get<std::uint64_t>();
-  t.fates.absurd += j.at("far").get<std::uint64_t>();
+  t.dispositions.read += j.at("read").get<std::uint64_t>();
+  t.dispositions.withheld += j.at("withheld").get<std::uint64_t>();
+  t.dispositions.empty += j.at("empty").get<std::uint64_t>();
+  t.dispositions.missing += j.at("missing").get<std::uint64_t>();
+  t.dispositions.other_class += j.at("other_class").get<std::uint64_t>();
+  t.dispositions.other_return += j.at("other_return").get<std::uint64_t>();
+  t.dispositions.outside += j.at("outside").get<std::uint64_t>();
+  t.dispositions.thinned += j.at("thinned").get<std::uint64_t>();
+  t.dispositions.non_finite += j.at("non_finite").get<std::uint64_t>();
+  t.dispositions.absurd += j.at("far").get<std::uint64_t>();
   t.surplus += j.at("surplus").get<std::uint64_t>();
   t.with_normal += j.at("with_normal").get<std::uint64_t>();
   t.multi_return += j.at("multi_return").get<std::uint64_t>();
@@ -104,16 +104,16 @@ std::uint64_t count_normals(const PointChunk& chunk, const ChunkQuanta& quanta, 
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < chunk.nx.size(); ++i) {
     const float size = std::fabs(chunk.nx[i]) + std::fabs(chunk.ny[i]) + std::fabs(chunk.nz[i]);
-    if (quanta.fate[i] != PointClass::kGood || !(size > 0.0f && size - size == 0.0f)) continue;
+    if (quanta.disposition[i] != PointClass::kGood || !(size > 0.0f && size - size == 0.0f)) continue;
     sampler.add({quanta.x[i], quanta.y[i], quanta.z[i]}, {chunk.nx[i], chunk.ny[i], chunk.nz[i]});
     ++sum;
   }
   return sum;
 }
 
-void count_returns(const PointChunk& chunk, const std::vector<PointClass>& fate, Tally& tally) {
+void count_returns(const PointChunk& chunk, const std::vector<PointClass>& disposition, Tally& tally) {
   for (std::size_t i = 0; i < chunk.echo.size(); ++i) {
-    if (fate[i] != PointClass::kGood) continue;
+    if (disposition[i] != PointClass::kGood) continue;
     tally.multi_return += chunk.echo[i].of > 1 ? 1 : 0;
     tally.first_return += chunk.echo[i].number == 1 ? 1 : 0;
   }
@@ -186,8 +186,9 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
     quanta.compute(chunk, h_);
     for (std::size_t i = 0; i < chunk.size(); ++i) {
-      if (quanta.fate[i] != PointClass::kGood) {
-        ++(quanta.fate[i] == PointClass::kNonFinite ? tally.fates.non_finite : tally.fates.absurd);
+      if (quanta.disposition[i] != PointClass::kGood) {
+        ++(quanta.disposition[i] == PointClass::kNonFinite ? tally.dispositions.non_finite
+                                                           : tally.dispositions.absurd);
         continue;
       }
       counter.add({static_cast<std::int64_t>(std::floor(quanta.x[i] / kQuantaPerBlock)),
@@ -201,21 +202,21 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
       }
     }
     tally.with_normal += count_normals(chunk, quanta, normals);
-    count_returns(chunk, quanta.fate, tally);
+    count_returns(chunk, quanta.disposition, tally);
     tally.intensities.add(chunk);
   });
   context.count_written(counter.finish());
   sampler.save(context.create(sample_file(task)));
   if (tally.with_normal > 0) normals.save(context.create(normals_file(task)));
-  tally.fates.read = counts.points;
-  tally.fates.withheld = counts.withheld;
-  tally.fates.empty = counts.empty;
-  tally.fates.missing = counts.missing;
-  tally.fates.other_class = counts.other_class;
+  tally.dispositions.read = counts.points;
+  tally.dispositions.withheld = counts.withheld;
+  tally.dispositions.empty = counts.empty;
+  tally.dispositions.missing = counts.missing;
+  tally.dispositions.other_class = counts.other_class;
   tally.surplus = counts.surplus;
-  tally.fates.other_return = counts.other_return;
-  tally.fates.outside = counts.outside;
-  tally.fates.thinned = counts.thinned;
+  tally.dispositions.other_return = counts.other_return;
+  tally.dispositions.outside = counts.outside;
+  tally.dispositions.thinned = counts.thinned;
   tally.warnings = counts.warnings;
   if (tally.warnings.size() > kWarningsPerTask) tally.warnings.resize(kWarningsPerTask);
   return to_json(tally);
@@ -266,18 +267,18 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     if (summaries[k].at("with_normal") > 0) normals.merge(job_.work / normals_file(k));
     files.push_back(job_.work / counts_file(k));
   }
-  const std::uint64_t left_out =
-      tally.fates.other_class + tally.fates.other_return + tally.fates.outside + tally.fates.thinned;
-  const std::uint64_t finite = tally.fates.read - left_out - tally.fates.non_finite;
-  inputs_->require_wanted(tally.fates.read, left_out);
-  if (tally.fates.read == 0) throw EmptyError("the input holds no point");
+  const std::uint64_t left_out = tally.dispositions.other_class + tally.dispositions.other_return +
+                                 tally.dispositions.outside + tally.dispositions.thinned;
+  const std::uint64_t finite = tally.dispositions.read - left_out - tally.dispositions.non_finite;
+  inputs_->require_wanted(tally.dispositions.read, left_out);
+  if (tally.dispositions.read == 0) throw EmptyError("the input holds no point");
   if (finite == 0)
-    throw EmptyError("none of the " + std::to_string(tally.fates.read - left_out) +
+    throw EmptyError("none of the " + std::to_string(tally.dispositions.read - left_out) +
                      " points has finite coordinates");
-  if (finite == tally.fates.absurd)
+  if (finite == tally.dispositions.absurd)
     throw InputError(
         "every point lies more than 2^50 quanta (h / 1024) from zero; choose a coarser --resolution");
-  if (tally.min == tally.max && finite - tally.fates.absurd > 1)
+  if (tally.min == tally.max && finite - tally.dispositions.absurd > 1)
     throw InputError("all " + std::to_string(finite) +
                      " points lie at one position; there is no surface to reconstruct");
   const std::vector<BrickCount> counts = merge_brick_counts(files, max_bricks());
@@ -290,9 +291,9 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     plan.brick_min[a] = 1;
     plan.brick_max[a] = static_cast<std::int32_t>(window.max[a] - window.min[a] + 1);
   }
-  plan.fates = tally.fates;
-  plan.fates.absurd += window.dropped_points;
-  plan.fates.kept = finite - plan.fates.absurd;
+  plan.dispositions = tally.dispositions;
+  plan.dispositions.absurd += window.dropped_points;
+  plan.dispositions.kept = finite - plan.dispositions.absurd;
   plan.auto_resolution = auto_resolution_;
   const ColourBy by = colour_by(options_.colour);
   plan.has_colour = has_point_colours(by, *inputs_);
@@ -301,7 +302,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     for (std::size_t end = 0; end < 2; ++end)
       plan.colour_range[end] = static_cast<double>(occupied_heights(counts, window)[end]) * kQuantaPerBlock;
   plan.normal_fraction =
-      static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
+      static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.dispositions.absurd);
   const NormalAgreement agreement = normals.measure();
   save_agreement(context.create(kAgreementFile), agreement);
   if (options_.normals == "estimate") plan.normal_fraction = 0.0;
@@ -309,7 +310,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   // Some files say the same return of the same pulse for every point: that is no measurement.
   if (tally.first_return >= tally.multi_return / kMaxEchoes)
     plan.multi_return_fraction =
-        static_cast<double>(tally.multi_return) / static_cast<double>(finite - tally.fates.absurd);
+        static_cast<double>(tally.multi_return) / static_cast<double>(finite - tally.dispositions.absurd);
   plan.sensors = inputs_->sensors();
   plan.bricks = bricks.size();
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);

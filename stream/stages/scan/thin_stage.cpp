@@ -117,7 +117,7 @@ class ThinStage : public Stage {
         counts.points += chunk.size();
         context.advance(chunk.size());
       }
-      if (bucket == 0) add_fates(file.counts(), counts);
+      if (bucket == 0) add_dispositions(file.counts(), counts);
     }
     counts.thinned = counts_of_bucket(bucket) - kept.size() - without;
     write(kept, like, out);
@@ -145,7 +145,7 @@ class ThinStage : public Stage {
   std::uint64_t counts_of_bucket(std::size_t bucket) const { return points_[bucket]; }
 
   /// What was left out before the points were dealt is told with bucket 0.
-  static void add_fates(const ReadCounts& from, ReadCounts& to) {
+  static void add_dispositions(const ReadCounts& from, ReadCounts& to) {
     to.points += from.other_class + from.other_return + from.outside;
     to.withheld += from.withheld;
     to.empty += from.empty;

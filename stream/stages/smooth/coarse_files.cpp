@@ -7,7 +7,7 @@ namespace {
 
 constexpr PackedKind kSumsKind = {"TSCSUMS2", "a file of sums"};
 constexpr PackedKind kSolutionKind = {"TSCSOLV2", "a coarse solution"};
-constexpr PackedKind kBendKind = {"TSCBEND2", "a file of bends"};
+constexpr PackedKind kLaplacianKind = {"TSCBEND2", "a file of bends"};
 
 }  // namespace
 
@@ -21,7 +21,7 @@ std::string coarse_solution_file(std::size_t round) {
   return coarse_folder(round) + "/solution.bin";
 }
 
-std::string bend_folder(std::size_t round) {
+std::string laplacian_folder(std::size_t round) {
   return "bend-" + std::to_string(round);
 }
 
@@ -76,33 +76,34 @@ std::uint64_t coarse_solution_bytes(const std::filesystem::path& path) {
   return ReadFile(path).size();
 }
 
-PatchBendWriter::PatchBendWriter(const std::filesystem::path& path) : file_(path, kBendKind) {}
+PatchLaplacianWriter::PatchLaplacianWriter(const std::filesystem::path& path) : file_(path, kLaplacianKind) {}
 
-void PatchBendWriter::add(std::uint64_t patch, std::span<const Float3> bend) {
-  table_.push_back({patch, file_.append(std::as_bytes(bend))});
+void PatchLaplacianWriter::add(std::uint64_t patch, std::span<const Float3> laplacian) {
+  table_.push_back({patch, file_.append(std::as_bytes(laplacian))});
 }
 
-PatchBends::PatchBends(const std::vector<std::filesystem::path>& files) {
+PatchLaplacians::PatchLaplacians(const std::vector<std::filesystem::path>& files) {
   for (const auto& path : files) {
-    const PackedFile& file = files_.emplace_back(path, kBendKind, sizeof(PatchBendWriter::Entry));
-    for (const auto& e : file.table<PatchBendWriter::Entry>()) places_[e.patch] = {files_.size() - 1, e.bend};
+    const PackedFile& file = files_.emplace_back(path, kLaplacianKind, sizeof(PatchLaplacianWriter::Entry));
+    for (const auto& e : file.table<PatchLaplacianWriter::Entry>())
+      places_[e.patch] = {files_.size() - 1, e.laplacian};
   }
 }
 
-std::vector<Float3> PatchBends::load(std::uint64_t patch) const {
+std::vector<Float3> PatchLaplacians::load(std::uint64_t patch) const {
   const Place& place = places_.at(patch);
-  return files_[place.file].load<Float3>(place.bend);
+  return files_[place.file].load<Float3>(place.laplacian);
 }
 
-TileState tile_state(const MeshStore& loaded, const MeshStore& store, const PatchBends& bends,
+TileState tile_state(const MeshStore& loaded, const MeshStore& store, const PatchLaplacians& laplacians,
                      const MeshHaloBlock& near, const SmoothTile& tile) {
   const std::vector<std::uint64_t>& key = near.block.key;
   TileState out;
   out.now = near.block.position;
-  if (!bends.empty()) out.bend.resize(key.size());
+  if (!laplacians.empty()) out.laplacian.resize(key.size());
   for (const std::size_t p : loaded.select(grown(loaded.box_of(tile.patches), tile.margin))) {
     const MeshBlock patch = store.load({&p, 1});
-    const std::vector<Float3> bend = bends.empty() ? std::vector<Float3>() : bends.load(p);
+    const std::vector<Float3> laplacian = laplacians.empty() ? std::vector<Float3>() : laplacians.load(p);
     auto at = key.begin();
     for (std::size_t v = 0; v < patch.key.size(); ++v) {
       at = std::lower_bound(at, key.end(), patch.key[v]);
@@ -110,7 +111,7 @@ TileState tile_state(const MeshStore& loaded, const MeshStore& store, const Patc
       if (*at != patch.key[v]) continue;
       const auto i = static_cast<std::size_t>(at - key.begin());
       out.now[i] = patch.position[v];
-      if (!bend.empty()) out.bend[i] = bend[v];
+      if (!laplacian.empty()) out.laplacian[i] = laplacian[v];
     }
   }
   return out;

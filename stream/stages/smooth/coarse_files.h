@@ -21,7 +21,7 @@ namespace tessera {
 std::string coarse_sums_folder(std::size_t round);
 std::string coarse_folder(std::size_t round);
 std::string coarse_solution_file(std::size_t round);
-std::string bend_folder(std::size_t round);
+std::string laplacian_folder(std::size_t round);
 
 /// What one patch adds.
 struct PatchSums {
@@ -65,15 +65,15 @@ CoarseSolution load_coarse_solution(const std::filesystem::path& path);
 std::uint64_t coarse_solution_bytes(const std::filesystem::path& path);
 
 /// How the vertices of some patches bend (order 2), in the order of each patch.
-class PatchBendWriter {
+class PatchLaplacianWriter {
  public:
-  explicit PatchBendWriter(const std::filesystem::path& path);
-  void add(std::uint64_t patch, std::span<const Float3> bend);
+  explicit PatchLaplacianWriter(const std::filesystem::path& path);
+  void add(std::uint64_t patch, std::span<const Float3> laplacian);
   std::uint64_t finish() { return file_.finish(table_); }
 
   struct Entry {
     std::uint64_t patch;
-    Section bend;
+    Section laplacian;
   };
 
  private:
@@ -81,17 +81,17 @@ class PatchBendWriter {
   std::vector<Entry> table_;
 };
 
-class PatchBends {
+class PatchLaplacians {
  public:
   /// \throws InputError for a damaged file
-  explicit PatchBends(const std::vector<std::filesystem::path>& files);
+  explicit PatchLaplacians(const std::vector<std::filesystem::path>& files);
   bool empty() const { return places_.empty(); }
   std::vector<Float3> load(std::uint64_t patch) const;
 
  private:
   struct Place {
     std::size_t file;
-    Section bend;
+    Section laplacian;
   };
   std::vector<PackedFile> files_;
   std::map<std::uint64_t, Place> places_;
@@ -100,7 +100,7 @@ class PatchBends {
 /// Where the vertices of a tile are in the middle of a step.
 struct TileState {
   std::vector<Double3> now;
-  std::vector<Float3> bend;  ///< empty without bends
+  std::vector<Float3> laplacian;  ///< empty without bends
 
   static constexpr std::uint64_t bytes(std::uint64_t vertices) {
     return (sizeof(Double3) + sizeof(Float3)) * vertices;
@@ -108,7 +108,7 @@ struct TileState {
 };
 
 /// \param loaded  that the tile was loaded from \param store  where they are; the same patches
-TileState tile_state(const MeshStore& loaded, const MeshStore& store, const PatchBends& bends,
+TileState tile_state(const MeshStore& loaded, const MeshStore& store, const PatchLaplacians& laplacians,
                      const MeshHaloBlock& near, const SmoothTile& tile);
 
 }  // namespace tessera

@@ -50,7 +50,7 @@ class CoarseSumsStage : public Stage {
         options_(coarse_options(state, plan, round)),
         store_(open_smoothed(state, plan, base_round(plan, round))),
         before_(open_smoothed(state, plan, round - 1)),
-        bends_(open_bends(state.work, plan, round)) {
+        laplacians_(open_laplacians(state.work, plan, round)) {
     SmoothTiling tiling;
     tiling.rings = kSumsRings;
     tiling.range = coarse_halo(options_);
@@ -81,7 +81,7 @@ class CoarseSumsStage : public Stage {
     for (const SmoothTile& tile : tasks_[task]) {
       context.check_stop();
       const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
-      const TileState state = tile_state(store_, before_, bends_, near, tile);
+      const TileState state = tile_state(store_, before_, laplacians_, near, tile);
       const FaceCorners corners(near.block);
       const SurfaceRows rows = make_surface_rows(near.block, corners, rule_.rows);
       context.check_stop();
@@ -103,7 +103,8 @@ class CoarseSumsStage : public Stage {
         sums.patch = tile.patches[k];
         sums.unknowns = std::move(unknowns[k]);
         if (rule_.cycle == 0) sums.entries = coarse_matrix(rows, basis, own, options_);
-        sums.loads = coarse_load(rows, basis, {near.block.position, state.now, state.bend}, own, options_);
+        sums.loads =
+            coarse_load(rows, basis, {near.block.position, state.now, state.laplacian}, own, options_);
         writer.add(sums);
         context.advance(store_.patches()[tile.patches[k]].faces);
       }
@@ -120,9 +121,9 @@ class CoarseSumsStage : public Stage {
   std::size_t round_;
   SmoothRound rule_;
   CoarseOptions options_;
-  MeshStore store_;   ///< where the step began
-  MeshStore before_;  ///< where the round begins
-  PatchBends bends_;  ///< there
+  MeshStore store_;             ///< where the step began
+  MeshStore before_;            ///< where the round begins
+  PatchLaplacians laplacians_;  ///< there
   std::vector<SmoothTask> tasks_;
 };
 
@@ -184,7 +185,7 @@ class CoarseStage : public Stage {
       if (loads.empty() || loads.back().row != p.load.row) loads.push_back({p.load.row, {}, {}});
       for (std::size_t a = 0; a < 3; ++a) {
         loads.back().moved[a] += p.load.moved[a];
-        loads.back().bend[a] += p.load.bend[a];
+        loads.back().laplacian[a] += p.load.laplacian[a];
       }
     }
     CoarseSystem system(unknowns, options_);

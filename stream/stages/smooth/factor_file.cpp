@@ -32,12 +32,12 @@ void FactorFile::append(std::span<const double> values) {
   size_ += values.size();
 }
 
-std::span<const double> FactorFile::read(std::uint64_t first, std::span<double> room) {
-  if (first + room.size() <= cached_.size())
-    return std::span<const double>(cached_).subspan(first, room.size());
+std::span<const double> FactorFile::read(std::uint64_t first, std::span<double> buffer) {
+  if (first + buffer.size() <= cached_.size())
+    return std::span<const double>(cached_).subspan(first, buffer.size());
   finish();
-  reader_->read_at(first * sizeof(double), room.data(), room.size_bytes());
-  return room;
+  reader_->read_at(first * sizeof(double), buffer.data(), buffer.size_bytes());
+  return buffer;
 }
 
 std::uint64_t FactorFile::finish() {

@@ -26,7 +26,7 @@ class FactorFile final : public FactorStore {
   void reserve(std::uint64_t size) override;
   /// \pre nothing was read yet
   void append(std::span<const double> values) override;
-  std::span<const double> read(std::uint64_t first, std::span<double> room) override;
+  std::span<const double> read(std::uint64_t first, std::span<double> buffer) override;
   /// Ends writing. Returns the bytes of the file.
   std::uint64_t finish();
 

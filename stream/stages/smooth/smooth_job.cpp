@@ -100,8 +100,8 @@ JobDescription smooth_job(const SmoothOptions& options) {
   plan.tolerance = options.tolerance;
   plan.mesh = [](const JobState& state) { return open_imported_mesh(state.work, kImport); };
   plan.mesh_folder = kImport + "/";
-  JobDescription job{"smooth",  import_stages({0, kImport}),    0,
-                     summarise, {carried_crs(), told_origin()}, job_page()};
+  JobDescription job{"smooth",  import_stages({0, kImport}),     0,
+                     summarise, {carried_crs(), known_origin()}, job_page()};
   job.needs = [rounds = plan.rounds](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kImport}, mesh);

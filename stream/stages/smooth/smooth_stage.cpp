@@ -49,7 +49,7 @@ class SmoothStage : public Stage {
         tolerance_(ends_step(plan, round) ? plan.tolerance : 0.0),
         store_(open_smoothed(state, plan, base_round_)),
         before_(open_smoothed(state, plan, round - 1)),
-        bends_(open_bends(state.work, plan, round)),
+        laplacians_(open_laplacians(state.work, plan, round)),
         mesh_folder_(plan.mesh_folder),
         bounds_(plan.bounds && tolerance_ > 0.0 && round == plan.rounds.size()),
         last_(round == plan.rounds.size()),
@@ -98,12 +98,12 @@ class SmoothStage : public Stage {
   json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter writer(context.create(smooth_folder(round_) + "/" + task_file_stem(task) + ".tmm"),
                           store_.info());
-    std::optional<PatchBendWriter> bends;
+    std::optional<PatchLaplacianWriter> laplacians;
     if (rule_.cycle >= 0 && coarse_.order == 2 && !ends_step_)
-      bends.emplace(context.create(bend_folder(round_) + "/" + task_file_stem(task) + ".bin"));
+      laplacians.emplace(context.create(laplacian_folder(round_) + "/" + task_file_stem(task) + ".bin"));
     Movement moved;
     json edges = json::array();
-    std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0, as_one = 0, turned = 0;
+    std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0, as_one = 0, flipped = 0;
     std::vector<SmoothTile> tiles(tasks_[task].rbegin(), tasks_[task].rend());
     while (!tiles.empty()) {
       const SmoothTile tile = std::move(tiles.back());
@@ -129,21 +129,21 @@ class SmoothStage : public Stage {
         core += store_.patches()[p].faces;
         const std::vector<Double3> positions = limited_moves(p, near, near.core_vertices[k], smoothed, moved);
         write(p, positions, writer);
-        if (bends) {
-          std::vector<Float3> bend;
-          for (const std::uint32_t v : near.core_vertices[k]) bend.push_back(smoothed.bend[v]);
-          bends->add(p, bend);
+        if (laplacians) {
+          std::vector<Float3> laplacian;
+          for (const std::uint32_t v : near.core_vertices[k]) laplacian.push_back(smoothed.laplacian[v]);
+          laplacians->add(p, laplacian);
         }
         if (!last_) {
           const PatchEdges found = edges_of(with_positions(p, positions));
           edges.push_back({p, found.longest, found.squares});
         }
         if (fits_ && (round_ == 1 || last_))
-          turned += count_turned_faces(last_ ? with_positions(p, positions) : store_.load({&p, 1}));
+          flipped += count_flipped_faces(last_ ? with_positions(p, positions) : store_.load({&p, 1}));
         context.advance(store_.patches()[p].faces);
       }
     }
-    context.count_written(writer.finish() + (bends ? bends->finish() : 0));
+    context.count_written(writer.finish() + (laplacians ? laplacians->finish() : 0));
     return {{"vertices", moved.vertices},
             {"on_lines", moved.line},
             {"fixed", moved.fixed},
@@ -155,7 +155,7 @@ class SmoothStage : public Stage {
             {"degenerate_faces", degenerate},
             {"systems", systems},
             {"faces_as_one", as_one},
-            {last_ ? "turned_faces" : "turned_faces_before", turned},
+            {last_ ? "turned_faces" : "turned_faces_before", flipped},
             {"edges", std::move(edges)}};
   }
 
@@ -197,7 +197,7 @@ class SmoothStage : public Stage {
         if (round == 0 && !mesh_folder_.empty()) names.push_back(mesh_folder_);
       }
     if (rule_.cycle >= 0) names.push_back(coarse_folder(round_) + "/");
-    if (!bends_.empty()) names.push_back(bend_folder(round_ - 1) + "/");
+    if (!laplacians_.empty()) names.push_back(laplacian_folder(round_ - 1) + "/");
     return names;
   }
 
@@ -237,9 +237,9 @@ class SmoothStage : public Stage {
   SmoothedBlock smooth(const MeshHaloBlock& near, const SmoothTile& tile,
                        std::span<const std::uint8_t> wanted) const {
     if (rule_.cycle < 0) return smooth_block(near.block, rule_, wanted);
-    const TileState state = tile_state(store_, before_, bends_, near, tile);
-    return smooth_cycle(near.block, state.now, state.bend, rule_, coarse_, load_coarse_solution(solution_),
-                        wanted);
+    const TileState state = tile_state(store_, before_, laplacians_, near, tile);
+    return smooth_cycle(near.block, state.now, state.laplacian, rule_, coarse_,
+                        load_coarse_solution(solution_), wanted);
   }
 
   /// Where the vertices of a patch (their numbers in the block) come to rest; each is counted once over all patches.
@@ -284,7 +284,7 @@ class SmoothStage : public Stage {
   std::size_t base_round_;
   double tolerance_;          ///< 0 inside a step
   MeshStore store_, before_;  ///< where the step began, where the round begins
-  PatchBends bends_;
+  PatchLaplacians laplacians_;
   std::string mesh_folder_;
   bool bounds_, last_, fits_, ends_step_;  ///< bounds_: in the last round; fits_: turned faces are counted
   MeshStore original_;                     ///< of the patches that moves are measured from
@@ -317,10 +317,11 @@ MeshStore open_smoothed(const JobState& state, const SmoothPlan& plan, std::size
   return MeshStore(list_task_files(state.work / smooth_folder(round), ".tmm"));
 }
 
-PatchBends open_bends(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round) {
+PatchLaplacians open_laplacians(const std::filesystem::path& work, const SmoothPlan& plan,
+                                std::size_t round) {
   const SmoothRound& rule = plan.rounds[round - 1];
-  if (rule.cycle <= 0 || rule.filter.order == 1) return PatchBends({});
-  return PatchBends(list_task_files(work / bend_folder(round - 1), ".bin"));
+  if (rule.cycle <= 0 || rule.filter.order == 1) return PatchLaplacians({});
+  return PatchLaplacians(list_task_files(work / laplacian_folder(round - 1), ".bin"));
 }
 
 std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces) {

@@ -116,7 +116,7 @@ JobDescription csg_job(const CsgOptions& options) {
                      solid_stages(model, options.min_component, "tessera csg"),
                      0,
                      summarise_solids,
-                     {told_origin()},
+                     {known_origin()},
                      job_page()};
   job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
   return job;

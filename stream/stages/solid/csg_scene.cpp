@@ -215,13 +215,13 @@ class SceneFile {
       if (!file.is_string()) fail("\"scan\" takes the name of a file, or a list of them");
       made.files.push_back(open_.back().parent_path() / file.get<std::string>());
     }
-    json asked = {{"holes", "close"}};
+    json requested = {{"holes", "close"}};
     for (const auto& [key, v] : n.items())
       if (key != "scan" && key != "translate" && key != "rotate" && key != "scale" && key != "matrix")
-        asked[key] = v;
+        requested[key] = v;
     try {
       ReconstructOptions options;
-      option_table(options).from_json(asked);
+      option_table(options).from_json(requested);
       made.options = to_settings(options);
     } catch (const UsageError& wrong) {
       fail(std::string("\"scan\": ") + wrong.what());

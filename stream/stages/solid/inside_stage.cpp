@@ -19,16 +19,16 @@ class InsideStage : public SerialStage {
   InsideStage(const JobState& state, const SolidModel& model)
       : work_(state.work), lines_(load_solid_lines(state.work)) {
     // Of several operands one may well be a sheet that cuts another.
-    is_asked_ = model.meshes.size() == 1 && model.shapes.empty() && lines_.at(0).borders > 0;
+    is_requested_ = model.meshes.size() == 1 && model.shapes.empty() && lines_.at(0).borders > 0;
   }
 
   std::string name() const override { return "inside"; }
-  std::uint64_t units() const override { return is_asked_ ? lines_[0].borders : 0; }
+  std::uint64_t units() const override { return is_requested_ ? lines_[0].borders : 0; }
   std::string unit_name() const override { return "border edges"; }
-  std::uint64_t finish_bytes() const override { return is_asked_ ? lines_[0].bytes() : 0; }
+  std::uint64_t finish_bytes() const override { return is_requested_ ? lines_[0].bytes() : 0; }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
-    if (!is_asked_) return json::object();
+    if (!is_requested_) return json::object();
     const double half = load_mesh_solid(work_, 0, lines_[0]).half_share(kInsideSamples);
     context.advance(lines_[0].borders);
     if (half > kSurelySheet) refuse_open_sheet();
@@ -38,7 +38,7 @@ class InsideStage : public SerialStage {
  private:
   std::filesystem::path work_;
   std::vector<SolidLines> lines_;
-  bool is_asked_ = false;
+  bool is_requested_ = false;
 };
 
 }  // namespace

@@ -27,7 +27,7 @@ constexpr std::size_t kLinePage = 1u << 12;
 /// Triangles are crossed with the lattice in cubes of so many cells, so that large ones do not fill the memory.
 constexpr int kChunk = 256;
 constexpr std::int32_t kEndNode = 1 << kMaxCellBits;
-constexpr PackedKind kTurnsKind = {"TSTURNS1", "a file of turns"};
+constexpr PackedKind kWindingsKind = {"TSTURNS1", "a file of turns"};
 constexpr PackedKind kBorderKind = {"TSRIBBN1", "a file of border edges"};
 constexpr const char* kSummary = "lines/summary.json";
 
@@ -49,7 +49,7 @@ struct ByEnds {
 std::string part(std::size_t task, const char* extension) {
   return "lines/" + task_file_stem(task) + extension;
 }
-std::string turns_file(std::size_t operand) {
+std::string windings_file(std::size_t operand) {
   return "lines/turns-" + std::to_string(operand) + ".bin";
 }
 std::string border_file(std::size_t operand) {
@@ -110,15 +110,15 @@ class LinesStage : public Stage {
     }
     // Crossings of one triangle in one cube; leaves with their index; output buffers.
     return maximum + std::uint64_t{12} * kChunk * kChunk * sizeof(LatticeCrossing) / 4 +
-           kMaxLeaves * (2 * sizeof(LeafTurns) + 64) + 2 * DirectFile::kDefaultBuffer +
+           kMaxLeaves * (2 * sizeof(LeafWindings) + 64) + 2 * DirectFile::kDefaultBuffer +
            (std::uint64_t{4} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
     const LinesTask& t = tasks_[task];
-    DirectFile turns(context.create(part(task, ".tur")));
+    DirectFile windings(context.create(part(task, ".tur")));
     DirectFile borders(context.create(part(task, ".edg")));
-    Leaves leaves(turns);
+    Leaves leaves(windings);
     std::int64_t volume = 0;
     std::vector<LatticeCrossing> found;
     for (std::size_t p = t.first; p < t.end; ++p) {
@@ -133,7 +133,7 @@ class LinesStage : public Stage {
       context.advance(block.faces.size());
     }
     leaves.flush();
-    context.count_written(turns.finish() + borders.finish());
+    context.count_written(windings.finish() + borders.finish());
     return {{"operand", t.operand}, {"volume", volume}, {"crossings", leaves.crossings()}};
   }
 
@@ -149,14 +149,14 @@ class LinesStage : public Stage {
         volume += s.at("volume").get<std::int64_t>();
         crossings += s.at("crossings").get<std::uint64_t>();
       }
-      const std::uint64_t leaves = merge<LeafTurns>(
-          o, ".tur", summaries, turns_file(o), kTurnsKind, std::less<LeafTurns>{},
-          [](LeafTurns& sum, const LeafTurns& next) {
+      const std::uint64_t leaves = merge<LeafWindings>(
+          o, ".tur", summaries, windings_file(o), kWindingsKind, std::less<LeafWindings>{},
+          [](LeafWindings& sum, const LeafWindings& next) {
             if (sum.key != next.key) return false;
             sum.add(next);
             return true;
           },
-          [](const LeafTurns&) { return true; }, context);
+          [](const LeafWindings&) { return true; }, context);
       const std::uint64_t edges = merge<BorderEdge>(
           o, ".edg", summaries, border_file(o), kBorderKind, ByEnds{},
           [](BorderEdge& sum, const BorderEdge& next) {
@@ -184,7 +184,7 @@ class LinesStage : public Stage {
   class Leaves {
    public:
     explicit Leaves(DirectFile& file) : file_(file) {}
-    LeafTurns& of_node(const Int3& node) {
+    LeafWindings& of_node(const Int3& node) {
       const std::uint64_t key =
           leaf_row_key({node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits});
       if (last_ < leaves_.size() && leaves_[last_].key == key) return leaves_[last_];
@@ -198,14 +198,14 @@ class LinesStage : public Stage {
     std::uint64_t crossings() const { return crossings_; }
     void flush() {
       std::sort(leaves_.begin(), leaves_.end());
-      file_.write(leaves_.data(), leaves_.size() * sizeof(LeafTurns));
+      file_.write(leaves_.data(), leaves_.size() * sizeof(LeafWindings));
       leaves_.clear();
       index_.clear();
     }
 
    private:
     DirectFile& file_;
-    std::vector<LeafTurns> leaves_;
+    std::vector<LeafWindings> leaves_;
     std::unordered_map<std::uint64_t, std::uint32_t> index_;
     std::size_t last_ = 0;
     std::uint64_t crossings_ = 0;
@@ -230,13 +230,14 @@ class LinesStage : public Stage {
                            std::min(at[2] + kChunk, kEndNode)}},
                          7, found);
           for (const LatticeCrossing& c : found) {
-            LeafTurns& leaf = leaves.of_node(c.node);
+            LeafWindings& leaf = leaves.of_node(c.node);
             ++leaf.crossings;
             leaves.count();
             if (c.axis != 0) continue;
-            std::int16_t& turn = leaf.turn[static_cast<std::size_t>((c.node[1] & 7) + 8 * (c.node[2] & 7))];
-            turn = static_cast<std::int16_t>(turn + c.turn);
-            volume -= c.turn * std::int64_t{c.node[0] - middle()};
+            std::int16_t& winding =
+                leaf.winding[static_cast<std::size_t>((c.node[1] & 7) + 8 * (c.node[2] & 7))];
+            winding = static_cast<std::int16_t>(winding + c.winding);
+            volume -= c.winding * std::int64_t{c.node[0] - middle()};
           }
         }
   }
@@ -315,14 +316,14 @@ std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work) {
 }
 
 MeshSolid load_mesh_solid(const std::filesystem::path& work, std::size_t operand, const SolidLines& lines) {
-  auto turns = load_all<LeafTurns>(work / turns_file(operand), kTurnsKind, lines.leaves);
+  auto windings = load_all<LeafWindings>(work / windings_file(operand), kWindingsKind, lines.leaves);
   auto border = load_all<BorderEdge>(work / border_file(operand), kBorderKind, lines.borders);
   if (lines.inside_out) {
-    for (LeafTurns& leaf : turns)
-      for (std::int16_t& t : leaf.turn) t = static_cast<std::int16_t>(-t);
+    for (LeafWindings& leaf : windings)
+      for (std::int16_t& t : leaf.winding) t = static_cast<std::int16_t>(-t);
     for (BorderEdge& e : border) e.count = -e.count;
   }
-  return MeshSolid(LineWindings(std::move(turns)), BorderWinding(std::move(border)));
+  return MeshSolid(LineWindings(std::move(windings)), BorderWinding(std::move(border)));
 }
 
 std::unique_ptr<Stage> make_solid_lines_stage(const JobState& state, const SolidModel& model) {

@@ -136,7 +136,7 @@ JobDescription resurface_job(const ResurfaceOptions& options) {
                      solid_stages(model, options.min_component, "tessera resurface"),
                      0,
                      summarise_solids,
-                     {told_origin()},
+                     {known_origin()},
                      job_page()};
   job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
   return job;

@@ -91,7 +91,7 @@ struct SolidLines {
   std::uint64_t borders = 0;  ///< edges of BorderWinding
   bool inside_out = false;
 
-  std::uint64_t bytes() const { return leaves * sizeof(LeafTurns) + BorderWinding::bytes(borders); }
+  std::uint64_t bytes() const { return leaves * sizeof(LeafWindings) + BorderWinding::bytes(borders); }
 };
 std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work);
 /// With its faces outwards: crossings of an operand that is inside out are to be turned too.

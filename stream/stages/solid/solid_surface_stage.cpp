@@ -188,7 +188,7 @@ class SolidSurfaceStage : public Stage {
     crossings.reserve(tiling_.load(block).crossings);
     const NodeBox nodes = block.nodes();
     for (std::size_t s = 0; s < shapes_.size(); ++s)
-      tiling_.for_each_leaf(block, *tables()[solids_.size() + s], [&](const LeafTurns& leaf) {
+      tiling_.for_each_leaf(block, *tables()[solids_.size() + s], [&](const LeafWindings& leaf) {
         shapes_[s].solid->find_crossings(block, leaf_of_row_key(leaf.key),
                                          static_cast<std::uint8_t>(solids_.size() + s), crossings);
       });
@@ -212,7 +212,7 @@ class SolidSurfaceStage : public Stage {
           if (found.empty()) continue;
           const Float3 normal = face_normal(mesh, f, triangle);  // turned outward with its root
           for (LatticeCrossing& c : found) {
-            if (inside_out_[source.operand] != 0) c.turn = static_cast<std::int8_t>(-c.turn);
+            if (inside_out_[source.operand] != 0) c.winding = static_cast<std::int8_t>(-c.winding);
             crossings.push_back(block.place(c, normal, static_cast<std::uint8_t>(source.operand)));
           }
         }

@@ -26,7 +26,7 @@ SolidTiling::SolidTiling(std::vector<const LineWindings*> tables, const Int3& br
 SolidLoad SolidTiling::load(const SolidBlock& block) const {
   SolidLoad load;
   for (const LineWindings* table : tables_)
-    for_each_leaf(block, *table, [&](const LeafTurns& leaf) {
+    for_each_leaf(block, *table, [&](const LeafWindings& leaf) {
       ++load.leaves;
       load.crossings += leaf.crossings;
     });
@@ -70,7 +70,7 @@ std::vector<TileGroup> SolidTiling::groups(int max_bricks, std::uint64_t max_byt
         for (int x = low_[0] - 1; x <= high_[0] + 1; ++x) cubes.push_back(brick_key({x, y, z}) >> shift);
   }
   for (const LineWindings* table : tables_)
-    for (const LeafTurns& l : table->leaves()) {
+    for (const LeafWindings& l : table->leaves()) {
       const Int3 leaf = leaf_of_row_key(l.key);
       for (int d = 0; d < 8; ++d) {
         // A leaf away on either side: its brick may hold cells of the leaf's crossings.

@@ -37,7 +37,7 @@ class SolidTiling {
     for (int z = low[2]; z <= high[2]; ++z)
       for (int y = low[1]; y <= high[1]; ++y) {
         auto at = std::lower_bound(leaves.begin(), leaves.end(), leaf_row_key({low[0], y, z}),
-                                   [](const LeafTurns& l, std::uint64_t k) { return l.key < k; });
+                                   [](const LeafWindings& l, std::uint64_t k) { return l.key < k; });
         const std::uint64_t last = leaf_row_key({high[0], y, z});
         for (; at != leaves.end() && at->key <= last; ++at) visit(*at);
       }

@@ -74,11 +74,11 @@ class BorderStage : public Stage {
   /// The patch's own vertices that move.
   void fair(std::size_t patch, const StripReader& reader, const std::vector<StripFace>& faces,
             std::vector<MovedVertex>& moves) const {
-    const auto rank = [](const VertexPlace& v) { return std::uint64_t{v.patch} << 32 | v.vertex; };
+    const auto rank = [](const VertexSlot& v) { return std::uint64_t{v.patch} << 32 | v.vertex; };
     std::vector<std::uint64_t> names;
     names.reserve(3 * faces.size());
     for (const StripFace& f : faces)
-      for (const VertexPlace& v : f.place) names.push_back(rank(v));
+      for (const VertexSlot& v : f.slot) names.push_back(rank(v));
     std::sort(names.begin(), names.end());
     names.erase(std::unique(names.begin(), names.end()), names.end());
     const Int3 brick = reader.brick(patch);
@@ -89,7 +89,7 @@ class BorderStage : public Stage {
     for (const StripFace& f : faces) {
       auto& face = strip.faces.emplace_back();
       for (std::size_t i = 0; i < 3; ++i) {
-        const auto v = std::lower_bound(names.begin(), names.end(), rank(f.place[i])) - names.begin();
+        const auto v = std::lower_bound(names.begin(), names.end(), rank(f.slot[i])) - names.begin();
         face[i] = static_cast<std::uint32_t>(v);
         strip.position[face[i]] = reader.corner(f, i, brick);
         strip.at_border[face[i]] = f.border >> i & 1u;

@@ -49,17 +49,17 @@ void StripReader::read(std::size_t patch, Strip& strip) {
                        faces_.index[v],
                        own.position[v],
                        own.kind[v] == VertexClass::kBorder});
-  for (const VertexPlace& place : faces_.foreign) {
-    const Vertices& there = vertices(place.patch);
-    corner_.push_back({place, faces_.index[corner_.size()], there.position[place.vertex],
-                       there.kind[place.vertex] == VertexClass::kBorder});
+  for (const VertexSlot& slot : faces_.foreign) {
+    const Vertices& there = vertices(slot.patch);
+    corner_.push_back({slot, faces_.index[corner_.size()], there.position[slot.vertex],
+                       there.kind[slot.vertex] == VertexClass::kBorder});
   }
   for (const PatchFace& f : faces_.faces) {
     if (!faces_.kept(f)) continue;
     StripFace face;
     for (std::size_t i = 0; i < 3; ++i) {
       const Corner& c = corner_[f[i]];
-      face.place[i] = c.place;
+      face.slot[i] = c.slot;
       face.number[i] = c.number;
       face.at[i] = c.at;
       face.border |= static_cast<std::uint32_t>(c.border) << i;
@@ -72,7 +72,7 @@ void StripReader::read(std::size_t patch, Strip& strip) {
 }
 
 Double3 StripReader::corner(const StripFace& face, std::size_t i, const Int3& brick) const {
-  const Int3 owner = this->brick(face.place[i].patch);
+  const Int3 owner = this->brick(face.slot[i].patch);
   Double3 p = wide(face.at[i]);
   for (std::size_t a = 0; a < 3; ++a) p[a] += double{kBrickCells} * (owner[a] - brick[a]);
   return p;

@@ -13,7 +13,7 @@ namespace tessera {
 
 /// A face of which a vertex lies at the border.
 struct StripFace {
-  std::array<VertexPlace, 3> place;
+  std::array<VertexSlot, 3> slot;
   std::array<std::uint64_t, 3> number;  ///< in the output
   std::array<Float3, 3> at;  ///< each relative to the brick that owns it, before the stage "border"
   std::uint32_t border = 0;  ///< bit i: corner i lies at the border
@@ -53,7 +53,7 @@ class StripReader {
     std::vector<VertexClass> kind;
   };
   struct Corner {
-    VertexPlace place;
+    VertexSlot slot;
     std::uint64_t number;
     Float3 at;
     bool border;

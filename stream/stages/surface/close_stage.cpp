@@ -53,7 +53,7 @@ class CloseStage : public SerialStage {
     points_ = std::make_unique<PointStore>(list_task_files(state.work / "points", ".tsp"),
                                            PointOverlay::open(state.work));
     multipoles_ = std::make_unique<MultipoleStore>(state.work);
-    rims_ = std::make_unique<BrickSectionStore>(list_task_files(state.work / "rims", ".tsr"));
+    boundaries_ = std::make_unique<BrickSectionStore>(list_task_files(state.work / "rims", ".tsr"));
   }
 
   std::string name() const override { return "close"; }
@@ -64,7 +64,7 @@ class CloseStage : public SerialStage {
   std::uint64_t finish_bytes() const override {
     if (!mode_.close) return 1u << 20;
     CloseCounts maximum{0, 0, multipoles_->far().bytes(), 0};
-    for (const BrickSection& b : rims_->bricks()) maximum.rims += b.extra;
+    for (const BrickSection& b : boundaries_->bricks()) maximum.boundaries += b.extra;
     std::uint64_t bytes = 0;
     for (const BrickEntry& brick : points_->bricks()) {
       const Int3 corner = corner_of(brick_of_key(brick.key));
@@ -79,15 +79,15 @@ class CloseStage : public SerialStage {
     if (!mode_.close) return {{"needed", false}};
     json entry = {{"needed", true}, {"summary_bytes", multipoles_->far().bytes()}};
     const ClosingOptions options = decide(entry, context);
-    Seeds rims;
-    for (const BrickSection& brick : rims_->bricks())
-      for (const Int3& c : rims_->rims(brick)) rims[brick_of_cell(c)].push_back(c);
+    Seeds boundaries;
+    for (const BrickSection& brick : boundaries_->bricks())
+      for (const Int3& c : boundaries_->boundaries(brick)) boundaries[brick_of_cell(c)].push_back(c);
     SignMap signs;
-    ClosingMap cells = grow(rims, options, signs, entry, context);
+    ClosingMap cells = grow(boundaries, options, signs, entry, context);
     if (flows(options) && !cells.empty()) {
       signs = let_flow(cells, std::move(signs), options, context);
-      for (const Int3& c : forced_cells(signs)) rims[brick_of_cell(c)].push_back(c);
-      cells = grow(rims, options, signs, entry, context);
+      for (const Int3& c : forced_cells(signs)) boundaries[brick_of_cell(c)].push_back(c);
+      cells = grow(boundaries, options, signs, entry, context);
       std::uint64_t forced = 0;
       for (const Int3& brick : bricks_of(signs))
         if (std::vector<ClosingLeaf> values = flow_values(signs, brick); !values.empty())
@@ -171,7 +171,7 @@ class CloseStage : public SerialStage {
     SignMap region = flow_region(cells);
     require_room((2 * region.size() + field.size()) * kBytesPerSigns);
     const std::vector<Int3> bricks = bricks_of(region);
-    for (const Int3& brick : bricks) enter_local_signs(rims_->signs_around(brick), region);
+    for (const Int3& brick : bricks) enter_local_signs(boundaries_->signs_around(brick), region);
     enter_field_signs(field, region);
     field.clear();
     const auto step = [&](const auto& change) {
@@ -294,7 +294,7 @@ class CloseStage : public SerialStage {
       if (!field) load();
       field->evaluate(queries, options.level, value);
     };
-    return grow_closing(corner, rims_->signs_around(brick), known, seeds, evaluate, data, options,
+    return grow_closing(corner, boundaries_->signs_around(brick), known, seeds, evaluate, data, options,
                         fixed_around(signs, brick));
   }
 
@@ -303,7 +303,7 @@ class CloseStage : public SerialStage {
   Plan plan_;
   std::unique_ptr<PointStore> points_;
   std::unique_ptr<MultipoleStore> multipoles_;
-  std::unique_ptr<BrickSectionStore> rims_;
+  std::unique_ptr<BrickSectionStore> boundaries_;
 };
 
 }  // namespace
@@ -311,7 +311,7 @@ class CloseStage : public SerialStage {
 std::uint64_t close_bytes(const RunOptions& run, const CloseCounts& counts) {
   return static_cast<std::uint64_t>(run.threads) *
              (counts.visit_points * kCloseBytesPerPoint + counts.near_bytes + kVisitBytes) +
-         counts.rims * 3 * sizeof(Int3) + counts.far_bytes + set_limit(run) + (8u << 20);
+         counts.boundaries * 3 * sizeof(Int3) + counts.far_bytes + set_limit(run) + (8u << 20);
 }
 
 HolesMode::HolesMode(const std::string& text) {

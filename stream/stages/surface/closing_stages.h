@@ -36,13 +36,13 @@ struct CloseCounts {
   std::uint64_t visit_points = 0;  ///< of a brick and its halo
   std::uint64_t near_bytes = 0;    ///< of the multipoles around it
   std::uint64_t far_bytes = 0;     ///< of the summary of all bricks
-  std::uint64_t rims = 0;          ///< cells where the surface ends
+  std::uint64_t boundaries = 0;    ///< cells where the surface ends
 };
 /// What the close stage takes at most.
 std::uint64_t close_bytes(const RunOptions& run, const CloseCounts& counts);
 
 std::unique_ptr<Stage> make_multipole_stage(const JobState& state);
-std::unique_ptr<Stage> make_rims_stage(const JobState& state);
+std::unique_ptr<Stage> make_boundaries_stage(const JobState& state);
 std::unique_ptr<Stage> make_close_stage(const JobState& state);
 
 }  // namespace tessera

@@ -85,13 +85,14 @@ MeshStore open(const JobState& state, const char* folder, const char* pruned) {
 }  // namespace
 
 double reconstruct_tolerance(const JobState& state) {
-  const double asked = reconstruct_options(state).tolerance;
-  if (asked == 0.0) return 0.0;
+  const double requested = reconstruct_options(state).tolerance;
+  if (requested == 0.0) return 0.0;
   const Plan plan = Plan::of_work(state.work);
-  return tolerance_before_rounding(
-      state.output,
-      asked == kAutoTolerance ? auto_tolerance(plan.lattice.h, plan.noise_cells * plan.lattice.h) : asked,
-      plan_placement(state, plan));
+  return tolerance_before_rounding(state.output,
+                                   requested == kAutoTolerance
+                                       ? auto_tolerance(plan.lattice.h, plan.noise_cells * plan.lattice.h)
+                                       : requested,
+                                   plan_placement(state, plan));
 }
 
 SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) {

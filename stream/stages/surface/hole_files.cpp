@@ -16,9 +16,9 @@ struct LoopEntry {
 };
 
 template <class T>
-std::span<std::byte> room(std::vector<T>& values, std::uint64_t count) {
+std::span<std::byte> buffer(std::vector<T>& values, std::uint64_t count) {
   values.resize(count);
-  return room_of(values);
+  return buffer_of(values);
 }
 
 /// The sections of a fillings file.
@@ -43,8 +43,9 @@ std::vector<NamedLoop> load_loops(const std::filesystem::path& path) {
   std::vector<NamedLoop> loops;
   for (const LoopEntry& e : file.table<LoopEntry>()) {
     auto& [loop, vertex] = loops.emplace_back();
-    file.read(e.section, {room(vertex, e.edges), room(loop.position, e.edges), room(loop.opposite, e.edges),
-                          room(loop.taken, e.taken), room(loop.rgba, e.coloured)});
+    file.read(e.section,
+              {buffer(vertex, e.edges), buffer(loop.position, e.edges), buffer(loop.opposite, e.edges),
+               buffer(loop.taken, e.taken), buffer(loop.rgba, e.coloured)});
   }
   return loops;
 }

@@ -159,10 +159,10 @@ struct LevelFieldMaker::Seen {
 
 /// What the next coarser level, and those above it, say where the points are too sparse for this one.
 /// \param points  of a block of the level  \param wanted  nodes of the level that may ask
-/// \param asked  leaves of the coarser lattice that have such nodes around them, by their first node
+/// \param requested  leaves of the coarser lattice that have such nodes around them, by their first node
 std::unique_ptr<CoarserFits> LevelFieldMaker::coarser_fits(const PointBlock& around, const PointBlock& points,
                                                            int level, const Wanted& wanted,
-                                                           const Wanted& asked,
+                                                           const Wanted& requested,
                                                            const std::function<void()>& pause) const {
   if (level + 1 == levels_ || points.size() == 0) return nullptr;
   Int3 corner;
@@ -172,8 +172,8 @@ std::unique_ptr<CoarserFits> LevelFieldMaker::coarser_fits(const PointBlock& aro
                 corner[2] + kLeafCells * leaf[2]};
   };
   auto out = std::make_unique<CoarserFits>(
-      CoarserFits{SparsePlaces(points, [&](const Int3& leaf) { return asked(first_of(leaf)); }), {}});
-  const SparsePlaces& places = out->places;
+      CoarserFits{SparseNodes(points, [&](const Int3& leaf) { return requested(first_of(leaf)); }), {}});
+  const SparseNodes& places = out->places;
   if (!places.any()) return nullptr;
   const Wanted above = [&](const Int3& node) {
     Int3 local;
@@ -181,7 +181,7 @@ std::unique_ptr<CoarserFits> LevelFieldMaker::coarser_fits(const PointBlock& aro
       local[a] = node[a] - places.origin()[a];
       if (local[a] < -1 || local[a] > places.cells()[a] + 1) return false;
     }
-    if (places.depth(local) < -kRimMargin) return false;
+    if (places.depth(local) < -kBoundaryMargin) return false;
     for (int d = 0; d < 27; ++d)
       if (wanted({2 * node[0] + d % 3 - 1, 2 * node[1] + d / 3 % 3 - 1, 2 * node[2] + d / 9 - 1}))
         return true;
@@ -194,7 +194,7 @@ std::unique_ptr<CoarserFits> LevelFieldMaker::coarser_fits(const PointBlock& aro
     const Int3 first = first_of(leaf);
     bool beyond = false;
     for (std::size_t a = 0; a < 3; ++a) beyond = beyond || leaf[a] < -1 || leaf[a] > places.cells()[a] / 8;
-    if (beyond || !asked(first)) return LeafWords{};
+    if (beyond || !requested(first)) return LeafWords{};
     const auto [at, fresh] = known.try_emplace(leaf);
     if (fresh) at->second = nodes(leaf);
     return at->second;

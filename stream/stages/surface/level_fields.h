@@ -43,7 +43,7 @@ class LevelFieldMaker {
   PointBlock points_on(const PointBlock& around, int level, const Int3& low, const Int3& cells) const;
   FieldOptions options_on(int level, const std::function<void()>& pause) const;
   std::unique_ptr<CoarserFits> coarser_fits(const PointBlock& around, const PointBlock& points, int level,
-                                            const Wanted& wanted, const Wanted& asked,
+                                            const Wanted& wanted, const Wanted& requested,
                                             const std::function<void()>& pause) const;
   DirectedField evaluate(const Seen& seen, int level, const Int3& low, int cells, const Wanted& wanted,
                          const MayBe& may_be) const;

@@ -94,13 +94,13 @@ class LevelsStage : public Stage {
       split.push_back(tree.split()[static_cast<std::size_t>(level)].size());
     }
     context.count_written(save_split_nodes(context.create(kLevelTreeFile), nodes));
-    json told = {{"levels", levels_}, {"noise_levels", levels_ - min_}, {"split", split}};
+    json result = {{"levels", levels_}, {"noise_levels", levels_ - min_}, {"split", split}};
     if (min_ > 0)
-      told["warnings"].push_back(fmt::format(
+      result["warnings"].push_back(fmt::format(
           "--levels {}: {} used; cells below {:.3g} times the noise ({:.3g} of h) would show it as "
           "relief",
           levels_, levels_ - min_, kMinNoise, plan_.noise_cells));
-    return told;
+    return result;
   }
 
  private:

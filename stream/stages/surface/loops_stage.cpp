@@ -120,13 +120,13 @@ class LoopsStage : public Stage {
       records.clear();
       for (const StripFace& f : faces) add_records(reader, reader.brick(p), f, records);
       std::sort(records.begin(), records.end());
-      BoundaryMatcher rims;
-      for (const EdgeRecord& r : records) rims.add(r);
-      rims.finish();
-      const PatchPlace& place = numbering_.patches[p];
-      for (HoleBoundary& rim : short_boundary_loops(rims, place.first_vertex,
-                                                    place.first_vertex + place.kept_vertices, max_edges_))
-        batches.add(std::move(rim));
+      BoundaryMatcher boundaries;
+      for (const EdgeRecord& r : records) boundaries.add(r);
+      boundaries.finish();
+      const PatchRange& range = numbering_.patches[p];
+      for (HoleBoundary& boundary : short_boundary_loops(
+               boundaries, range.first_vertex, range.first_vertex + range.kept_vertices, max_edges_))
+        batches.add(std::move(boundary));
     }
     batches.flush();
     return {{"to_fill", batches.loops()}, {"torn", torn}};
@@ -159,7 +159,7 @@ class LoopsStage : public Stage {
       numbered.load_faces(p, patch);
       at_border.clear();
       for (const VertexClass c : classes.get(p)) at_border.push_back(c == VertexClass::kBorder);
-      for (const VertexPlace& v : patch.foreign)
+      for (const VertexSlot& v : patch.foreign)
         at_border.push_back(classes.get(v.patch)[v.vertex] == VertexClass::kBorder);
       for (const PatchFace& f : patch.faces) {
         if (!patch.kept(f)) continue;
@@ -191,30 +191,30 @@ class LoopsStage : public Stage {
         at += bytes;
       }
     }
-    BoundaryMatcher rims;
+    BoundaryMatcher boundaries;
     sort.drain([&](std::span<const EdgeRecord> batch) {
       context.check_stop();
-      for (const EdgeRecord& r : batch) rims.add(r);
-      if (rims.border.size() * sizeof(BorderEdge) + rims.chords.size() * sizeof(Chord) >
+      for (const EdgeRecord& r : batch) boundaries.add(r);
+      if (boundaries.border.size() * sizeof(BorderEdge) + boundaries.chords.size() * sizeof(Chord) >
           table_bytes(state_.run) / 2)
         throw ResourceError(
-            "the border of this mesh has more than " + std::to_string(rims.border.size()) +
+            "the border of this mesh has more than " + std::to_string(boundaries.border.size()) +
             " edges, too many to chain its loops in a quarter of --memory; raise --memory or ask for holes "
             "of at most --max-hole " +
             std::to_string(kMaxShortEdges));
     });
-    rims.finish();
-    return rims;
+    boundaries.finish();
+    return boundaries;
   }
 
-  json chain(const BoundaryMatcher& rims, TaskContext& context) const {
+  json chain(const BoundaryMatcher& boundaries, TaskContext& context) const {
     LoopBatches batches(*this, 0, context);
-    const LoopCounts counts = for_each_boundary_loop(rims, max_edges_, [&](HoleBoundary&& rim) {
+    const LoopCounts counts = for_each_boundary_loop(boundaries, max_edges_, [&](HoleBoundary&& boundary) {
       context.check_stop();
-      batches.add(std::move(rim));
+      batches.add(std::move(boundary));
     });
     batches.flush();
-    return {{"border_edges", rims.border.size()},
+    return {{"border_edges", boundaries.border.size()},
             {"loops", counts.loops},
             {"longest", counts.longest},
             {"broken", counts.broken},
@@ -230,9 +230,9 @@ class LoopsStage : public Stage {
           context_(context),
           max_edges_(stage.is_short() ? kShortBatchEdges : kBatchEdges),
           numbered_(stage.state_.work, stage.store_, stage.numbering_) {}
-    void add(HoleBoundary&& rim) {
-      const std::uint64_t n = rim.vertex.size();
-      batch_.push_back(std::move(rim));
+    void add(HoleBoundary&& boundary) {
+      const std::uint64_t n = boundary.vertex.size();
+      batch_.push_back(std::move(boundary));
       ++loops_;
       edges_ += n;
       vertices_ += max_hole_vertices(n);
@@ -264,9 +264,9 @@ class LoopsStage : public Stage {
   std::vector<NamedLoop> gather(const std::vector<HoleBoundary>& batch, NumberedPatches& numbered,
                                 TaskContext& context) const {
     std::vector<std::uint64_t> need;
-    for (const HoleBoundary& rim : batch) {
-      need.insert(need.end(), rim.vertex.begin(), rim.vertex.end());
-      need.insert(need.end(), rim.third.begin(), rim.third.end());
+    for (const HoleBoundary& boundary : batch) {
+      need.insert(need.end(), boundary.vertex.begin(), boundary.vertex.end());
+      need.insert(need.end(), boundary.third.begin(), boundary.third.end());
     }
     std::sort(need.begin(), need.end());
     need.erase(std::unique(need.begin(), need.end()), need.end());
@@ -301,7 +301,7 @@ class LoopsStage : public Stage {
       // The last patch that begins at or before the vertex; those without vertices begin where the next does.
       const auto after =
           std::upper_bound(patches.begin(), patches.end(), need[i],
-                           [](std::uint64_t v, const PatchPlace& p) { return v < p.first_vertex; });
+                           [](std::uint64_t v, const PatchRange& p) { return v < p.first_vertex; });
       const auto p = static_cast<std::size_t>(after - patches.begin()) - 1;
       numbered.load_kept_vertices(p, local, rgba);
       const Int3 brick = brick_of_key(store_.patches()[p].key);

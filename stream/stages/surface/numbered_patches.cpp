@@ -19,13 +19,13 @@ std::vector<std::uint32_t> NumberedPatches::make_remap(std::size_t patch) const 
   return map;
 }
 
-std::uint64_t NumberedPatches::output_index(const VertexPlace& place) {
-  const std::uint64_t base = numbering_->patches[place.patch].first_vertex;
-  if (numbering_->patches[place.patch].kept_vertices == store_->patches()[place.patch].vertices)
-    return base + place.vertex;
-  auto [it, fresh] = remaps_.try_emplace(place.patch);
-  if (fresh) it->second = make_remap(place.patch);
-  const std::uint32_t v = it->second[place.vertex];
+std::uint64_t NumberedPatches::output_index(const VertexSlot& slot) {
+  const std::uint64_t base = numbering_->patches[slot.patch].first_vertex;
+  if (numbering_->patches[slot.patch].kept_vertices == store_->patches()[slot.patch].vertices)
+    return base + slot.vertex;
+  auto [it, fresh] = remaps_.try_emplace(slot.patch);
+  if (fresh) it->second = make_remap(slot.patch);
+  const std::uint32_t v = it->second[slot.vertex];
   return v == kGone ? PatchFaces::kDropped : base + v;
 }
 
@@ -33,14 +33,14 @@ void NumberedPatches::load_faces(std::size_t patch, PatchFaces& out) {
   const PatchEntry& entry = store_->patches()[patch];
   const auto file = static_cast<std::int64_t>(store_->file_of(patch));
   if (file != open_file_) {
-    places_ = std::make_unique<WeldFile>(work_ / weld_file_name(static_cast<std::size_t>(file)));
+    slots_ = std::make_unique<WeldFile>(work_ / weld_file_name(static_cast<std::size_t>(file)));
     open_file_ = file;
   }
   if (remaps_.size() > kRemaps) remaps_.clear();
   store_->load_faces(patch, out.faces, &out.synthetic);
   out.foreign.resize(entry.foreign);
-  places_->file.read_part(places_->places, numbering_->patches[patch].foreign_offset, out.foreign.data(),
-                          out.foreign.size() * sizeof(VertexPlace));
+  slots_->file.read_part(slots_->slots, numbering_->patches[patch].foreign_offset, out.foreign.data(),
+                         out.foreign.size() * sizeof(VertexSlot));
   out.index.resize(std::size_t{entry.vertices} + entry.foreign);
   for (std::uint32_t v = 0; v < entry.vertices; ++v)
     out.index[v] = output_index({static_cast<std::uint32_t>(patch), v});

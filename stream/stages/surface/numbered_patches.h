@@ -16,7 +16,7 @@ namespace tessera {
 struct PatchFaces {
   std::vector<PatchFace> faces;         ///< of the patch, dropped islands among them
   std::vector<std::uint8_t> synthetic;  ///< per face, empty if none of them closes a hole
-  std::vector<VertexPlace> foreign;     ///< places of the foreign vertices
+  std::vector<VertexSlot> foreign;      ///< places of the foreign vertices
   std::vector<std::uint64_t> index;     ///< output number per own, then per foreign vertex
   static constexpr std::uint64_t kDropped = ~std::uint64_t{0};  ///< index of a vertex of a dropped island
   bool kept(const PatchFace& f) const { return index[f[0]] != kDropped; }
@@ -42,14 +42,14 @@ class NumberedPatches {
   static constexpr std::uint32_t kGone = 0xffffffffu;
   /// Own number before islands are dropped -> after, kGone where the vertex goes with its island.
   std::vector<std::uint32_t> make_remap(std::size_t patch) const;
-  std::uint64_t output_index(const VertexPlace& place);
+  std::uint64_t output_index(const VertexSlot& slot);
 
   std::filesystem::path work_;
   const PatchStore* store_;
   const Numbering* numbering_;
   std::map<std::size_t, std::vector<std::uint32_t>> remaps_;  ///< of patches that lost an island
   std::int64_t open_file_ = -1;                               ///< whose places are open
-  std::unique_ptr<WeldFile> places_;
+  std::unique_ptr<WeldFile> slots_;
   std::unique_ptr<BorderMoves> moves_;
 };
 

@@ -52,9 +52,9 @@ MeshPlacement plan_placement(const JobState& state, const Plan& plan) {
       std::max(farthest_coordinate(plan.lattice, first), farthest_coordinate(plan.lattice, last));
   Plan finest = plan;
   finest.lattice = finest_lattice(plan.lattice, reconstruct_options(state));
-  const double asked = reconstruct_options(state).tolerance, fine = kFineCells * finest.lattice.h;
+  const double requested = reconstruct_options(state).tolerance, fine = kFineCells * finest.lattice.h;
   return brick_placement(state.output, output_frame(state, finest, farthest), plan.lattice, first, last,
-                         asked > 0.0 ? std::min(fine, 1e-2 * asked) : fine);
+                         requested > 0.0 ? std::min(fine, 1e-2 * requested) : fine);
 }
 
 MeshPlacement brick_placement(const std::filesystem::path& output, const MeshFrame& frame,

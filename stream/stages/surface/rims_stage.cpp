@@ -14,16 +14,16 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kRimTaskBytes = 8u << 20;
+constexpr std::uint64_t kBoundaryTaskBytes = 8u << 20;
 
-class RimsStage : public Stage {
+class BoundariesStage : public Stage {
  public:
-  explicit RimsStage(const JobState& state)
+  explicit BoundariesStage(const JobState& state)
       : plan_(Plan::of_work(state.work)),
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
         field_(field_options(plan_, reconstruct_options(state).feature_angle_deg)) {
     if (!HolesMode(reconstruct_options(state).holes).close) return;
-    field_.firm_rim = true;
+    field_.firm_boundary = true;
     groups_ = make_tile_groups(store_.bricks(), surface_tiling(state, field_));
   }
 
@@ -35,7 +35,7 @@ class RimsStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t maximum = 0;
     for (const Tile& tile : groups_[task])
-      maximum = std::max(maximum, rims_tile_bytes(store_.bricks(), tile, field_halo_cells(field_)));
+      maximum = std::max(maximum, boundaries_tile_bytes(store_.bricks(), tile, field_halo_cells(field_)));
     return maximum;
   }
 
@@ -44,15 +44,15 @@ class RimsStage : public Stage {
     const int halo = field_halo_cells(field_);
     FieldOptions options = field_;
     options.pause = [&context] { context.check_stop(); };
-    std::uint64_t rims = 0;
+    std::uint64_t boundaries = 0;
     for (const Tile& tile : groups_[task]) {
       context.check_stop();
       const PointBlock points = store_.load(tile.corner(), tile.edges(), halo);
       if (points.size() == 0) continue;
       context.count_read(points.size() * sizeof(PointRecord));
       const DirectedField field = evaluate_field(points, options);
-      std::vector<Int3> cells = rim_cells(field);
-      rims += cells.size();
+      std::vector<Int3> cells = boundary_cells(field);
+      boundaries += cells.size();
       const auto count = static_cast<std::uint64_t>(tile.bricks) * static_cast<std::uint64_t>(tile.bricks) *
                          static_cast<std::uint64_t>(tile.bricks);
       for (std::uint64_t code = 0; code < count; ++code) {
@@ -68,16 +68,16 @@ class RimsStage : public Stage {
       context.advance(core_points(points));
     }
     context.count_written(writer.finish());
-    return {{"rim_cells", rims}};
+    return {{"rim_cells", boundaries}};
   }
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
   json finish(const std::vector<json>& summaries, TaskContext&) const override {
     if (groups_.empty()) return {{"needed", false}};
-    std::uint64_t rims = 0;
-    for (const json& s : summaries) rims += s.at("rim_cells").get<std::uint64_t>();
-    return {{"needed", true}, {"rim_cells", rims}};
+    std::uint64_t boundaries = 0;
+    for (const json& s : summaries) boundaries += s.at("rim_cells").get<std::uint64_t>();
+    return {{"needed", true}, {"rim_cells", boundaries}};
   }
 
  private:
@@ -89,12 +89,12 @@ class RimsStage : public Stage {
 
 }  // namespace
 
-std::uint64_t rims_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells) {
-  return tile_bytes(bricks, nullptr, tile, halo_cells) + kRimTaskBytes;
+std::uint64_t boundaries_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells) {
+  return tile_bytes(bricks, nullptr, tile, halo_cells) + kBoundaryTaskBytes;
 }
 
-std::unique_ptr<Stage> make_rims_stage(const JobState& state) {
-  return std::make_unique<RimsStage>(state);
+std::unique_ptr<Stage> make_boundaries_stage(const JobState& state) {
+  return std::make_unique<BoundariesStage>(state);
 }
 
 }  // namespace tessera

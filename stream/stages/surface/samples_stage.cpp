@@ -36,7 +36,7 @@ struct SampleSums {
   std::uint64_t samples = 0, over = 0, beyond = 0;
   std::uint64_t squares = 0;  ///< of those within reach
   double farthest = -1.0;     ///< rounding included; reach if some are beyond
-  Double3 place = {0, 0, 0};
+  Double3 position = {0, 0, 0};
   std::array<std::uint64_t, kDeviationBins + 1> histogram{};  ///< the last: above the tolerance
 };
 
@@ -84,7 +84,7 @@ class SamplesStage : public Stage {
       context.count_read(points_.bricks()[b].points * sizeof(PointRecord));
     }
     return {{"samples", sums.samples},    {"over", sums.over},         {"beyond", sums.beyond},
-            {"squares", sums.squares},    {"farthest", sums.farthest}, {"place", sums.place},
+            {"squares", sums.squares},    {"farthest", sums.farthest}, {"place", sums.position},
             {"histogram", sums.histogram}};
   }
 
@@ -101,7 +101,7 @@ class SamplesStage : public Stage {
         sum.histogram[i] += s.at("histogram")[i].get<std::uint64_t>();
       if (s.at("farthest").get<double>() <= sum.farthest) continue;
       sum.farthest = s.at("farthest").get<double>();
-      sum.place = s.at("place").get<Double3>();
+      sum.position = s.at("place").get<Double3>();
     }
     const double left = tolerance_ - std::max(0.0, sum.farthest);
     if (before_ && left < kMinLeft * tolerance_)
@@ -109,22 +109,23 @@ class SamplesStage : public Stage {
           "--reference points: points lie up to " + std::string(sum.beyond > 0 ? "more than " : "") +
           number_text(sum.farthest) + " from the surface of full resolution (" + std::to_string(sum.over) +
           " of " + std::to_string(sum.samples) + " farther than the tolerance of " + number_text(tolerance_) +
-          ", the farthest at " + number_text(sum.place[0]) + " " + number_text(sum.place[1]) + " " +
-          number_text(sum.place[2]) + "): the least --tolerance that can do is " +
+          ", the farthest at " + number_text(sum.position[0]) + " " + number_text(sum.position[1]) + " " +
+          number_text(sum.position[2]) + "): the least --tolerance that can do is " +
           (sum.beyond > 0 ? "more than " : "") + number_text(min_above(sum.farthest / (1.0 - kMinLeft))));
     if (before_) write_durably(context.create(kLeftFile), dump_json(json{{"left", left}}));
     if (sum.over > 0)
-      throw ValidationError(
-          "the result gets no name: " + std::to_string(sum.over) + " of " + std::to_string(sum.samples) +
-          " points are farther than " + number_text(tolerance_) + " from it, the farthest " +
-          (sum.beyond > 0 ? "more than " : "") + number_text(sum.farthest) + " at " +
-          number_text(sum.place[0]) + " " + number_text(sum.place[1]) + " " + number_text(sum.place[2]));
+      throw ValidationError("the result gets no name: " + std::to_string(sum.over) + " of " +
+                            std::to_string(sum.samples) + " points are farther than " +
+                            number_text(tolerance_) + " from it, the farthest " +
+                            (sum.beyond > 0 ? "more than " : "") + number_text(sum.farthest) + " at " +
+                            number_text(sum.position[0]) + " " + number_text(sum.position[1]) + " " +
+                            number_text(sum.position[2]));
     const double unit = tolerance_ * kSquareUnit;
     const double mean =
         sum.samples > 0 ? static_cast<double>(sum.squares) / static_cast<double>(sum.samples) : 0.0;
     return {{"samples", sum.samples},
             {"certified_max", std::max(0.0, sum.farthest)},
-            {"place", sum.place},
+            {"place", sum.position},
             {"rms", unit * std::sqrt(mean)},
             {"histogram", sum.histogram}};
   }
@@ -176,7 +177,7 @@ class SamplesStage : public Stage {
           std::min<double>(kDeviationBins, std::floor(distance / tolerance_ * kDeviationBins)))];
       if (distance <= sums.farthest) continue;
       sums.farthest = distance;
-      sums.place = p;
+      sums.position = p;
     }
   }
 

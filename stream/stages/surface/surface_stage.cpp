@@ -44,7 +44,7 @@ class SurfaceStage : public Stage {
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
     const ReconstructOptions options = reconstruct_options(state);
     field_ = field_options(plan_, options.feature_angle_deg);
-    field_.firm_rim = HolesMode(options.holes).close;
+    field_.firm_boundary = HolesMode(options.holes).close;
     field_.bodies = store_.has_bodies();
     const auto files = closing_files(state.work);
     if (!files.empty()) {

@@ -58,7 +58,7 @@ std::uint64_t surface_tile_bytes(std::span<const BrickEntry> bricks, const Brick
                                  const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes);
 
 /// The same of the rims stage.
-std::uint64_t rims_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells);
+std::uint64_t boundaries_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells);
 
 /// The field of a job: radius and noise from the plan, angle from the options.
 FieldOptions field_options(const Plan& plan, double feature_angle_deg);

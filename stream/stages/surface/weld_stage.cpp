@@ -100,7 +100,7 @@ class WeldStage : public Stage {
 
   json run(std::size_t task, TaskContext& context) const override {
     SeamCache cache(store_);
-    std::vector<VertexPlace> places;
+    std::vector<VertexSlot> slots;
     std::vector<Link> links;
     std::vector<ComponentSize> sizes;
     std::size_t compact_at = 4096;
@@ -121,7 +121,7 @@ class WeldStage : public Stage {
           throw std::logic_error("weld: brick " + std::to_string(store_.patches()[p].key) + " names vertex " +
                                  std::to_string(key) + ", which its owner does not have");
         const auto vertex = there->exported_index[static_cast<std::size_t>(at - there->exported_key.begin())];
-        places.push_back({static_cast<std::uint32_t>(owner), vertex});
+        slots.push_back({static_cast<std::uint32_t>(owner), vertex});
         links.push_back(
             {first_component_[p] + seam.components.of_vertex[own + f],
              first_component_[static_cast<std::size_t>(owner)] + there->components.of_vertex[vertex]});
@@ -134,10 +134,10 @@ class WeldStage : public Stage {
     }
     unique_links(links);
     PackedWriter file(context.create(weld_file_name(task)), kWeldKind);
-    const std::vector<Section> sections = {file.append(bytes_of(places)), file.append(bytes_of(links)),
+    const std::vector<Section> sections = {file.append(bytes_of(slots)), file.append(bytes_of(links)),
                                            file.append(bytes_of(sizes))};
     context.count_written(file.finish(sections));
-    return {{"shared_vertices", places.size()}};
+    return {{"shared_vertices", slots.size()}};
   }
 
   std::uint64_t finish_bytes() const override {
@@ -194,18 +194,18 @@ class WeldStage : public Stage {
       const auto [first, last] = store_.file_range(file);
       std::uint64_t offset = 0;
       for (std::size_t p = first; p < last; ++p) {
-        PatchPlace& place = numbering.patches[p];
-        place.first_vertex = numbering.vertices;
-        place.first_component = first_component_[p];
-        place.foreign_offset = offset;
-        offset += sizeof(VertexPlace) * store_.patches()[p].foreign;
+        PatchRange& range = numbering.patches[p];
+        range.first_vertex = numbering.vertices;
+        range.first_component = first_component_[p];
+        range.foreign_offset = offset;
+        offset += sizeof(VertexSlot) * store_.patches()[p].foreign;
         for (std::uint64_t c = first_component_[p]; c < first_component_[p + 1]; ++c) {
           if (!numbering.kept[c]) continue;
-          place.kept_vertices += sizes[c].vertices;
-          place.kept_faces += sizes[c].faces;
+          range.kept_vertices += sizes[c].vertices;
+          range.kept_faces += sizes[c].faces;
         }
-        numbering.vertices += place.kept_vertices;
-        numbering.faces += place.kept_faces;
+        numbering.vertices += range.kept_vertices;
+        numbering.faces += range.kept_faces;
       }
     }
     if (numbering.faces == 0) {
@@ -234,7 +234,7 @@ std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches) {
   std::uint64_t bytes = kSeamCacheBytes + (8u << 20);
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches) {
-    bytes += sizeof(VertexPlace) * e.foreign + sizeof(ComponentSize) * e.components +
+    bytes += sizeof(VertexSlot) * e.foreign + sizeof(ComponentSize) * e.components +
              2 * sizeof(Link) * e.components;
     largest =
         std::max<std::uint64_t>(largest, 4ull * e.vertices + 28ull * (e.foreign + std::uint64_t{e.exported}));
@@ -244,7 +244,7 @@ std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches) {
 
 std::uint64_t weld_finish_bytes(std::uint64_t patches, std::uint64_t components) {
   // Union-find, sizes and the kept flags; places of the patches; one file's links.
-  return components * 41 + patches * sizeof(PatchPlace) + (64u << 20);
+  return components * 41 + patches * sizeof(PatchRange) + (64u << 20);
 }
 
 std::uint64_t automatic_min_component(std::uint64_t faces) {
@@ -270,7 +270,7 @@ std::string weld_file_name(std::size_t file) {
 
 WeldFile::WeldFile(const std::filesystem::path& path) : file(path, kWeldKind, sizeof(Section)) {
   const auto sections = file.table<Section>();
-  places = sections.at(0), links = sections.at(1), sizes = sections.at(2);
+  slots = sections.at(0), links = sections.at(1), sizes = sections.at(2);
 }
 
 void Numbering::save(const std::filesystem::path& path) const {
@@ -285,7 +285,7 @@ Numbering Numbering::load(const std::filesystem::path& path) {
   const PackedFile file(path, kNumberingKind, sizeof(Section), sizeof totals);
   std::memcpy(totals.data(), file.info().data(), sizeof totals);
   const auto sections = file.table<Section>();
-  return {file.load<PatchPlace>(sections.at(0)), file.load<std::uint8_t>(sections.at(1)), totals[0],
+  return {file.load<PatchRange>(sections.at(0)), file.load<std::uint8_t>(sections.at(1)), totals[0],
           totals[1]};
 }
 

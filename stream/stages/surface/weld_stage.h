@@ -8,13 +8,13 @@
 namespace tessera {
 
 /// A foreign vertex of a patch, found: patch index and own vertex there.
-struct VertexPlace {
+struct VertexSlot {
   std::uint32_t patch = 0;
   std::uint32_t vertex = 0;
 };
 
 /// What welding knows of one patch.
-struct PatchPlace {
+struct PatchRange {
   std::uint64_t first_vertex = 0;     ///< output index of its first kept vertex
   std::uint64_t first_component = 0;  ///< into Numbering::kept
   std::uint64_t foreign_offset = 0;   ///< of its VertexPlaces among those of its patch file, bytes
@@ -24,7 +24,7 @@ struct PatchPlace {
 
 /// The global summary that writing needs: 32 bytes a patch, one byte a patch component.
 struct Numbering {
-  std::vector<PatchPlace> patches;
+  std::vector<PatchRange> patches;
   std::vector<std::uint8_t> kept;  ///< per patch component
   std::uint64_t vertices = 0;
   std::uint64_t faces = 0;
@@ -42,7 +42,7 @@ std::string weld_file_name(std::size_t file);
 struct WeldFile {
   explicit WeldFile(const std::filesystem::path& path);
   PackedFile file;
-  Section places, links, sizes;
+  Section slots, links, sizes;
 };
 
 /// Islands below this many faces go when --min-component is auto: a five-hundredth of all faces, within [50, 1000].

@@ -16,21 +16,21 @@ TEST_CASE("vertex bends: a fillet bends across its axis by 1 / radius, flanks no
   s.radius = 8.0;
   s.convex = convex;
   const MeshBlock block = swept_block(s);
-  const std::vector<CurvatureTensor> bends =
+  const std::vector<CurvatureTensor> curvatures =
       curvature_tensors(block, std::vector<std::uint8_t>(block.key.size(), 1), 3.0);
   std::size_t arc = 0, flank = 0;
-  for (std::size_t v = 0; v < bends.size(); ++v) {
+  for (std::size_t v = 0; v < curvatures.size(); ++v) {
     const Double3& p = block.position[v];
     if (p[1] < 4.0 || p[1] > 36.0) continue;
     if (std::fabs(p[0]) < 2.0) {
       ++arc;
-      CHECK(bends[v].across * (convex ? 1.0 : -1.0) == Approx(1.0 / 8.0).epsilon(0.12));
-      CHECK(std::fabs(bends[v].minimum) < 0.02);
-      CHECK(std::fabs(bends[v].along[1]) > 0.98);
-      CHECK(bends[v].normal[2] > 0.9);
+      CHECK(curvatures[v].across * (convex ? 1.0 : -1.0) == Approx(1.0 / 8.0).epsilon(0.12));
+      CHECK(std::fabs(curvatures[v].minimum) < 0.02);
+      CHECK(std::fabs(curvatures[v].along[1]) > 0.98);
+      CHECK(curvatures[v].normal[2] > 0.9);
     } else if (std::fabs(p[0]) > 10.0) {
       ++flank;
-      CHECK(std::fabs(bends[v].across) < 1e-9);
+      CHECK(std::fabs(curvatures[v].across) < 1e-9);
     }
   }
   CHECK(arc > 50);

@@ -95,7 +95,7 @@ TEST_CASE("resample blend: on an exact cylinder no normal jump varies beyond rou
   const ResampledBlend r = resample_only(block, exact_options());
   check_stitched(block, r);
   CHECK(r.report.radius == Approx(3.0).epsilon(1e-5));
-  CHECK(r.report.turn == Approx(s.turn_deg * kPi / 180.0).epsilon(1e-3));
+  CHECK(r.report.arc_angle == Approx(s.turn_deg * kPi / 180.0).epsilon(1e-3));
   CHECK(r.report.distance <= 0.25);
   CHECK(r.report.before.across.variance > 1e-3);
   CHECK(r.report.after.across.edges > 30);

@@ -130,7 +130,7 @@ TEST_CASE("certificate of a pair: what is missing from the fine surface is misse
   const double tolerance = 0.01;  // a cell of the fine grid is 0.02 wide
   REQUIRE(measure(coarse, whole, tolerance).there.upper <= tolerance);
   test::Random random(2);
-  for (int turn = 0; turn < 40; ++turn) {
+  for (int trial = 0; trial < 40; ++trial) {
     // A hole of a few cells anywhere: at corners and sides of coarse faces as well as within.
     const double x = std::floor(random.in(1.0, kFine - 4.0)) / kFine,
                  y = std::floor(random.in(1.0, kFine - 4.0)) / kFine;

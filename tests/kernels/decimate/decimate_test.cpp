@@ -349,7 +349,7 @@ TEST_CASE("decimate: normals turn no more than asked", "[property]") {
   std::size_t free_faces = 0;
   for (const double degrees : {0.0, 20.0, 8.0}) {
     DecimateOptions o = within(0.03);
-    o.max_normal_turn_deg = degrees;
+    o.max_normal_deviation_deg = degrees;
     MeshBlock b = original;
     const DecimateReport r = decimate(b, original, o);
     if (degrees == 0.0) {
@@ -383,7 +383,7 @@ TEST_CASE("decimate: normals turn no more than asked", "[property]") {
 TEST_CASE("decimate: the normal of a sliver that noise turns is not asked, that of a thin strip is",
           "[unit]") {
   DecimateOptions o = within(0.06);
-  o.max_normal_turn_deg = 3.0;
+  o.max_normal_deviation_deg = 3.0;
   // In a plane, pairs of vertices that nearly meet, one of them a little above: the faces between turn by 31 degrees.
   MeshBlock plane = grid_block(20, 20, [](double, double) { return 0.0; });
   for (Double3& q : plane.position)
@@ -406,7 +406,7 @@ TEST_CASE("decimate: the normal of a sliver that noise turns is not asked, that 
   const MeshBlock before = cylinder;
   decimate(cylinder, before, o);
   CHECK(cylinder.faces.size() == 72);
-  o.max_normal_turn_deg = 0.0;
+  o.max_normal_deviation_deg = 0.0;
   cylinder = before;
   decimate(cylinder, before, o);
   CHECK(cylinder.faces.size() < 72);

@@ -38,8 +38,8 @@ struct OneStar {
       if (mesh.block_vertex(v) == 0) centre = v;
     REQUIRE(mesh.gather(centre, star));
   }
-  RimLoop rim(std::size_t at) const {
-    RimLoop loop;
+  LinkLoop link(std::size_t at) const {
+    LinkLoop loop;
     for (std::size_t n = 0; n < star.faces; ++n)
       loop.at[loop.size++] = mesh.at(star.ring[(at + n) % star.faces]) - mesh.at(star.ring[at]);
     return loop;
@@ -62,7 +62,7 @@ TEST_CASE("star lanes: distances and folds are those of fan_gap()", "[property]"
       double deviation = 0.0, exact = 0.0;
       const StarLanes::Answer answer = lanes.judge(at, deviation);
       const bool graph =
-          fan_deviation(s.rim(at), s.mesh.at(s.centre) - s.mesh.at(s.star.ring[at]), kNoFlatEdge, exact);
+          fan_deviation(s.link(at), s.mesh.at(s.centre) - s.mesh.at(s.star.ring[at]), kNoFlatEdge, exact);
       if (answer == StarLanes::Answer::kGood) {
         REQUIRE(graph);
         CHECK(deviation >= exact);
@@ -108,9 +108,9 @@ TEST_CASE("star lanes: open stars, large ones and sizes out of proportion are le
   CHECK(StarLanes(0.1, 0.0).load(six.mesh, six.centre, six.star));
   CHECK_FALSE(StarLanes(1e-6, 0.0).load(six.mesh, six.centre, six.star));
   CHECK_FALSE(StarLanes(1e+6, 0.0).load(six.mesh, six.centre, six.star));
-  Star rim;
-  REQUIRE(six.mesh.gather(six.star.ring[0], rim));
-  CHECK_FALSE(StarLanes(0.1, 0.0).load(six.mesh, six.star.ring[0], rim));
+  Star link;
+  REQUIRE(six.mesh.gather(six.star.ring[0], link));
+  CHECK_FALSE(StarLanes(0.1, 0.0).load(six.mesh, six.star.ring[0], link));
 }
 
 TEST_CASE("star lanes: what is flat is left to doubles", "[unit]") {

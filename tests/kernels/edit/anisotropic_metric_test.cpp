@@ -21,9 +21,9 @@ Surface plate(std::vector<std::int32_t>& role) {
   Surface s = height_grid(kCells, 1.0, [](double, double) { return 0.0; });
   for (Double3& p : s.position) {
     const double x = p[0], y = p[1];
-    const bool rim = std::min(std::min(x, y), std::min(1 - x, 1 - y)) < 0.1;
+    const bool edge = std::min(std::min(x, y), std::min(1 - x, 1 - y)) < 0.1;
     const bool middle = std::fabs(x - 0.5) < 0.04 && std::fabs(y - 0.5) < 0.04;
-    role.push_back(rim ? kFixedVertex : middle ? 0 : kSupportVertex);
+    role.push_back(edge ? kFixedVertex : middle ? 0 : kSupportVertex);
     p[0] *= 4.0;
   }
   return s;

@@ -68,7 +68,7 @@ struct Bend {
   EditBasis basis;
   std::vector<std::uint8_t> free;
   std::vector<Double3> rest, posed, vectors;
-  std::vector<Rotation> turn;
+  std::vector<Rotation> rotation;
   std::vector<LayerLevel> levels;
 
   Bend(Bar b, double from, double degrees) : bar(std::move(b)) {
@@ -90,17 +90,18 @@ struct Bend {
     const std::vector<Placement> pose = {rotation({0, 0, 1}, degrees).about({0.5 * kLength, 0, 0})};
     rest = rest_base(basis, bar.position);
     posed = smooth_base(basis, bar.position, pose);
-    const std::vector<Rotation> turns = pose_rotations(basis, pose);
-    vectors = posed_base(basis, bar.position, turns, rest, posed);
-    turn.assign(bar.position.size(), Rotation{});
-    for (std::size_t k = 0; k < turns.size(); ++k) turn[static_cast<std::size_t>(basis.active[k])] = turns[k];
+    const std::vector<Rotation> posed_rotation = pose_rotations(basis, pose);
+    vectors = posed_base(basis, bar.position, posed_rotation, rest, posed);
+    rotation.assign(bar.position.size(), Rotation{});
+    for (std::size_t k = 0; k < posed_rotation.size(); ++k)
+      rotation[static_cast<std::size_t>(basis.active[k])] = posed_rotation[k];
     levels = layer_levels(bar.position, bar.faces, free);
   }
 
   std::vector<Double3> kept(bool whole, DisplacementVolumeReport& report) const {
     std::vector<Double3> widening;
     if (whole) widening = volume_widening(basis, rest, posed, bar.faces);
-    return displacement_volumes({{rest, bar.position}, {posed, vectors}, bar.faces, free, turn, widening},
+    return displacement_volumes({{rest, bar.position}, {posed, vectors}, bar.faces, free, rotation, widening},
                                 levels, {}, report);
   }
   double change(std::span<const Double3> p) const {
@@ -127,7 +128,7 @@ double sharpest_left(const Bend& b, std::span<const Double3> p) {
       edges.push_back({std::min(v, w), std::max(v, w), f});
     }
   std::sort(edges.begin(), edges.end());
-  const auto turn = [&](std::span<const Double3> at, std::size_t i) {
+  const auto rotation = [&](std::span<const Double3> at, std::size_t i) {
     const auto normal = [&](std::size_t f) {
       const auto& c = b.bar.faces[f];
       return unit_or_zero(triangle_normal(at[c[0]], at[c[1]], at[c[2]]));
@@ -139,8 +140,8 @@ double sharpest_left(const Bend& b, std::span<const Double3> p) {
   std::size_t seen = 0;
   for (std::size_t i = 0; i + 1 < edges.size(); i += 2) {
     if (!b.free[edges[i].low] && !b.free[edges[i].high]) continue;
-    if (turn(b.bar.position, i) < 80.0) continue;
-    minimum = std::min(minimum, turn(p, i));
+    if (rotation(b.bar.position, i) < 80.0) continue;
+    minimum = std::min(minimum, rotation(p, i));
     ++seen;
   }
   REQUIRE(seen > 100);

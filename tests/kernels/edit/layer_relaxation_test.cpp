@@ -16,8 +16,8 @@ struct Tent {
   std::vector<Double3> layer = {{0, 0, 1}, {2, 0, 1}, {2, 2, 1}, {0, 2, 1}, {1, 1, 1.5}};
   std::vector<std::array<std::uint32_t, 3>> faces = {{0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}};
   std::vector<std::uint8_t> free = {0, 0, 0, 0, 1};
-  std::vector<Rotation> turn = std::vector<Rotation>(5, Rotation{1, 0, 0, 0, 1, 0, 0, 0, 1});
-  LayerRelaxation relaxation{{base, layer}, {base, layer}, faces, free, turn, {}};
+  std::vector<Rotation> rotation = std::vector<Rotation>(5, Rotation{1, 0, 0, 0, 1, 0, 0, 0, 1});
+  LayerRelaxation relaxation{{base, layer}, {base, layer}, faces, free, rotation, {}};
 };
 
 }  // namespace

@@ -18,17 +18,17 @@ struct Sheet {
   Surface at_rest = height_grid(20, 20.0, [](double x, double y) { return 0.3 * std::sin(x) * std::cos(y); });
   Placement to = rotation({0, 0, 1}, 70.0).after(rotation({1, 0, 0}, 110.0));
   std::vector<std::uint8_t> free;
-  std::vector<Rotation> turn;
+  std::vector<Rotation> rotation;
   std::vector<Double3> wanted;
   Sheet() {
     to.shift = {5, 6, 7};
     for (const Double3& p : at_rest.position) {
       free.push_back(p[0] > 0 && p[0] < 20 && p[1] > 0 && p[1] < 20);
-      turn.push_back(to.matrix);
+      rotation.push_back(to.matrix);
       wanted.push_back(to.apply(p));
     }
   }
-  TurningBase base() const { return {at_rest.position, at_rest.faces, free, turn}; }
+  FlipBase base() const { return {at_rest.position, at_rest.faces, free, rotation}; }
 };
 
 constexpr std::size_t kMiddle = 10 * 21 + 10;
@@ -38,8 +38,8 @@ constexpr std::size_t kMiddle = 10 * 21 + 10;
 TEST_CASE("upright faces: a base that only turns stays as it is", "[unit]") {
   const Sheet s;
   std::vector<Double3> posed = s.wanted;
-  CHECK(turned_over(s.base(), posed).empty());
-  CHECK(set_upright(s.base(), posed).left == 0);
+  CHECK(flipped_faces(s.base(), posed).empty());
+  CHECK(unflip(s.base(), posed).left == 0);
   CHECK(posed == s.wanted);
 }
 
@@ -47,14 +47,14 @@ TEST_CASE("upright faces: a fold comes out, and what is far from it keeps its bi
   const Sheet s;
   std::vector<Double3> posed = s.wanted;
   posed[kMiddle] = s.to.apply({12.3, 10.2, 0.0});  // over its neighbours
-  const std::vector<std::uint32_t> over = turned_over(s.base(), posed);
-  REQUIRE_FALSE(over.empty());
-  for (const std::uint32_t j : over) {
+  const std::vector<std::uint32_t> flipped = flipped_faces(s.base(), posed);
+  REQUIRE_FALSE(flipped.empty());
+  for (const std::uint32_t j : flipped) {
     const auto& f = s.at_rest.faces[j];
     CHECK((f[0] == kMiddle || f[1] == kMiddle || f[2] == kMiddle));
   }
-  CHECK(set_upright(s.base(), posed).left == 0);
-  CHECK(turned_over(s.base(), posed).empty());
+  CHECK(unflip(s.base(), posed).left == 0);
+  CHECK(flipped_faces(s.base(), posed).empty());
   for (std::size_t v = 0; v < posed.size(); ++v) {
     const Double3& p = s.at_rest.position[v];
     if (std::fabs(p[0] - 10) > 4 || std::fabs(p[1] - 10) > 4)
@@ -71,11 +71,11 @@ TEST_CASE("upright faces: what is held folds what nothing can unfold, and is cou
   for (std::size_t v = 0; v < posed.size(); ++v)
     if (s.at_rest.position[v][0] == 0.0) posed[v] = s.to.apply(s.at_rest.position[v] + Double3{30, 0, 0});
   const std::vector<Double3> before = posed;
-  const std::size_t folded = turned_over(s.base(), posed).size();
-  const UprightReport report = set_upright(s.base(), posed);
+  const std::size_t folded = flipped_faces(s.base(), posed).size();
+  const UnflipReport report = unflip(s.base(), posed);
   CHECK(report.before == folded);
   CHECK(report.left > 0);
-  CHECK(report.left == turned_over(s.base(), posed).size());
+  CHECK(report.left == flipped_faces(s.base(), posed).size());
   for (std::size_t v = 0; v < posed.size(); ++v)
     if (!s.free[v]) CHECK(posed[v] == before[v]);
 }
@@ -83,8 +83,8 @@ TEST_CASE("upright faces: what is held folds what nothing can unfold, and is cou
 TEST_CASE("upright faces: how a surface turned is fitted, wherever its details come from", "[unit]") {
   const Sheet s;
   double worst = 0.0;
-  for (const Rotation& turn : fitted_rotations(s.at_rest.position, s.wanted, s.at_rest.faces))
-    for (std::size_t k = 0; k < 9; ++k) worst = std::max(worst, std::fabs(turn[k] - s.to.matrix[k]));
+  for (const Rotation& rotation : fitted_rotations(s.at_rest.position, s.wanted, s.at_rest.faces))
+    for (std::size_t k = 0; k < 9; ++k) worst = std::max(worst, std::fabs(rotation[k] - s.to.matrix[k]));
   CHECK(worst < 1e-9);
 }
 
@@ -95,10 +95,10 @@ TEST_CASE("upright faces: a pose goes towards another one around what is turned 
   for (std::size_t v = 0; v < other.size(); ++v)
     if (s.free[v]) other[v] = other[v] + Double3{0, 0, 1e-3};
   posed[kMiddle] = s.to.apply({12.3, 10.2, 0.0});  // over its neighbours
-  const std::size_t over = turned_over(s.base(), posed).size();
-  REQUIRE(over > 0);
-  CHECK(yield_to(s.base(), other, over, posed) == 0);
-  CHECK(turned_over(s.base(), posed).empty());
+  const std::size_t flipped = flipped_faces(s.base(), posed).size();
+  REQUIRE(flipped > 0);
+  CHECK(yield_to(s.base(), other, flipped, posed) == 0);
+  CHECK(flipped_faces(s.base(), posed).empty());
   std::size_t moved = 0;
   for (std::size_t v = 0; v < posed.size(); ++v) moved += posed[v] != s.wanted[v];
   CHECK(moved > 1);

@@ -209,7 +209,7 @@ TEST_CASE("robustness: the two sides of a thin plate stay two sheets, each with 
   CHECK(checks.degenerate_faces == 0);
   CHECK(checks.boundary_loops == 2);
   REQUIRE(mesh.faces.size() > 10000);
-  std::size_t turned_faces = 0, off = 0;
+  std::size_t reversed_faces = 0, off = 0;
   for (const auto& f : mesh.faces) {
     const Double3 &a = mesh.position[f[0]], &b = mesh.position[f[1]], &d = mesh.position[f[2]];
     Double3 u, v, middle;
@@ -220,10 +220,10 @@ TEST_CASE("robustness: the two sides of a thin plate stay two sheets, each with 
     for (double& x : n) x /= length;
     off += std::abs(solid.value(middle)) > (noise > 0 ? 0.3 : 0.02);
     if (length < 0.02) continue;  // a sliver: its normal is what rounding makes of it
-    turned_faces += solid.normal_error(middle, n, 0.5) > 1.0;
+    reversed_faces += solid.normal_error(middle, n, 0.5) > 1.0;
   }
   CHECK(off == 0);
-  CHECK(turned_faces == 0);
+  CHECK(reversed_faces == 0);
 }
 
 TEST_CASE("robustness: an open surface has no face farther than the support radius from the data",

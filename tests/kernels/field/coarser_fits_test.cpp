@@ -36,7 +36,7 @@ test::Samples plane(double apart, const Keep& keep) {
 }
 
 CoarserFits coarser_of(const test::Samples& samples, const Int3& origin) {
-  CoarserFits out{SparsePlaces(test::make_block(samples, origin, kSize, kLeafCells)), {}};
+  CoarserFits out{SparseNodes(test::make_block(samples, origin, kSize, kLeafCells)), {}};
   test::Samples coarse = samples;
   for (auto& s : coarse) s.p = s.p * 0.5;
   out.band = fit_field(
@@ -48,7 +48,7 @@ CoarserFits coarser_of(const test::Samples& samples, const Int3& origin) {
           bool within = true;
           for (std::size_t a = 0; a < 3; ++a)
             within = within && at[a] >= -1 && at[a] <= out.places.cells()[a] + 1;
-          if (within && out.places.depth(at) >= -kRimMargin)
+          if (within && out.places.depth(at) >= -kBoundaryMargin)
             words[static_cast<std::size_t>(n >> 6)] |= std::uint64_t{1} << (n & 63);
         }
         return words;

@@ -47,10 +47,10 @@ BoundaryMatcher match(const Sheet& sheet, const std::set<std::uint64_t>* known =
       records.push_back(edge_record(a, b, f[(e + 2) % 3]));
     }
   std::sort(records.begin(), records.end());
-  BoundaryMatcher rims;
-  for (const EdgeRecord& r : records) rims.add(r);
-  rims.finish();
-  return rims;
+  BoundaryMatcher boundaries;
+  for (const EdgeRecord& r : records) boundaries.add(r);
+  boundaries.finish();
+  return boundaries;
 }
 
 }  // namespace
@@ -63,15 +63,15 @@ TEST_CASE("hole rims: loops run against the faces, with the faces beyond and the
     tube.faces.push_back({i, j, 3 + j});
     tube.faces.push_back({i, 3 + j, 3 + i});
   }
-  std::vector<HoleBoundary> rims;
+  std::vector<HoleBoundary> boundaries;
   const LoopCounts counts =
-      for_each_boundary_loop(match(tube), 3, [&](HoleBoundary&& r) { rims.push_back(std::move(r)); });
+      for_each_boundary_loop(match(tube), 3, [&](HoleBoundary&& r) { boundaries.push_back(std::move(r)); });
   CHECK((counts.loops == 2 && counts.longest == 3 && counts.broken == 0));
-  REQUIRE(rims.size() == 2);
-  CHECK(rims[0].vertex == std::vector<std::uint64_t>{0, 2, 1});
-  CHECK(rims[0].third == std::vector<std::uint64_t>{3, 5, 4});
-  CHECK(rims[0].taken.empty());
-  CHECK(rims[1].vertex == std::vector<std::uint64_t>{3, 4, 5});
+  REQUIRE(boundaries.size() == 2);
+  CHECK(boundaries[0].vertex == std::vector<std::uint64_t>{0, 2, 1});
+  CHECK(boundaries[0].third == std::vector<std::uint64_t>{3, 5, 4});
+  CHECK(boundaries[0].taken.empty());
+  CHECK(boundaries[1].vertex == std::vector<std::uint64_t>{3, 4, 5});
   CHECK(for_each_boundary_loop(match(tube), 2, [&](HoleBoundary&&) { FAIL("too long"); }).loops == 2);
   // Two triangles: their common edge is a chord of the loop around them.
   const Sheet quad = {{{0, 1, 2}, {0, 2, 3}}, 4};

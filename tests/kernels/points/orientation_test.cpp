@@ -76,12 +76,12 @@ BrickOrientation orient(const Cloud& cloud) {
 /// Share of points that agree with the truth once all patches are solved, up to one sign for the whole.
 double agreement(const BrickOrientation& o) {
   std::vector<std::uint64_t> weight;
-  for (const PatchFacts& f : o.facts) weight.push_back(f.surfels);
+  for (const PatchStats& f : o.stats) weight.push_back(f.surfels);
   const SignSolution solution = solve_signs(weight, o.votes);
   double agree = 0.0, all = 0.0;
-  for (std::size_t p = 0; p < o.facts.size(); ++p) {
-    agree += solution.sign[p] > 0 ? o.facts[p].agree : o.facts[p].disagree;
-    all += o.facts[p].agree + o.facts[p].disagree;
+  for (std::size_t p = 0; p < o.stats.size(); ++p) {
+    agree += solution.sign[p] > 0 ? o.stats[p].agree : o.stats[p].disagree;
+    all += o.stats[p].agree + o.stats[p].disagree;
   }
   return std::max(agree, all - agree) / all;
 }
@@ -116,8 +116,8 @@ void rectangle(const Double3& corner, const Double3& side, const Double3& up, co
 TEST_CASE("orientation: one patch on a sphere inside a brick", "[unit]") {
   const BrickOrientation o = orient(cloud_of(sphere(24.0, 20000)));
   REQUIRE(o.patches == 1);
-  CHECK((o.facts[0].agree == 0 || o.facts[0].disagree == 0));
-  CHECK(o.facts[0].points == 20000);
+  CHECK((o.stats[0].agree == 0 || o.stats[0].disagree == 0));
+  CHECK(o.stats[0].points == 20000);
 }
 
 TEST_CASE("orientation: given normals far from the plane's axis are counted apart", "[unit]") {
@@ -129,7 +129,7 @@ TEST_CASE("orientation: given normals far from the plane's axis are counted apar
     ++bent;
   }
   const BrickOrientation o = orient(cloud_of(samples));
-  const PatchFacts& f = o.facts[0];
+  const PatchStats& f = o.stats[0];
   CHECK(f.agree + f.disagree == 20000);
   CHECK(f.agree_near + f.disagree_near > 20000 - bent);
   CHECK(f.agree_near + f.disagree_near < 20000 - bent / 2);
@@ -175,7 +175,7 @@ TEST_CASE("orientation: two parallel sheets close together do not decide for eac
   rectangle({10, 10, 30 + gap}, {40, 0, 0}, {0, 40, 0}, {0, 0, 1}, state, sheets);
   const BrickOrientation o = orient(cloud_of(sheets));
   std::uint32_t mixed = 0;
-  for (const PatchFacts& f : o.facts) mixed += std::min(f.agree, f.disagree);
+  for (const PatchStats& f : o.stats) mixed += std::min(f.agree, f.disagree);
   CHECK(mixed < sheets.size() / 1000);
 }
 
@@ -285,7 +285,7 @@ TEST_CASE("sight: an object shows outwards, whichever way it was turned", "[unit
   std::vector<JobSurfel> surfels;
   add_sphere(surfels, 200.0, 0, side);
   add_sphere(surfels, 40.0, 1, -side, 260.0f);
-  const SightVotes votes = vote_by_sight(surfels, 2, {0, 0, 1}, 1000.0, std::nullopt, in_order);
+  const VisibilityVotes votes = vote_by_visibility(surfels, 2, {0, 0, 1}, 1000.0, std::nullopt, in_order);
   CHECK(votes.enclosed < 0.001);
   CHECK(shown(votes.sides, 0) * side == 1.0);
   CHECK(shown(votes.sides, 1) * side == -1.0);
@@ -299,7 +299,7 @@ TEST_CASE("sight: what stands inside tells a room from an object", "[unit]") {
   std::vector<JobSurfel> surfels;
   add_sphere(surfels, 200.0, 0, side);
   add_sphere(surfels, 40.0, 1, side, 60.0f);
-  const SightVotes votes = vote_by_sight(surfels, 2, {0, 0, 1}, 1000.0, std::nullopt, in_order);
+  const VisibilityVotes votes = vote_by_visibility(surfels, 2, {0, 0, 1}, 1000.0, std::nullopt, in_order);
   CHECK(votes.enclosed > 0.03);
   CHECK(shown(votes.sides, 0) * side == -1.0);  // the room is free space, the furniture is not
   CHECK(shown(votes.sides, 1) * side == 1.0);
@@ -308,7 +308,7 @@ TEST_CASE("sight: what stands inside tells a room from an object", "[unit]") {
 TEST_CASE("sight: layers of one surface do not enclose each other", "[unit]") {
   std::vector<JobSurfel> surfels;
   for (const double radius : {198.0, 200.0, 203.0}) add_sphere(surfels, radius, 0, 1.0f);
-  const SightVotes votes = vote_by_sight(surfels, 1, {0, 0, 1}, 1000.0, std::nullopt, in_order);
+  const VisibilityVotes votes = vote_by_visibility(surfels, 1, {0, 0, 1}, 1000.0, std::nullopt, in_order);
   CHECK(votes.enclosed < 0.001);
   CHECK(shown(votes.sides, 0) == 1.0);
 }

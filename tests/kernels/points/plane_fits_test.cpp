@@ -49,11 +49,11 @@ TEST_CASE("plane fits: four at once are those of one eigenproblem after the othe
   Numbers numbers;
   using S = NeighbourSums;
   int planes = 0, lines = 0;
-  for (int turn = 0; turn < 500; ++turn) {
+  for (int trial = 0; trial < 500; ++trial) {
     NeighbourSums sums;
     for (std::size_t lane = 0; lane < S::kLanes; ++lane)
-      add_cloud({turn % 3 == 0 ? 0.0 : 0.3 * numbers.next(), turn % 5 == 0 ? 0.0 : 3.0 * numbers.next(),
-                 turn % 7 == 0 ? 0.0 : 1.0, turn % 11 == 0 ? 1 : 20},
+      add_cloud({trial % 3 == 0 ? 0.0 : 0.3 * numbers.next(), trial % 5 == 0 ? 0.0 : 3.0 * numbers.next(),
+                 trial % 7 == 0 ? 0.0 : 1.0, trial % 11 == 0 ? 1 : 20},
                 numbers, sums, lane);
     const auto fits = fit_planes(sums);
     for (std::size_t lane = 0; lane < S::kLanes; ++lane) {

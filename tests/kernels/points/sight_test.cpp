@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kScale = 4096.0;
 
-std::int64_t shown(const SightVotes& v, std::uint32_t group) {
+std::int64_t shown(const VisibilityVotes& v, std::uint32_t group) {
   for (const PatchVote& side : v.sides)
     if (side.a == group) return side.same - side.opposite;
   return 0;
@@ -23,10 +23,10 @@ std::int64_t shown(const SightVotes& v, std::uint32_t group) {
 }  // namespace
 
 TEST_CASE("sight: a shell with even density is an object, one that is dense at one place a room", "[unit]") {
-  const SightVotes object = vote_by_sight(ball(1.0f), 1, {0, 0, 1}, kScale, std::nullopt, in_order);
+  const VisibilityVotes object = vote_by_visibility(ball(1.0f), 1, {0, 0, 1}, kScale, std::nullopt, in_order);
   CHECK(object.scene == SceneKind::kObject);
   CHECK(shown(object, 0) > 0);
-  const SightVotes room = vote_by_sight(ball(100.0f), 1, {0, 0, 1}, kScale, std::nullopt, in_order);
+  const VisibilityVotes room = vote_by_visibility(ball(100.0f), 1, {0, 0, 1}, kScale, std::nullopt, in_order);
   CHECK(room.scene == SceneKind::kRoom);
   CHECK(room.pairs.empty());
   CHECK(shown(room, 0) < 0);
@@ -45,7 +45,7 @@ TEST_CASE("sight: a wide bore through an object does not make it a room, however
         surfels.push_back(surfel({600.0f + r * x, 600.0f + r * y, z}, {x, y, 0}, r > 450.0f ? 1 : 0, 10.0f));
     }
   }
-  const SightVotes v = vote_by_sight(surfels, 2, {0, 0, 1}, kScale, std::nullopt, in_order);
+  const VisibilityVotes v = vote_by_visibility(surfels, 2, {0, 0, 1}, kScale, std::nullopt, in_order);
   CHECK(v.enclosed < 0.002);
   CHECK(v.scene != SceneKind::kRoom);
 }

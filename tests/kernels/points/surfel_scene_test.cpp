@@ -18,11 +18,11 @@ TEST_CASE("surfel scene: a ray meets the first disk, through empty bricks and re
   wall(1500.0f, -1.0f);
   const SurfelScene scene(surfels);
   const Float3 from = {20.0f, 306.0f, 300.0f}, direction = {1.0f, 1e-6f, 1e-6f};
-  const SurfelScene::Sight first = scene.look(from, direction, 1.0f, 1e9f, 99);
+  const SurfelScene::Visibility first = scene.look(from, direction, 1.0f, 1e9f, 99);
   CHECK(first.met);
   CHECK(first.distance == Approx(1480.0f));
   CHECK(first.cosine == Approx(1.0f));
-  const SurfelScene::Sight second = scene.look(from, direction, 1481.0f, 1e9f, 99);
+  const SurfelScene::Visibility second = scene.look(from, direction, 1481.0f, 1e9f, 99);
   CHECK(second.distance == Approx(2980.0f));
   CHECK(second.cosine == Approx(-1.0f));
   CHECK_FALSE(scene.look(from, direction, 1.0f, 1400.0f, 99).met);
@@ -41,12 +41,12 @@ TEST_CASE("surfel scene: the sides of a wall stay two disks, many patches of one
   CHECK(scene.patch_of(scene.disk_of(0)) == SurfelScene::kNobody);
   CHECK(scene.patch_of(scene.disk_of(40)) == 77);
   const Float3 direction = {1.0f, 1e-6f, 1e-6f};
-  const SurfelScene::Sight front =
+  const SurfelScene::Visibility front =
       scene.look({700.0f, 804.0f, 804.0f}, direction, 0.5f, 1e9f, SurfelScene::kNobody);
   CHECK(front.distance == Approx(101.0f));
   CHECK(front.disk == scene.disk_of(0));
   // From the front through its own disk: the back shuts the view.
-  const SurfelScene::Sight back =
+  const SurfelScene::Visibility back =
       scene.look({801.0f, 804.0f, 804.0f}, direction, 0.5f, 1e9f, scene.disk_of(0));
   CHECK(back.met);
   CHECK(back.distance == Approx(3.5f));

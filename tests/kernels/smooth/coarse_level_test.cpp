@@ -47,9 +47,9 @@ SmoothedBlock cycle(const MeshBlock& block, const SmoothedBlock& before, const S
     unknowns.push_back({basis.name[i], block.position[basis.seed[i]], basis.on_line[i]});
   CoarseSystem system(unknowns, options);
   for (const CoarseEntry& e : coarse_matrix(rows, basis, all, options)) system.add(e);
-  const StepState state{block.position, before.position, before.bend};
+  const StepState state{block.position, before.position, before.laplacian};
   const CoarseSolution solution{basis.name, system.solve(coarse_load(rows, basis, state, all, options))};
-  SmoothedBlock out = smooth_cycle(block, before.position, before.bend, round, options, solution);
+  SmoothedBlock out = smooth_cycle(block, before.position, before.laplacian, round, options, solution);
   CHECK(out.counts.vertices == block.key.size());
   return out;
 }
@@ -63,8 +63,8 @@ std::vector<Double3> smoothed(const MeshBlock& block, const SmoothOptions& optio
 }
 
 /// A as it applies to displacements, each row as the filter sees it: lines do not see the free vertices at their ends.
-/// \param bend  free vertices do not see lines either
-SparseMatrix operator_of(const SurfaceRows& rows, bool bend) {
+/// \param laplacian  free vertices do not see lines either
+SparseMatrix operator_of(const SurfaceRows& rows, bool laplacian) {
   SparseMatrix a;
   const auto n = static_cast<std::uint32_t>(rows.role.size());
   a.rows = a.columns = static_cast<std::int32_t>(n);
@@ -76,7 +76,7 @@ SparseMatrix operator_of(const SurfaceRows& rows, bool bend) {
       degree += static_cast<double>(rows.weight[e]);
     for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
       const std::uint32_t u = rows.neighbour[e];
-      if (rows.role[u] != rows.role[v] && (bend || rows.role[v] == VertexRole::kLine)) continue;
+      if (rows.role[u] != rows.role[v] && (laplacian || rows.role[v] == VertexRole::kLine)) continue;
       row[static_cast<std::int32_t>(u)] -= static_cast<double>(rows.weight[e]) / degree;
     }
     row[static_cast<std::int32_t>(v)] = degree > 0.0 ? 1.0 : 0.0;
@@ -107,10 +107,10 @@ std::vector<Double3> direct(const MeshBlock& block, const SmoothOptions& options
   }
   SparseMatrix a = operator_of(rows, false);
   if (options.order == 2) {
-    const SparseMatrix bend = operator_of(rows, true);
+    const SparseMatrix laplacian = operator_of(rows, true);
     std::vector<double> once = b;
-    multiply(bend, once, b, 3);
-    a = product(bend, a);
+    multiply(laplacian, once, b, 3);
+    a = product(laplacian, a);
   }
   for (double& value : b) value *= options.lambda;
   const SparseMatrix system = sum(1.0, diagonal_matrix(std::vector<double>(n, 1.0)), options.lambda, a);
@@ -229,17 +229,17 @@ TEST_CASE("coarse level: sums have the same bits in every block that holds the s
   const SurfaceRows rows = make_surface_rows(whole, FaceCorners(whole), how);
   const CoarseBasis basis = make_coarse_basis(whole, rows, options);
   std::vector<Double3> now = whole.position;
-  std::vector<Float3> bend;
+  std::vector<Float3> laplacian;
   for (std::size_t v = 0; v < now.size(); ++v) {
     now[v][0] += 1e-3 * now[v][1];
     if (options.order == 2)
-      bend.push_back({static_cast<float>(now[v][1]), 0.1F, static_cast<float>(now[v][2])});
+      laplacian.push_back({static_cast<float>(now[v][1]), 0.1F, static_cast<float>(now[v][2])});
   }
   std::vector<std::uint32_t> core;
   for (std::uint32_t v = 0; v < now.size(); ++v)
     if (whole.position[v][0] < -0.6) core.push_back(v);
   const auto entries = coarse_matrix(rows, basis, core, options);
-  const auto loads = coarse_load(rows, basis, {whole.position, now, bend}, core, options);
+  const auto loads = coarse_load(rows, basis, {whole.position, now, laplacian}, core, options);
   REQUIRE(entries.size() > 500);
   const auto in_piece = [&](double margin) {
     const MeshBlock piece =
@@ -248,16 +248,16 @@ TEST_CASE("coarse level: sums have the same bits in every block that holds the s
     const CoarseBasis seen = make_coarse_basis(piece, part, options);
     std::vector<std::uint32_t> same;
     std::vector<Double3> there;
-    std::vector<Float3> bent;
+    std::vector<Float3> laplacians;
     for (std::uint32_t v = 0, at = 0; v < piece.key.size(); ++v) {
       while (whole.key[at] != piece.key[v]) ++at;
       there.push_back(now[at]);
-      if (!bend.empty()) bent.push_back(bend[at]);
+      if (!laplacian.empty()) laplacians.push_back(laplacian[at]);
       if (std::binary_search(core.begin(), core.end(), at)) same.push_back(v);
     }
     REQUIRE(same.size() == core.size());
     const auto e = coarse_matrix(part, seen, same, options);
-    const auto l = coarse_load(part, seen, {piece.position, there, bent}, same, options);
+    const auto l = coarse_load(part, seen, {piece.position, there, laplacians}, same, options);
     REQUIRE(e.size() == entries.size());
     REQUIRE(l.size() == loads.size());
     std::size_t different = 0;
@@ -265,7 +265,8 @@ TEST_CASE("coarse level: sums have the same bits in every block that holds the s
       different += e[k].row != entries[k].row || e[k].column != entries[k].column ||
                    e[k].mass != entries[k].mass || e[k].stiffness != entries[k].stiffness;
     for (std::size_t k = 0; k < l.size(); ++k)
-      different += l[k].row != loads[k].row || l[k].moved != loads[k].moved || l[k].bend != loads[k].bend;
+      different +=
+          l[k].row != loads[k].row || l[k].moved != loads[k].moved || l[k].laplacian != loads[k].laplacian;
     CHECK(different == 0);
   };
   in_piece(coarse_halo(options) + 4 * 0.06);

@@ -13,19 +13,19 @@ using namespace tessera;
 TEST_CASE(
     "turned faces: none on clean meshes, creases and corners included, one where a vertex passed a side",
     "[unit]") {
-  CHECK(count_turned_faces(test::cube_block(6)) == 0);
-  CHECK(count_turned_faces(test::sphere_block(3)) == 0);
+  CHECK(count_flipped_faces(test::cube_block(6)) == 0);
+  CHECK(count_flipped_faces(test::sphere_block(3)) == 0);
   MeshBlock flat = test::grid_block(6, 6, [](double, double) { return 0.0; });
-  CHECK(count_turned_faces(flat) == 0);
+  CHECK(count_flipped_faces(flat) == 0);
   for (Double3& p : flat.position)
     if (p[0] == 3.0 && p[1] == 3.0) p = {3.8, 4.3, 0.0};
-  CHECK(count_turned_faces(flat) > 0);
+  CHECK(count_flipped_faces(flat) > 0);
   std::vector<Double3> position = flat.position;
-  set_faces_upright(flat, FaceCorners(flat), position);
+  unflip_faces(flat, FaceCorners(flat), position);
   std::size_t moved = 0;
   for (std::size_t v = 0; v < position.size(); ++v) moved += position[v] != flat.position[v];
   flat.position = position;
-  CHECK(count_turned_faces(flat) == 0);
+  CHECK(count_flipped_faces(flat) == 0);
   CHECK(moved < 12);
 }
 
@@ -37,11 +37,11 @@ TEST_CASE("turned faces: denoising leaves none but on creases", "[property]") {
   const double deviation = cube ? 0.25 / 20 : 0.25;
   for (Double3& p : mesh.position)
     for (double& x : p) x += deviation * random.gaussian();
-  CHECK(count_turned_faces(mesh) > 30);
+  CHECK(count_flipped_faces(mesh) > 30);
   SmoothOptions options;
   options.method = "denoise";
   for (const SmoothRound& round : smooth_rounds(options)) mesh.position = smooth_block(mesh, round).position;
-  CHECK(count_turned_faces(mesh) <= (cube ? 2u : 0u));
+  CHECK(count_flipped_faces(mesh) <= (cube ? 2u : 0u));
 }
 
 TEST_CASE("turned faces: a plate after fits has the same bits in every block with enough rings",
@@ -53,7 +53,7 @@ TEST_CASE("turned faces: a plate after fits has the same bits in every block wit
   SmoothOptions options;
   options.method = "denoise";
   const SmoothRound plate = smooth_rounds(options).back();
-  REQUIRE(plate.sets_upright);
+  REQUIRE(plate.unflips);
   const SmoothedBlock all = smooth_block(whole, plate);
   const MeshBlock piece = test::piece_of(whole, [&](std::uint32_t v) { return whole.position[v][0] < 55.0; });
   const SmoothedBlock part = smooth_block(piece, plate);

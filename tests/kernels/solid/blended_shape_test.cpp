@@ -51,20 +51,20 @@ TEST_CASE("blended shape: curved surfaces get what a ball leaves that rolls alon
   const auto foot = blend_shapes(half_space({0, 0, 1}), shape("cylinder", {0, 0, -5, 0, 0, 9, 2}),
                                  SolidTree::Join::kUnite, 0.5);
   // A bore through a plate, its rim rounded: the ball lies within the plate.
-  const auto rim = blend_shapes(half_space({0, 0, 1}), shape("cylinder", {0, 0, -5, 0, 0, 9, 2}),
-                                SolidTree::Join::kSubtract, 0.5);
+  const auto edge = blend_shapes(half_space({0, 0, 1}), shape("cylinder", {0, 0, -5, 0, 0, 9, 2}),
+                                 SolidTree::Join::kSubtract, 0.5);
   // Two balls: the centre lies where the balls of radii larger by 0.5 meet.
   const auto balls = blend_shapes(shape("sphere", {0, 0, 0, 3}), shape("sphere", {4, 0, 0, 2}),
                                   SolidTree::Join::kUnite, 0.5);
   const double x = (3.5 * 3.5 - 2.5 * 2.5 + 16.0) / 8.0, ring = std::sqrt(3.5 * 3.5 - x * x);
-  for (int turn = 0; turn < 12; ++turn) {
-    const SinCos about = sin_cos(turn * 0.55);
+  for (int trial = 0; trial < 12; ++trial) {
+    const SinCos about = sin_cos(trial * 0.55);
     for (int step = 0; step <= 10; ++step) {
       const SinCos a = sin_cos(0.5 * kPi * step / 10.0);
       const Double3 out = {about.cos, about.sin, 0};
       CHECK(foot->distance(out * (2.5 - 0.5 * a.cos) + Double3{0, 0, 0.5 - 0.5 * a.sin}) ==
             Approx(0.0).margin(1e-10));
-      CHECK(rim->distance(out * (2.5 - 0.5 * a.cos) + Double3{0, 0, -0.5 + 0.5 * a.sin}) ==
+      CHECK(edge->distance(out * (2.5 - 0.5 * a.cos) + Double3{0, 0, -0.5 + 0.5 * a.sin}) ==
             Approx(0.0).margin(1e-10));
       // From the contact with one ball to that with the other.
       const Double3 centre = {x, ring * about.cos, ring * about.sin};

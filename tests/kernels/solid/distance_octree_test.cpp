@@ -29,10 +29,10 @@ double box(const Double3& p) {
   return deepest > 0.0 ? norm(beyond) : deepest;
 }
 
-DistanceOctree octree_of(double (*distance)(const Double3&), double tolerance, std::size_t& asked) {
-  asked = 0;
+DistanceOctree octree_of(double (*distance)(const Double3&), double tolerance, std::size_t& requested) {
+  requested = 0;
   return build_distance_octree({64, 0, 128}, 64, tolerance, [&](const Int3& n) {
-    ++asked;
+    ++requested;
     return distance({n[0] - 64.0, n[1] - 0.0, n[2] - 128.0});
   });
 }
@@ -43,8 +43,8 @@ TEST_CASE("distance octree: the field is within the tolerance everywhere", "[pro
   for (const auto distance : {two_balls, box})
     for (const double tolerance : {1.0, 1.5, 4.0}) {
       CAPTURE(tolerance);
-      std::size_t asked = 0;
-      const DistanceOctree tree = octree_of(distance, tolerance, asked);
+      std::size_t requested = 0;
+      const DistanceOctree tree = octree_of(distance, tolerance, requested);
       Random random(3);
       double worst = 0.0;
       for (int i = 0; i < 20'000; ++i) {
@@ -53,7 +53,7 @@ TEST_CASE("distance octree: the field is within the tolerance everywhere", "[pro
       }
       CHECK(worst <= tolerance);
       CHECK(worst > 0.1 * tolerance);
-      CHECK(asked <= 65 * 65 * 65);  // each node once
+      CHECK(requested <= 65 * 65 * 65);  // each node once
       CHECK(tree.cells().size() < 64 * 64 * 64 / 8);
       std::uint64_t cells = 0, volume = 0;
       const std::vector<std::uint64_t> sizes = tree.sizes();
@@ -77,8 +77,8 @@ TEST_CASE("distance octree: cells are small where sheets of the medial axis pass
 }
 
 TEST_CASE("distance octree: what was stored comes back, what is none is refused", "[unit]") {
-  std::size_t asked = 0;
-  const DistanceOctree tree = octree_of(box, 2.0, asked);
+  std::size_t requested = 0;
+  const DistanceOctree tree = octree_of(box, 2.0, requested);
   const DistanceOctree again(tree.corner(), tree.edge(), tree.halved(), tree.nodes(), tree.cells());
   Random random(5);
   for (int i = 0; i < 200; ++i) {

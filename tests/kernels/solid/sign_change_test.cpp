@@ -22,13 +22,13 @@ TEST_CASE("sign change: found from both ends, also where values run flat or jump
 }
 
 TEST_CASE("sign change: the first value that is near enough ends the search", "[unit]") {
-  int asked = 0;
+  int requested = 0;
   const double root = find_sign_change(true, 1e-12, 0.1, [&](double t) {
-    ++asked;
+    ++requested;
     return t - 0.5;
   });
   CHECK(root == Approx(0.5));
-  CHECK(asked == 3);
+  CHECK(requested == 3);
 }
 
 }  // namespace sign_change_test

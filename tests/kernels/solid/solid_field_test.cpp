@@ -78,7 +78,7 @@ QuantisedTriangle triangle(const Mesh& m, const std::array<std::uint32_t, 3>& f)
 
 /// What the stage "lines" makes of a mesh in cells [0, 256).
 MeshSolid make_solid(const Mesh& m) {
-  std::map<std::uint64_t, LeafTurns> leaves;
+  std::map<std::uint64_t, LeafWindings> leaves;
   std::map<std::pair<Long3, Long3>, std::int64_t> edges;
   std::vector<LatticeCrossing> found;
   for (const auto& f : m.faces) {
@@ -91,12 +91,12 @@ MeshSolid make_solid(const Mesh& m) {
     find_crossings(t, {{0, 0, 0}, {256, 256, 256}}, 7, found);
   }
   for (const LatticeCrossing& c : found) {
-    LeafTurns& leaf = leaves[leaf_row_key({c.node[0] >> 3, c.node[1] >> 3, c.node[2] >> 3})];
+    LeafWindings& leaf = leaves[leaf_row_key({c.node[0] >> 3, c.node[1] >> 3, c.node[2] >> 3})];
     ++leaf.crossings;
-    auto& turn = leaf.turn[static_cast<std::size_t>((c.node[1] & 7) + 8 * (c.node[2] & 7))];
-    if (c.axis == 0) turn = static_cast<std::int16_t>(turn + c.turn);
+    auto& winding = leaf.winding[static_cast<std::size_t>((c.node[1] & 7) + 8 * (c.node[2] & 7))];
+    if (c.axis == 0) winding = static_cast<std::int16_t>(winding + c.winding);
   }
-  std::vector<LeafTurns> table;
+  std::vector<LeafWindings> table;
   for (auto& [key, leaf] : leaves) table.push_back(leaf), table.back().key = key;
   std::vector<BorderEdge> border;
   for (const auto& [ends, count] : edges)
@@ -204,10 +204,10 @@ TEST_CASE("lattice crossings: a closed mesh on the nodes themselves turns every 
     CHECK(solid.lines().closes());
     CHECK(solid.border().empty());
     // Whatever the axis: turns add up to zero around every lattice face.
-    std::map<std::pair<Int3, int>, int> turn;
+    std::map<std::pair<Int3, int>, int> winding;
     std::vector<LatticeCrossing> found;
     for (const auto& f : m.faces) find_crossings(triangle(m, f), {{60, 60, 60}, {90, 90, 90}}, 7, found);
-    for (const LatticeCrossing& c : found) turn[{c.node, c.axis}] += c.turn;
+    for (const LatticeCrossing& c : found) winding[{c.node, c.axis}] += c.winding;
     std::size_t wrong = 0;
     Int3 n;
     for (n[2] = 65; n[2] < 85; ++n[2])
@@ -218,8 +218,8 @@ TEST_CASE("lattice crossings: a closed mesh on the nodes themselves turns every 
             Int3 na = n, nb = n;
             ++na[static_cast<std::size_t>(a)], ++nb[static_cast<std::size_t>(b)];
             const auto of = [&](const Int3& at, int axis) {
-              const auto it = turn.find({at, axis});
-              return it == turn.end() ? 0 : it->second;
+              const auto it = winding.find({at, axis});
+              return it == winding.end() ? 0 : it->second;
             };
             wrong += of(n, a) + of(na, b) != of(n, b) + of(nb, a);
           }
@@ -250,7 +250,7 @@ TEST_CASE("lattice crossings: large triangles and small ones agree", "[property]
   for (std::size_t i = 0; i < whole.size(); ++i) {
     CHECK(whole[i].node == parts[i].node);
     CHECK(whole[i].t == parts[i].t);
-    CHECK(whole[i].turn == parts[i].turn);
+    CHECK(whole[i].winding == parts[i].winding);
   }
 }
 

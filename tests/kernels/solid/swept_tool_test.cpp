@@ -37,9 +37,9 @@ double swept_by_steps(const MillingTool& tool, const Double3& a, const Double3& 
   for (int i = 0; i <= steps; ++i) {
     const Double3 q = p - (a + (b - a) * (static_cast<double>(i) / steps));
     const double across = std::hypot(q[0], q[1]);
-    const double wide = across - (tool.radius - tool.rim), low = tool.rim - q[2];
+    const double wide = across - (tool.radius - tool.corner_radius), low = tool.corner_radius - q[2];
     const double nose = wide <= 0.0 || low <= 0.0 ? std::max(wide, low) : std::hypot(wide, low);
-    minimum = std::min(minimum, std::max(nose - tool.rim, q[2] - tool.length));
+    minimum = std::min(minimum, std::max(nose - tool.corner_radius, q[2] - tool.length));
   }
   return minimum;
 }

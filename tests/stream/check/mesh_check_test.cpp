@@ -174,11 +174,11 @@ TEST_CASE("check: a soup is welded by position", "[unit]") {
   CHECK(c.vertices == 12 * 8);
   CHECK(c.total_genus == 1);
   CHECK(c.solid());
-  const MeshCheck asked =
+  const MeshCheck requested =
       check({{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-0.0, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {{0, 1, 2}, {3, 4, 5}}},
             64u << 20, true);
-  CHECK(asked.vertices == 4);
-  CHECK(asked.boundary_edges == 4);
+  CHECK(requested.vertices == 4);
+  CHECK(requested.boundary_edges == 4);
 }
 
 /// The same counts by the plainest means, for small meshes.

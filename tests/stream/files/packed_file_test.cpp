@@ -64,7 +64,7 @@ TEST_CASE("packed file: sections, table and info come back, whole, in parts and 
   CHECK(file.entries<Entry>(1, 1)[0].key == 8);
   CHECK(file.load<std::uint32_t>(table[0].section) == numbers(5000));
   std::vector<std::uint32_t> maximum(10), last(1);
-  file.read(table[1].section, {room_of(maximum), room_of(last)});
+  file.read(table[1].section, {buffer_of(maximum), buffer_of(last)});
   CHECK(maximum == numbers(10));
   CHECK(last == numbers(1));
   std::uint32_t third = 0;
@@ -125,7 +125,7 @@ TEST_CASE("point overlay: checksums cover records, surfels, facts and votes", "[
   BrickOrientation orientation;
   orientation.patches = 2;
   orientation.boundary.resize(3);
-  orientation.facts.resize(2);
+  orientation.stats.resize(2);
   orientation.votes.resize(4);
   orientation.coarse.resize(5);
   OverlayFileWriter writer(path);
@@ -135,7 +135,7 @@ TEST_CASE("point overlay: checksums cover records, surfels, facts and votes", "[
   const auto load = [&] {  // no assertions: they would keep what is thrown
     const PointOverlay overlay({path});
     overlay.load_records(0, 0, 6);
-    return overlay.load_boundary(0).size() == 3 && overlay.load_facts(0).size() == 2 &&
+    return overlay.load_boundary(0).size() == 3 && overlay.load_stats(0).size() == 2 &&
            overlay.load_votes(0).size() == 4 && overlay.load_coarse(0).size() == 5;
   };
   CHECK(load());

@@ -50,14 +50,14 @@ std::string pole() {
 
 struct Result {
   std::vector<std::unique_ptr<PointFile>> files;
-  std::vector<std::string> told;
+  std::vector<std::string> notes;
 };
 
 Result opened(const std::vector<std::filesystem::path>& paths, const CrsOptions& options,
               const ReadOptions& read = {}) {
   Result r;
   for (const auto& path : paths) r.files.push_back(open_point_file(path, read));
-  r.files = in_one_plane(std::move(r.files), options, true, r.told);
+  r.files = in_one_plane(std::move(r.files), options, true, r.notes);
   return r;
 }
 
@@ -97,8 +97,8 @@ TEST_CASE("projected inputs: auto takes the UTM zone of the middle of all files"
   REQUIRE(r.files.size() == 1);
   CHECK(r.files[0]->info().crs.horizontal == 32632);
   CHECK(r.files[0]->info().crs.wkt.rfind("PROJCS[", 0) == 0);
-  REQUIRE(r.told.size() == 1);
-  CHECK_THAT(r.told[0], Catch::Contains("EPSG:32632"));
+  REQUIRE(r.notes.size() == 1);
+  CHECK_THAT(r.notes[0], Catch::Contains("EPSG:32632"));
   PointChunk all;
   const auto take = [&](const PointChunk& c) {
     for (std::size_t i = 0; i < c.size(); ++i) all.append(c, i);
@@ -132,8 +132,8 @@ TEST_CASE("projected inputs: what a user names overrules the files, and is told"
       folder.write("d.csv", "lon,lat,z\n500000,5300000,3\n500001,5300000,3\n500000,5300001,3\n");
   const Result r = opened({path}, {.crs = "EPSG:25832"});
   CHECK(r.files[0]->info().crs.horizontal == 25832);
-  REQUIRE(r.told.size() == 1);
-  CHECK_THAT(r.told[0], Catch::Contains("overrules"));
+  REQUIRE(r.notes.size() == 1);
+  CHECK_THAT(r.notes[0], Catch::Contains("overrules"));
   CHECK_THROWS_AS(opened({path}, {.crs = "nonsense"}), UsageError);
 }
 

@@ -26,11 +26,11 @@ QueueOptions fine() {
 
 TEST_CASE("makespan: one core takes the sum of all, and is never idle", "[unit]") {
   const std::vector<StageCost> stages = {{"a", 40, 80.0, 2.0, 3.0, 0.0}, {"b", 0, 0.0, 0.0, 5.0, 0.0}};
-  const Makespan told = makespan(stages, 0, bare(1), fine());
-  CHECK_THAT(told.seconds, WithinRel(88.0, 1e-12));
-  CHECK_THAT(told.work_seconds, WithinRel(88.0, 1e-12));
-  CHECK_THAT(told.serial_seconds, WithinRel(8.0, 1e-12));
-  CHECK_THAT(told.efficiency, WithinRel(1.0, 1e-12));
+  const Makespan estimate = makespan(stages, 0, bare(1), fine());
+  CHECK_THAT(estimate.seconds, WithinRel(88.0, 1e-12));
+  CHECK_THAT(estimate.work_seconds, WithinRel(88.0, 1e-12));
+  CHECK_THAT(estimate.serial_seconds, WithinRel(8.0, 1e-12));
+  CHECK_THAT(estimate.efficiency, WithinRel(1.0, 1e-12));
 }
 
 TEST_CASE("makespan: nodes share the tasks, ends stay serial", "[unit]") {
@@ -66,11 +66,11 @@ TEST_CASE("makespan: every element starts, every job waits in the queue", "[unit
   // Eight elements of 10 s on two nodes, then the end.
   QueueOptions options;
   options.element_seconds = 10.0;
-  const Makespan told = makespan({{"a", 40, 80.0, 2.0, 3.0, 0.0}}, 0, cluster, options);
-  REQUIRE(told.steps.size() == 2);
-  CHECK(told.steps[0].step.elements == 8);
-  CHECK_THAT(told.steps[0].seconds, WithinRel(4 * 10.5 + 7.0, 1e-12));
-  CHECK_THAT(told.steps[1].seconds, WithinRel(0.5 + 3.0 + 7.0, 1e-12));
+  const Makespan estimate = makespan({{"a", 40, 80.0, 2.0, 3.0, 0.0}}, 0, cluster, options);
+  REQUIRE(estimate.steps.size() == 2);
+  CHECK(estimate.steps[0].step.elements == 8);
+  CHECK_THAT(estimate.steps[0].seconds, WithinRel(4 * 10.5 + 7.0, 1e-12));
+  CHECK_THAT(estimate.steps[1].seconds, WithinRel(0.5 + 3.0 + 7.0, 1e-12));
 }
 
 TEST_CASE("makespan: the plan is made on one machine, before the queue", "[unit]") {
@@ -78,12 +78,12 @@ TEST_CASE("makespan: the plan is made on one machine, before the queue", "[unit]
   cluster.chain_seconds = 7.0;
   const std::vector<StageCost> stages = {
       {"survey", 10, 40.0, 4.0, 1.0, 0.0}, {"forecast", 0, 0.0, 0.0, 1.0, 0.0}, {"a", 0, 0.0, 0.0, 5.0, 0.0}};
-  const Makespan told = makespan(stages, 2, cluster, fine());
-  REQUIRE(told.steps.size() == 2);
-  CHECK(told.steps[0].step.name == "plan");
-  CHECK_THAT(told.steps[0].seconds, WithinRel(22.0, 1e-12));
-  CHECK_THAT(told.steps[1].seconds, WithinRel(12.0, 1e-12));
-  CHECK_THAT(told.serial_seconds, WithinRel(34.0, 1e-12));
+  const Makespan estimate = makespan(stages, 2, cluster, fine());
+  REQUIRE(estimate.steps.size() == 2);
+  CHECK(estimate.steps[0].step.name == "plan");
+  CHECK_THAT(estimate.steps[0].seconds, WithinRel(22.0, 1e-12));
+  CHECK_THAT(estimate.steps[1].seconds, WithinRel(12.0, 1e-12));
+  CHECK_THAT(estimate.serial_seconds, WithinRel(34.0, 1e-12));
 }
 
 TEST_CASE("makespan: more of the same kind means more tasks of the same size", "[unit]") {

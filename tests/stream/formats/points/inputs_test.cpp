@@ -64,10 +64,10 @@ TEST_CASE("inputs: folders are searched at any depth, hidden files and work dire
   CHECK(names({at + "site/.h*"}) == Names{".hidden.las"});  // asked for by name
   CHECK_THAT(expansion_error(at + "**/*.e57"), Catch::Contains("matches"));
   const InputList list = list_inputs({at + "site"});
-  REQUIRE(list.told.size() == 1);
-  CHECK_THAT(list.told[0], Catch::Contains("4 files of points (2 laz, 1 las, 1 xyz.gz) in 4 folders") &&
-                               Catch::Contains("1 pdf") && Catch::Contains("1 txt") &&
-                               Catch::Contains("3 hidden"));
+  REQUIRE(list.notes.size() == 1);
+  CHECK_THAT(list.notes[0], Catch::Contains("4 files of points (2 laz, 1 las, 1 xyz.gz) in 4 folders") &&
+                                Catch::Contains("1 pdf") && Catch::Contains("1 txt") &&
+                                Catch::Contains("3 hidden"));
   std::filesystem::create_directory_symlink(folder / "site", folder / "site/strip1/round");
   CHECK(names({at + "site"}).size() == 4);
   CHECK(names({at + "**/*.laz"}).size() == 2);
@@ -104,18 +104,18 @@ TEST_CASE("inputs: an EPT folder is the scan of all nodes that its hierarchy lis
     }
     CHECK(points == 60);
   }
-  CHECK_THAT(list_inputs({at + "site"}).told[0], Catch::Contains("3 nodes of an EPT octree"));
+  CHECK_THAT(list_inputs({at + "site"}).notes[0], Catch::Contains("3 nodes of an EPT octree"));
   // Files that no hierarchy lists, a node without its file, the scan beside its octree.
   folder.write("site/ept/ept-data/1-1-1-1.laz", laz_of(5, 4));
   folder.write("site/ept/whole.las", "x");
   std::filesystem::remove(folder / "site/ept/ept-data/1-1-0-0.laz");
   const InputList list = list_inputs({at + "site"});
   CHECK(list.files.size() == 2);
-  std::string told;
-  for (const std::string& line : list.told) told += line + "\n";
-  CHECK_THAT(told, Catch::Contains("20 points are missing") &&
-                       Catch::Contains("1 files in ept-data are no nodes") &&
-                       Catch::Contains("1 las beside it"));
+  std::string notes;
+  for (const std::string& line : list.notes) notes += line + "\n";
+  CHECK_THAT(notes, Catch::Contains("20 points are missing") &&
+                        Catch::Contains("1 files in ept-data are no nodes") &&
+                        Catch::Contains("1 las beside it"));
   folder.write("site/ept/ept.json", R"({"dataType":"zstandard"})");
   CHECK_THAT(expansion_error(at + "site"), Catch::Contains("zstandard") && Catch::Contains("laszip"));
   for (const char* damage : {"", "[", "[]", "{\"dataType\":1}"}) {
@@ -146,7 +146,7 @@ TEST_CASE("inputs: a Potree octree of LAZ files is the scan of all its nodes", "
   CHECK(names({at + "p1"}) == Names{"r00001.laz", "r.laz", "r0.laz"});
   CHECK(names({at + "p1/cloud.js"}) == Names{"r00001.laz", "r.laz", "r0.laz"});
   CHECK(names({at + "p2"}) == Names{"r00001.laz", "r.laz", "r0.laz"});
-  CHECK_THAT(list_inputs({at + "p1"}).told[0], Catch::Contains("3 nodes of a Potree octree"));
+  CHECK_THAT(list_inputs({at + "p1"}).notes[0], Catch::Contains("3 nodes of a Potree octree"));
   folder.write("p1/cloud.js",
                R"({"octreeDir":"data","pointAttributes":["POSITION_CARTESIAN","COLOR_PACKED"]})");
   CHECK_THAT(expansion_error(at + "p1"), Catch::Contains("binary"));

@@ -261,7 +261,7 @@ TEST_CASE("forecast: a hot brick of 4.19 million points is told with what normal
   JobState job = chain_job(work.path(), setup);
   Plan plan;
   const std::vector<PlanBrick> bricks = {{brick_key({1, 1, 1}), (std::uint64_t{1} << 22) + 1, 512}};
-  plan.fates.kept = bricks[0].points;
+  plan.dispositions.kept = bricks[0].points;
   plan.bricks = 1;
   plan.buckets = cut_buckets(bricks, 1 << 20, reconstruct_options(job).max_brick_points);
   const Forecast forecast = forecast_job(plan, bricks, {4, 32 * kMiB}, job);

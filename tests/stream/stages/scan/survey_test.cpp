@@ -71,10 +71,10 @@ TEST_CASE("survey: counts every fate", "[unit]") {
   points.push_back({{1e300, 1e300, 1e308}, {}, 0});  // finite, far beyond the lattice
   points.push_back({{0, 1e9, 0}, {}, 0});            // an outlier at 1e9
   const Plan plan = survey(points);
-  CHECK(plan.fates.read == points.size());
-  CHECK(plan.fates.non_finite == 3);
-  CHECK(plan.fates.absurd == 2);
-  CHECK(plan.fates.kept == 2000);
+  CHECK(plan.dispositions.read == points.size());
+  CHECK(plan.dispositions.non_finite == 3);
+  CHECK(plan.dispositions.absurd == 2);
+  CHECK(plan.dispositions.kept == 2000);
   CHECK(plan.brick_max[1] < 5);
   const ChainResult r = run_chain(points);
   CHECK(r.points.size() + r.order["duplicates"].get<std::uint64_t>() == 2000);
@@ -86,8 +86,8 @@ namespace {
 std::vector<TestPoint> classified_sphere() {
   auto points = sphere_points(4000, 50.0, {0, 0, 0});
   for (std::size_t i = 0; i < points.size(); ++i) {
-    constexpr Echo kTurns[] = {{2, 1, 1}, {5, 1, 2}, {5, 2, 2}, {7, 1, 1}};
-    points[i].echo = kTurns[i % 4];
+    constexpr Echo kRotations[] = {{2, 1, 1}, {5, 1, 2}, {5, 2, 2}, {7, 1, 1}};
+    points[i].echo = kRotations[i % 4];
   }
   return points;
 }
@@ -96,22 +96,22 @@ std::vector<TestPoint> classified_sphere() {
 
 TEST_CASE("survey: classes and returns that are not wanted are left out and counted", "[unit]") {
   const auto points = classified_sphere();
-  const auto fates = [&](std::vector<std::string> classes, const std::string& returns) {
+  const auto dispositions = [&](std::vector<std::string> classes, const std::string& returns) {
     ChainSetup setup;
     setup.options.classes = std::move(classes);
     setup.options.returns = returns;
     const ChainResult r = run_chain(points, setup);
-    const PointFates& f = r.plan.fates;
+    const PointDispositions& f = r.plan.dispositions;
     CHECK(f.read == 4000);
     CHECK(f.read == f.kept + f.other_class + f.other_return + f.non_finite + f.absurd);
     CHECK(r.points.size() + r.order["duplicates"].get<std::uint64_t>() == f.kept);
     return std::array{f.other_class, f.other_return, f.kept};
   };
-  using Fates = std::array<std::uint64_t, 3>;
-  CHECK(fates({}, "all") == Fates{1000, 0, 3000});
-  CHECK(fates({}, "last") == Fates{1000, 1000, 2000});
-  CHECK(fates({"2"}, "all") == Fates{3000, 0, 1000});
-  CHECK(fates({"5", "7"}, "first") == Fates{1000, 1000, 2000});
+  using Dispositions = std::array<std::uint64_t, 3>;
+  CHECK(dispositions({}, "all") == Dispositions{1000, 0, 3000});
+  CHECK(dispositions({}, "last") == Dispositions{1000, 1000, 2000});
+  CHECK(dispositions({"2"}, "all") == Dispositions{3000, 0, 1000});
+  CHECK(dispositions({"5", "7"}, "first") == Dispositions{1000, 1000, 2000});
   CHECK(survey(points).multi_return_fraction == Approx(2000.0 / 3000.0));
   CHECK(survey(sphere_points(2000, 50.0, {0, 0, 0})).multi_return_fraction == 0.0);
   auto meaningless = points;  // as some exporters write it

@@ -23,7 +23,7 @@ constexpr double kEdge = 3.0;
 struct Thinned {
   std::vector<std::pair<Double3, std::uint32_t>> points;  ///< with their colours, ascending
   ReadCounts counts;
-  PointFates fates;
+  PointDispositions dispositions;
 };
 
 /// Through the passes, read from `files` files.
@@ -56,9 +56,9 @@ Thinned thinned(const std::vector<TestPoint>& points, std::size_t files, bool ba
   std::erase_if(t.points, [](const auto& p) { return std::isnan(p.first[0]); });
   std::sort(t.points.begin(), t.points.end());
   run_stage(SurveyStage(job, inputs, 1.0, false), job.work);
-  t.fates = Plan::of_work(job.work).fates;
+  t.dispositions = Plan::of_work(job.work).dispositions;
   const auto distribute = run_stage(DistributeStage(job, inputs), job.work);
-  CHECK(distribute.at("points") == t.fates.kept);
+  CHECK(distribute.at("points") == t.dispositions.kept);
   return t;
 }
 
@@ -100,10 +100,11 @@ TEST_CASE("thin: of every cube the point nearest to its middle, whatever the ord
   CHECK(one.points == truth);
   CHECK(one.counts.points == points.size());
   CHECK(one.counts.thinned == wanted - truth.size());
-  CHECK(one.fates.read == points.size());
-  CHECK(one.fates.non_finite == 2);
-  CHECK(one.fates.read ==
-        one.fates.kept + one.fates.other_class + one.fates.thinned + one.fates.non_finite + one.fates.absurd);
+  CHECK(one.dispositions.read == points.size());
+  CHECK(one.dispositions.non_finite == 2);
+  CHECK(one.dispositions.read == one.dispositions.kept + one.dispositions.other_class +
+                                     one.dispositions.thinned + one.dispositions.non_finite +
+                                     one.dispositions.absurd);
   std::reverse(points.begin(), points.end());
   CHECK(thinned(points, 3, true).points == truth);
 }

@@ -17,9 +17,9 @@ constexpr std::size_t kRun = 1000, kRuns = 20;
 
 /// All runs forwards, then backwards.
 std::vector<double> all_of(FactorFile& file) {
-  std::vector<double> room(kRun), out;
+  std::vector<double> buffer(kRun), out;
   const auto take = [&](std::size_t run) {
-    const std::span<const double> values = file.read(run * kRun, room);
+    const std::span<const double> values = file.read(run * kRun, buffer);
     out.insert(out.end(), values.begin(), values.end());
   };
   for (std::size_t run = 0; run < kRuns; ++run) take(run);
@@ -56,8 +56,8 @@ TEST_CASE("factor file: one that is not there, or too short, is an error", "[fau
   FactorFile file = FactorFile::create(folder.path() / "short.factor", 0);
   const std::vector<double> values(10, 1.0);
   file.append(values);
-  std::vector<double> room(11);
-  CHECK_THROWS_AS(file.read(0, room), InputError);
+  std::vector<double> buffer(11);
+  CHECK_THROWS_AS(file.read(0, buffer), InputError);
 }
 
 }  // namespace factor_file_test

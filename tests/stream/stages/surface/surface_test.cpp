@@ -50,7 +50,7 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   result.orient = run(*make_orient_stage(job));
   if (setup.options.holes != "keep") {
     run(*make_multipole_stage(job));
-    run(*make_rims_stage(job));
+    run(*make_boundaries_stage(job));
     result.close = run(*make_close_stage(job));
   }
   result.surface = run(*make_surface_stage(job));
