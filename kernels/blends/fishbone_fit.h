@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/blends/blend_tracks.h"
+#include "kernels/blends/blend_curves.h"
 #include "kernels/blends/rib_planes.h"
 #include "kernels/blends/rib_profile.h"
 

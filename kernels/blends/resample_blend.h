@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "kernels/blends/blend_tracks.h"
+#include "kernels/blends/blend_curves.h"
 #include "kernels/blends/normal_jumps.h"
 #include "kernels/blends/rib_profile.h"
 #include "kernels/mesh/mesh_block.h"

@@ -13,12 +13,12 @@
 #include <utility>
 #include <vector>
 
-#include "kernels/decimate/collapse_gap.h"
+#include "kernels/decimate/collapse_deviation.h"
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/decimate/cost_queue.h"
 #include "kernels/decimate/decimate.h"
 #include "kernels/decimate/quadric.h"
-#include "kernels/decimate/reference_gap.h"
+#include "kernels/decimate/reference_deviation.h"
 #include "kernels/decimate/star_lanes.h"
 
 namespace tessera {

@@ -1,5 +1,5 @@
 /// \file coarser_fits.h
-/// Fits of a lattice in which cells are twice as wide, where samples are too sparse for the one at work (sparse_places.h): so
+/// Fits of a lattice in which cells are twice as wide, where samples are too sparse for the one at work (sparse_nodes.h): so
 /// a surface does not end where a brick with small cells has few samples, but where it would with large cells.
 #pragma once
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 #include "kernels/field/band.h"
 #include "kernels/field/node_fit.h"
-#include "kernels/field/sparse_places.h"
+#include "kernels/field/sparse_nodes.h"
 
 namespace tessera {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "kernels/smooth/curvature_flow.h"
-#include "kernels/smooth/turned_faces.h"
+#include "kernels/smooth/flipped_faces.h"
 #include "octree/error.h"
 
 namespace tessera {

@@ -48,7 +48,7 @@ struct SmoothRound {
   /// >= 0: the implicit step takes kCoarseCycles rounds, in each a coarse level and then a filter for what that leaves;
   /// degree and lowest eigenvalue of the filter are those of coarse_options()
   int cycle = -1;
-  /// After by_fits: faces that lie turned over at the end are spread out (turned_faces.h).
+  /// After by_fits: faces that lie turned over at the end are spread out (flipped_faces.h).
   bool unflips = false;
 };
 /// Each leaves about a tenth of the error: three make less than 1e-3 of the displacement.

@@ -14,7 +14,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "kernels/certify/certificate.h"
-#include "stream/meshes/failed_places.h"
+#include "stream/meshes/failed_regions.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/options.h"
 

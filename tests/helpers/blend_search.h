@@ -3,7 +3,7 @@
 #pragma once
 #include <vector>
 
-#include "kernels/blends/blend_tracks.h"
+#include "kernels/blends/blend_curves.h"
 #include "kernels/blends/curvature_tensors.h"
 
 namespace tessera::test {

@@ -130,8 +130,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"convex_piece", "overlay_outline", "overlay_proof"});
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
     by("kernels/decimate/decimate", "kernels/decimate",
-       {"collapse_gap", "collapse_mesh", "decimator", "decimator_bound", "decimator_cost",
-        "decimator_optimal", "decimator_sweep", "feature_edges", "quadric", "reference_gap"});
+       {"collapse_deviation", "collapse_mesh", "decimator", "decimator_bound", "decimator_cost",
+        "decimator_optimal", "decimator_sweep", "feature_edges", "quadric", "reference_deviation"});
     by("kernels/extract/extended_marching_cubes", "kernels/extract",
        {"brick_band", "brick_extractor", "cell_loops", "feature_sample", "feature_segments",
         "loop_triangulation", "tangent_planes"});
@@ -141,7 +141,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"band", "bodies", "border", "coarse_normals", "crease_evidence", "directed_field", "edge_roots",
         "lanes", "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples",
         "sample_clusters", "sample_list", "sheets"});
-    by("kernels/field/coarser_fits", "kernels/field", {"sparse_places"});
+    by("kernels/field/coarser_fits", "kernels/field", {"sparse_nodes"});
     by("kernels/solid/offset_field", "kernels/field", {"sampled_field"});
     by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});
     by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});

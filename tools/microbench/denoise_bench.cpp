@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "kernels/mesh/closest_face.h"
+#include "kernels/smooth/flipped_faces.h"
 #include "kernels/smooth/smooth.h"
-#include "kernels/smooth/turned_faces.h"
 #include "octree/vector.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/meshes/mesh_io.h"

@@ -9,7 +9,7 @@
 
 #include "kernels/edit/displacement_volumes.h"
 #include "kernels/edit/edit_regions.h"
-#include "kernels/edit/upright_faces.h"
+#include "kernels/edit/unflip_faces.h"
 #include "tests/helpers/surfaces.h"
 #include "tools/microbench/thread_seconds.h"
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "octree/error.h"
-#include "stream/formats/points/coordinate_system.h"
+#include "stream/formats/points/crs.h"
 #include "stream/formats/scalar.h"
 
 namespace tessera {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
-#include "stream/formats/points/coordinate_system.h"
+#include "stream/formats/points/crs.h"
 
 namespace tessera {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/formats/points/coordinate_system.h"
+#include "stream/formats/points/crs.h"
 
 namespace tessera {
 

@@ -10,7 +10,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/meshes/failed_places.h"
+#include "stream/meshes/failed_regions.h"
 #include "stream/stages/decimate/round_before.h"
 #include "stream/stages/decimate/simplify_stage.h"
 

@@ -6,7 +6,7 @@
 #include <map>
 #include <vector>
 
-#include "stream/meshes/failed_places.h"
+#include "stream/meshes/failed_regions.h"
 #include "stream/meshes/mesh_blocking.h"
 #include "stream/meshes/mesh_store.h"
 

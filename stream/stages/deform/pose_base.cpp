@@ -9,7 +9,7 @@
 #include "kernels/edit/base_volume.h"
 #include "kernels/edit/displacement_volumes.h"
 #include "kernels/edit/self_intersections.h"
-#include "kernels/edit/upright_faces.h"
+#include "kernels/edit/unflip_faces.h"
 #include "kernels/mesh/face_components.h"
 #include "octree/error.h"
 #include "stream/files/json_text.h"

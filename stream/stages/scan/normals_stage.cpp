@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/points/normals.h"
-#include "kernels/points/scatter.h"
+#include "kernels/points/volumetric_points.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"

@@ -9,8 +9,8 @@
 #include <optional>
 #include <string>
 
-#include "kernels/points/sight.h"
 #include "kernels/points/top_surface.h"
+#include "kernels/points/visibility.h"
 #include "stream/runtime/parallel.h"
 
 namespace tessera {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <stdexcept>
 
-#include "kernels/smooth/turned_faces.h"
+#include "kernels/smooth/flipped_faces.h"
 #include "octree/error.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"

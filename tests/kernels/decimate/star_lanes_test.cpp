@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "kernels/decimate/collapse_gap.h"
+#include "kernels/decimate/collapse_deviation.h"
 #include "kernels/decimate/decimator.h"
 #include "octree/portable_math.h"
 

@@ -7,7 +7,7 @@
 
 #include "kernels/points/normals.h"
 #include "kernels/points/orientation.h"
-#include "kernels/points/sight.h"
+#include "kernels/points/visibility.h"
 #include "octree/morton.h"
 #include "octree/vector.h"
 #include "tests/kernels/points/in_order.h"

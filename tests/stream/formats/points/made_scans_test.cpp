@@ -11,7 +11,7 @@
 #include "octree/vector.h"
 #include "stream/files/durable_file.h"
 #include "stream/formats/laz/chunk_decoder.h"
-#include "stream/formats/points/coordinate_system.h"
+#include "stream/formats/points/crs.h"
 #include "tests/helpers/e57_writer.h"
 #include "tests/helpers/laz_file.h"
 #include "tests/helpers/lzf_block.h"

@@ -1,4 +1,4 @@
-#include "kernels/field/sparse_places.h"
+#include "kernels/field/sparse_nodes.h"
 
 #include <algorithm>
 #include <cmath>

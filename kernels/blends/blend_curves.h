@@ -1,4 +1,4 @@
-/// \file blend_tracks.h
+/// \file blend_curves.h
 /// Bands of vertices that bend one way become tracks: the centre line of a blend, or the line of a crease.
 ///
 /// Vertices that bend hang together along edges where they bend the same way about the same line (so two blends that

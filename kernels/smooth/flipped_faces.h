@@ -1,4 +1,4 @@
-/// \file turned_faces.h
+/// \file flipped_faces.h
 /// Faces that lie turned over in the surface around them, as noise and careless smoothing leave them: their normal is
 /// against the sum of the unit normals of all other faces at their corners.
 #pragma once

@@ -1,4 +1,4 @@
-/// \file upright_faces.h
+/// \file unflip_faces.h
 /// Faces of a base that a pose turns over, and how they come upright again. A detail stands on its vertex of the smooth base alone
 /// (thesis 5.3): where rotations of neighbours differ by more than details are long, faces between them turn over. Around such
 /// faces edges count instead of vertices: they go to where the mean of their ends' rotations turns them, in the sense of least

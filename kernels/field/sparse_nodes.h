@@ -1,4 +1,4 @@
-/// \file sparse_places.h
+/// \file sparse_nodes.h
 /// Where samples lie too far apart for the cells of a lattice, but perhaps not for cells of twice the edge.
 ///
 /// A surface that samples cover passes four times as many cells as coarse cells, scan lines twice as many, lone points

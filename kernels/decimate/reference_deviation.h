@@ -1,4 +1,4 @@
-/// \file reference_gap.h
+/// \file reference_deviation.h
 /// The distance between the new star of a collapse and the reference below it, both ways.
 ///
 /// Seen along the normal of the rim's polygon, the new star is a graph over the polygon. The reference is
@@ -16,13 +16,13 @@
 /// of either line and of the reference beyond the rim are from the rim's line.
 ///
 /// Rounding. Coordinates are taken relative to the star and then rounded to float, so with R the largest of
-/// the polygon, u = 2^-24, a height is off by less than 16 u R; reference_gap adds that.
+/// the polygon, u = 2^-24, a height is off by less than 16 u R; ReferenceDeviation adds that.
 #pragma once
 #include <array>
 #include <cstdint>
 #include <vector>
 
-#include "kernels/decimate/collapse_gap.h"
+#include "kernels/decimate/collapse_deviation.h"
 #include "kernels/decimate/collapse_mesh.h"
 
 namespace tessera {

@@ -2,11 +2,11 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "kernels/points/sight.h"
+#include "kernels/points/visibility.h"
 #include "tests/kernels/points/in_order.h"
 #include "tests/kernels/points/job_surfels.h"
 
-namespace sight_test {
+namespace visibility_test {
 
 using namespace tessera;
 
@@ -50,4 +50,4 @@ TEST_CASE("sight: a wide bore through an object does not make it a room, however
   CHECK(v.scene != SceneKind::kRoom);
 }
 
-}  // namespace sight_test
+}  // namespace visibility_test

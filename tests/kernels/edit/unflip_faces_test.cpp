@@ -1,12 +1,12 @@
 // Faces that a pose turned over come upright; nothing else moves.
-#include "kernels/edit/upright_faces.h"
+#include "kernels/edit/unflip_faces.h"
 
 #include <catch2/catch.hpp>
 
 #include "octree/placement.h"
 #include "tests/helpers/surfaces.h"
 
-namespace upright_faces_test {
+namespace unflip_faces_test {
 
 using namespace tessera;
 using namespace tessera::test;
@@ -105,4 +105,4 @@ TEST_CASE("upright faces: a pose goes towards another one around what is turned 
   CHECK(moved < 40);
 }
 
-}  // namespace upright_faces_test
+}  // namespace unflip_faces_test

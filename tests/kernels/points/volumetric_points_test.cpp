@@ -4,10 +4,10 @@
 #include <utility>
 
 #include "kernels/points/normals.h"
-#include "kernels/points/scatter.h"
+#include "kernels/points/volumetric_points.h"
 #include "octree/points.h"
 
-namespace scatter_test {
+namespace volumetric_points_test {
 
 using namespace tessera;
 
@@ -89,4 +89,4 @@ TEST_CASE("scatter: what grows on the ground does not tilt its planes", "[unit]"
   CHECK(min_without < 0.95f);
 }
 
-}  // namespace scatter_test
+}  // namespace volumetric_points_test

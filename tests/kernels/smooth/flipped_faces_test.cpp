@@ -1,4 +1,4 @@
-#include "kernels/smooth/turned_faces.h"
+#include "kernels/smooth/flipped_faces.h"
 
 #include <catch2/catch.hpp>
 
@@ -6,7 +6,7 @@
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/random.h"
 
-namespace turned_faces_test {
+namespace flipped_faces_test {
 
 using namespace tessera;
 
@@ -73,4 +73,4 @@ TEST_CASE("turned faces: a plate after fits has the same bits in every block wit
   CHECK(complete < piece.position.size());
 }
 
-}  // namespace turned_faces_test
+}  // namespace flipped_faces_test

@@ -1,4 +1,4 @@
-#include "kernels/decimate/collapse_gap.h"
+#include "kernels/decimate/collapse_deviation.h"
 
 #include <immintrin.h>
 

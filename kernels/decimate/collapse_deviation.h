@@ -1,4 +1,4 @@
-/// \file collapse_gap.h
+/// \file collapse_deviation.h
 /// How far a halfedge collapse moves the surface: a bound of the distance between the star before and after,
 /// both ways. Both stars are fans over the same rim, so they are graphs over one polygon; their difference
 /// along its normal is linear on the overlay of the two fans and largest at an overlay vertex.

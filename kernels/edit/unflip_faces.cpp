@@ -1,4 +1,4 @@
-#include "kernels/edit/upright_faces.h"
+#include "kernels/edit/unflip_faces.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "kernels/points/scatter.h"
+#include "kernels/points/volumetric_points.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-/// \file coordinate_system.h
+/// \file crs.h
 /// The coordinate system that a scan says it is in: as WKT, or by codes of EPSG (GeoTIFF keys). Read and compared by its
 /// text alone; PROJ (projection.h) is asked where texts differ.
 #pragma once

@@ -11,7 +11,7 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 
-namespace coordinate_system_test {
+namespace crs_test {
 
 using namespace tessera::test;
 namespace fs = std::filesystem;
@@ -175,4 +175,4 @@ TEST_CASE("coordinate system: a scan in degrees is no surface: refused at once, 
   CHECK(tessera_command({"reconstruct", scan, utm, "-o", parts, "--force", "--project", "auto"}).code == 3);
 }
 
-}  // namespace coordinate_system_test
+}  // namespace crs_test

@@ -1,4 +1,4 @@
-#include "stream/formats/points/coordinate_system.h"
+#include "stream/formats/points/crs.h"
 
 #include <algorithm>
 #include <array>

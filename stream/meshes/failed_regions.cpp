@@ -1,4 +1,4 @@
-#include "stream/meshes/failed_places.h"
+#include "stream/meshes/failed_regions.h"
 
 #include <algorithm>
 #include <type_traits>

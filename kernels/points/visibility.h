@@ -1,4 +1,4 @@
-/// \file sight.h
+/// \file visibility.h
 /// What the surfels of a whole job see along straight lines: each other, or nothing. The scanner stood in free
 /// space, so the front of a surface is the side with the longer sight; and of two surfels with nothing between
 /// them both show their fronts, or both their backs. Sources: Takayama, Jacobson, Kavan, Sorkine-Hornung, "A

@@ -1,4 +1,4 @@
-#include "kernels/points/sight.h"
+#include "kernels/points/visibility.h"
 
 #include <algorithm>
 #include <cmath>

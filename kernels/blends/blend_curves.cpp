@@ -1,4 +1,4 @@
-#include "kernels/blends/blend_tracks.h"
+#include "kernels/blends/blend_curves.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "kernels/smooth/turned_faces.h"
+#include "kernels/smooth/flipped_faces.h"
 
 #include <algorithm>
 #include <span>

@@ -1,4 +1,4 @@
-#include "kernels/decimate/reference_gap.h"
+#include "kernels/decimate/reference_deviation.h"
 
 #include <immintrin.h>
 

@@ -1,4 +1,4 @@
-/// \file failed_places.h
+/// \file failed_regions.h
 /// Where a certificate was missed. The next round of decimation leaves the reference as it is around these places,
 /// so that a local failure costs a local repair and not the job.
 #pragma once

@@ -1,4 +1,4 @@
-#include "stream/formats/points/coordinate_system.h"
+#include "stream/formats/points/crs.h"
 
 #include <catch2/catch.hpp>
 
@@ -6,7 +6,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera::coordinate_system_test {
+namespace tessera::crs_test {
 namespace {
 
 using test::put;
@@ -160,4 +160,4 @@ TEST_CASE("coordinate system: as real files have it", "[unit][.shared]") {
   CHECK(warnings.empty());
 }
 
-}  // namespace tessera::coordinate_system_test
+}  // namespace tessera::crs_test

@@ -1,4 +1,4 @@
-/// \file scatter.h
+/// \file volumetric_points.h
 /// Which points lie on a surface, and which are strewn through space: leaves, spray, people who passed. Source: Weinmann
 /// et al., "Semantic Point Cloud Interpretation Based on Optimal Neighborhoods", 2015 (surface variation, smoothed).
 #pragma once

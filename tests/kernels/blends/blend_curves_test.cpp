@@ -1,4 +1,4 @@
-#include "kernels/blends/blend_tracks.h"
+#include "kernels/blends/blend_curves.h"
 
 #include <catch2/catch.hpp>
 
@@ -7,7 +7,7 @@
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/filleted.h"
 
-namespace blend_tracks_test {
+namespace blend_curves_test {
 
 using namespace tessera;
 using namespace tessera::test;
@@ -60,4 +60,4 @@ TEST_CASE("blend tracks: a track by hand goes through its points in even steps",
   CHECK_THROWS_AS(curve_through(twice, false, 0.5), InputError);
 }
 
-}  // namespace blend_tracks_test
+}  // namespace blend_curves_test
