@@ -13,9 +13,9 @@ struct Placement {
   std::array<double, 9> matrix = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   Double3 shift = {0, 0, 0};
 
-  Double3 apply(const Double3& p) const { return turn(p) + shift; }
+  Double3 apply(const Double3& p) const { return apply_linear(p) + shift; }
   /// M p, without the shift.
-  Double3 turn(const Double3& p) const {
+  Double3 apply_linear(const Double3& p) const {
     const auto& m = matrix;
     return {m[0] * p[0] + m[1] * p[1] + m[2] * p[2], m[3] * p[0] + m[4] * p[1] + m[5] * p[2],
             m[6] * p[0] + m[7] * p[1] + m[8] * p[2]};
@@ -42,13 +42,13 @@ struct Placement {
     const Double3 x = cross(b, c) / d, y = cross(c, a) / d, z = cross(a, b) / d;
     Placement out;
     out.matrix = {x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]};
-    out.shift = -out.turn(shift);
+    out.shift = -out.apply_linear(shift);
     return out;
   }
   /// The same map about `centre` instead of the origin.
   Placement about(const Double3& centre) const {
     Placement out = *this;
-    out.shift = shift + centre - turn(centre);
+    out.shift = shift + centre - apply_linear(centre);
     return out;
   }
   bool is_identity() const { return *this == Placement{}; }

@@ -24,8 +24,8 @@ struct Part {
   float x, y, z;
   float weight;
   std::array<float, 3> normal;
-  std::array<float, 6> turn;    ///< xx yy zz xy xz yz of the symmetric part of sum of m e
-  std::array<float, 6> spread;  ///< likewise of sum of area e e
+  std::array<float, 6> normal_moment;  ///< xx yy zz xy xz yz of the symmetric part of sum of m e
+  std::array<float, 6> spread;         ///< likewise of sum of area e e
 };
 
 /// What the queries of one leaf see: parts of one parent in a row.
@@ -124,9 +124,9 @@ class ListBuilder {
     const float e2 = edge * edge, e3 = e2 * edge, e4 = e2 * e2;
     Part part{p[0], p[1], p[2], m.weight, m.first * e2, {}, {}};
     const float third = m.flux * (1.0f / 3.0f);
-    part.turn = {m.second[0] + third, m.second[1] + third, third - (m.second[0] + m.second[1]),
-                 m.second[2],         m.second[3],         m.second[4]};
-    for (float& v : part.turn) v *= e3;
+    part.normal_moment = {m.second[0] + third, m.second[1] + third, third - (m.second[0] + m.second[1]),
+                          m.second[2],         m.second[3],         m.second[4]};
+    for (float& v : part.normal_moment) v *= e3;
     for (std::size_t i = 0; i < 6; ++i) part.spread[i] = m.spread[i] * e4;
     push(part, own, above);
   }
@@ -181,12 +181,12 @@ void add_parts(std::span<const Part> parts, Pack factor, Pack qx, Pack qy, Pack 
     sums.sum[5] += ny;
     sums.sum[6] += nz;
     const Pack half = all(0.5f);
-    sums.sum[7] += w * all(p.turn[0]) + nx * x;
-    sums.sum[8] += w * all(p.turn[1]) + ny * y;
-    sums.sum[9] += w * all(p.turn[2]) + nz * z;
-    sums.sum[10] += w * all(p.turn[3]) + half * (nx * y + ny * x);
-    sums.sum[11] += w * all(p.turn[4]) + half * (nx * z + nz * x);
-    sums.sum[12] += w * all(p.turn[5]) + half * (ny * z + nz * y);
+    sums.sum[7] += w * all(p.normal_moment[0]) + nx * x;
+    sums.sum[8] += w * all(p.normal_moment[1]) + ny * y;
+    sums.sum[9] += w * all(p.normal_moment[2]) + nz * z;
+    sums.sum[10] += w * all(p.normal_moment[3]) + half * (nx * y + ny * x);
+    sums.sum[11] += w * all(p.normal_moment[4]) + half * (nx * z + nz * x);
+    sums.sum[12] += w * all(p.normal_moment[5]) + half * (ny * z + nz * y);
     sums.sum[13] += w * all(p.spread[0]) + ax * x;
     sums.sum[14] += w * all(p.spread[1]) + ay * y;
     sums.sum[15] += w * all(p.spread[2]) + az * z;
@@ -212,8 +212,9 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
   const double inverse = 1.0 / sum[0];
   const Double3 p = {sum[1] * inverse, sum[2] * inverse, sum[3] * inverse};
   const Double3 n = {sum[4] * inverse, sum[5] * inverse, sum[6] * inverse};
-  Six turn, spread, whole;
-  for (std::size_t i = 0; i < 6; ++i) turn[i] = sum[7 + i] * inverse, whole[i] = sum[13 + i] * inverse;
+  Six normal_moment, spread, whole;
+  for (std::size_t i = 0; i < 6; ++i)
+    normal_moment[i] = sum[7 + i] * inverse, whole[i] = sum[13 + i] * inverse;
   const Six pp = {p[0] * p[0], p[1] * p[1], p[2] * p[2], p[0] * p[1], p[0] * p[2], p[1] * p[2]};
   const Six np = {n[0] * p[0],
                   n[1] * p[1],
@@ -221,13 +222,14 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
                   0.5 * (n[0] * p[1] + n[1] * p[0]),
                   0.5 * (n[0] * p[2] + n[2] * p[0]),
                   0.5 * (n[1] * p[2] + n[2] * p[1])};
-  for (std::size_t i = 0; i < 6; ++i) turn[i] -= np[i], spread[i] = whole[i] - pp[i];
+  for (std::size_t i = 0; i < 6; ++i) normal_moment[i] -= np[i], spread[i] = whole[i] - pp[i];
   const double size = spread[0] + spread[1] + spread[2];
   Six hessian{};  // the Hessian
   double explained = dot(n, n);
   if (size > 1e-6 * (whole[0] + whole[1] + whole[2])) {
     const auto [xx, yy, zz, xy, xz, yz] = spread;
-    const double ridge = kRidge * size, sphere = (turn[0] + turn[1] + turn[2]) / size;
+    const double ridge = kRidge * size,
+                 sphere = (normal_moment[0] + normal_moment[1] + normal_moment[2]) / size;
     SmallMatrix<6> k;
     k << xx + ridge, 0, 0, xy, xz, 0,            //
         0, yy + ridge, 0, xy, 0, yz,             //
@@ -237,12 +239,12 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
         0, yz, yz, xz, xy, yy + zz + 2 * ridge;
     SmallMatrix<6> factor = k;
     if (!cholesky_factor(factor)) return {};
-    hessian = {turn[0] + ridge * sphere,
-               turn[1] + ridge * sphere,
-               turn[2] + ridge * sphere,
-               2 * turn[3],
-               2 * turn[4],
-               2 * turn[5]};
+    hessian = {normal_moment[0] + ridge * sphere,
+               normal_moment[1] + ridge * sphere,
+               normal_moment[2] + ridge * sphere,
+               2 * normal_moment[3],
+               2 * normal_moment[4],
+               2 * normal_moment[5]};
     cholesky_solve(factor, hessian);
     // What is left of the normals' variance: that of A p - n.
     double steep =
@@ -250,7 +252,7 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
                   2 * (hessian[3] * hessian[3] + hessian[4] * hessian[4] + hessian[5] * hessian[5]));
     for (std::size_t i = 0; i < 6; ++i)
       for (std::size_t j = 0; j < 6; ++j) steep += hessian[i] * k.coeff(i, j) * hessian[j];
-    explained += 2.0 * contract(hessian, turn) - steep;
+    explained += 2.0 * contract(hessian, normal_moment) - steep;
   }
   const Double3 ap = times(hessian, p);
   const Double3 u = n - ap;

@@ -111,15 +111,15 @@ void jacobi_eigen(SmallMatrix<kSize>& a, SmallMatrix<kSize>& vector, int sweeps,
         const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
         const double c = 1.0 / std::sqrt(t * t + 1.0);
         const double s = t * c;
-        const auto turn = [c, s](double& first, double& second) {
+        const auto rotate = [c, s](double& first, double& second) {
           const double u = first, v = second;
           first = c * u - s * v;
           second = s * u + c * v;
         };
-        for (Eigen::Index k = 0; k < kSize; ++k) turn(a.coeffRef(k, p), a.coeffRef(k, q));
-        for (Eigen::Index k = 0; k < kSize; ++k) turn(a.coeffRef(p, k), a.coeffRef(q, k));
+        for (Eigen::Index k = 0; k < kSize; ++k) rotate(a.coeffRef(k, p), a.coeffRef(k, q));
+        for (Eigen::Index k = 0; k < kSize; ++k) rotate(a.coeffRef(p, k), a.coeffRef(q, k));
         a.coeffRef(p, q) = a.coeffRef(q, p) = 0.0;
-        for (Eigen::Index k = 0; k < kSize; ++k) turn(vector.coeffRef(k, p), vector.coeffRef(k, q));
+        for (Eigen::Index k = 0; k < kSize; ++k) rotate(vector.coeffRef(k, p), vector.coeffRef(k, q));
       }
     }
   }

@@ -54,7 +54,7 @@ using UnionFind = DisjointSets<std::uint32_t>;
 /// Sets whose members carry a sign, +1 or -1, against their root. Who becomes root, the caller says.
 class SignedUnionFind {
  public:
-  struct Place {
+  struct SignedRoot {
     std::uint32_t root;
     int sign;  ///< against the root
   };
@@ -63,7 +63,7 @@ class SignedUnionFind {
   }
   /// Makes it a set of one again. \pre so does every member of its set
   void isolate(std::uint32_t i) { parent_[i] = i, sign_[i] = 1; }
-  Place find(std::uint32_t i) {
+  SignedRoot find(std::uint32_t i) {
     int sign = 1;
     while (parent_[i] != i) {  // halving the path as it goes
       sign_[i] = static_cast<std::int8_t>(sign_[i] * sign_[parent_[i]]);

@@ -46,8 +46,8 @@ void MultifrontalLu::assemble(const SparseMatrix& a, const SparseMatrix& transpo
     const auto unknown = static_cast<std::size_t>(tree_.unknown(rows[j]));
     const auto each_later = [&](const SparseMatrix& m, const auto& use) {
       for (std::int32_t e = m.start[unknown]; e < m.start[unknown + 1]; ++e)
-        if (const std::int32_t slot = tree_.slot(m.column[static_cast<std::size_t>(e)]); slot >= rows[j])
-          use(static_cast<std::size_t>(slot[static_cast<std::size_t>(slot)]),
+        if (const std::int32_t later = tree_.slot(m.column[static_cast<std::size_t>(e)]); later >= rows[j])
+          use(static_cast<std::size_t>(slot[static_cast<std::size_t>(later)]),
               m.value[static_cast<std::size_t>(e)]);
     };
     each_later(a, [&](std::size_t column, double v) { value[column * rows.size() + j] = v; });

@@ -46,8 +46,8 @@ fs::path mesh_of(const nlohmann::json& report, const fs::path& path) {
   const fs::path mesh = bytes_of_json_text(text_at(report, "/output/path"));
   std::error_code error;
   if (fs::is_regular_file(mesh, error)) return mesh;
-  const fs::path beside = fs::absolute(path).parent_path() / mesh.filename();
-  return mesh.has_filename() && fs::is_regular_file(beside, error) ? beside : mesh;
+  const fs::path sibling = fs::absolute(path).parent_path() / mesh.filename();
+  return mesh.has_filename() && fs::is_regular_file(sibling, error) ? sibling : mesh;
 }
 
 void run_report(const ReportArguments& a) {

@@ -39,11 +39,12 @@ constexpr std::uintmax_t kMaxTileset = std::uintmax_t{1} << 30;  // the server h
 fs::path viewer_folder(const fs::path& given) {
   std::error_code error;
   const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path();
-  std::vector<fs::path> places = {program / "../share/tessera/viewer", program / "../viewer"};
-  if (!given.empty()) places = {given};
-  for (const fs::path& place : places)
-    if (fs::is_regular_file(place / "viewer.html", error) && fs::is_regular_file(place / "serve.py", error))
-      return place.lexically_normal();
+  std::vector<fs::path> candidates = {program / "../share/tessera/viewer", program / "../viewer"};
+  if (!given.empty()) candidates = {given};
+  for (const fs::path& candidate : candidates)
+    if (fs::is_regular_file(candidate / "viewer.html", error) &&
+        fs::is_regular_file(candidate / "serve.py", error))
+      return candidate.lexically_normal();
   throw UsageError(
       fmt::format("the viewer's bundle is missing{}: run tools/viewer/build once (it needs node 18 or later, "
                   "npm and network: apt "

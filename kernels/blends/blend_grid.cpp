@@ -69,7 +69,7 @@ class GridMaker {
     find_sharp();
     edit_profiles();
     choose_rows();
-    place();
+    position();
     return std::move(grid_);
   }
 
@@ -208,15 +208,15 @@ class GridMaker {
     off.assign(grid_.rows, 0.0);
     const auto range = [&](double low, double high, double shift) {
       auto at = std::lower_bound(near_.begin(), near_.end(), low,
-                                 [](const RibVertex& v, double rib) { return v.place.rib < rib; });
-      for (; at != near_.end() && at->place.rib <= high; ++at) {
-        const double a = (at->place.rib + shift - r) / kNearRibs;
+                                 [](const RibVertex& v, double rib) { return v.position.rib < rib; });
+      for (; at != near_.end() && at->position.rib <= high; ++at) {
+        const double a = (at->position.rib + shift - r) / kNearRibs;
         for (std::size_t row = 0; row < grid_.rows; ++row) {
-          const double b = (at->beside.run - feet[row].run) / (kNearRows * spacing_);
+          const double b = (at->across.run - feet[row].run) / (kNearRows * spacing_);
           if (!(b * b < 1.0) || !(a * a < 1.0)) continue;
           const double w = (1.0 - a * a) * (1.0 - a * a) * (1.0 - b * b) * (1.0 - b * b);
           weight[row] += w;
-          off[row] += w * at->beside.distance;
+          off[row] += w * at->across.distance;
         }
       }
     };
@@ -227,7 +227,7 @@ class GridMaker {
       off[row] = weight[row] > 0.0 && feet[row].follows ? off[row] / weight[row] : 0.0;
   }
 
-  void place() {
+  void position() {
     std::vector<std::vector<Foot>> feet(grid_.ribs);
     std::vector<std::vector<double>> off(grid_.ribs);
     for (std::size_t i = 0; i < grid_.ribs; ++i) {
@@ -244,7 +244,7 @@ class GridMaker {
         sum += line[i] * line[i], count += 1.0;
       }
     }
-    for (const RibVertex& v : near_) noise += v.beside.distance * v.beside.distance;
+    for (const RibVertex& v : near_) noise += v.across.distance * v.across.distance;
     noise = near_.empty() ? 0.0 : std::sqrt(noise / static_cast<double>(near_.size()));
     const bool is_true =
         follows_ && std::sqrt(sum / count) > kTrueShare * noise && noise > kNoOff * grid_.extent[0];

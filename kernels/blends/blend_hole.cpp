@@ -32,19 +32,19 @@ bool meets_rectangle(const std::array<Double2, 3>& t, double left, double width,
   return true;
 }
 
-std::uint32_t face_beside(const MeshBlock& block, const FaceCorners& corners, std::size_t f, std::size_t k) {
+std::uint32_t face_across(const MeshBlock& block, const FaceCorners& corners, std::size_t f, std::size_t k) {
   const std::uint32_t a = block.faces[f][k], b = block.faces[f][(k + 1) % 3];
   for (const std::uint32_t c : corners.at(b))
     if (block.faces[c >> 2][((c & 3) + 1) % 3] == a) return c >> 2;
-  return kNoFaceBeside;
+  return kNoFaceAcross;
 }
 
 void keep_largest_piece(const MeshBlock& block, const FaceCorners& corners,
                         std::vector<std::uint8_t>& removed) {
   const std::size_t n = removed.size();
-  std::vector<std::uint32_t> piece(n, kNoFaceBeside), stack, size;
+  std::vector<std::uint32_t> piece(n, kNoFaceAcross), stack, size;
   for (std::uint32_t start = 0; start < n; ++start) {
-    if (!removed[start] || piece[start] != kNoFaceBeside) continue;
+    if (!removed[start] || piece[start] != kNoFaceAcross) continue;
     const auto number = static_cast<std::uint32_t>(size.size());
     size.push_back(0);
     stack.assign(1, start);
@@ -54,8 +54,8 @@ void keep_largest_piece(const MeshBlock& block, const FaceCorners& corners,
       stack.pop_back();
       ++size[number];
       for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t g = face_beside(block, corners, f, k);
-        if (g == kNoFaceBeside || !removed[g] || piece[g] != kNoFaceBeside) continue;
+        const std::uint32_t g = face_across(block, corners, f, k);
+        if (g == kNoFaceAcross || !removed[g] || piece[g] != kNoFaceAcross) continue;
         piece[g] = number;
         stack.push_back(g);
       }
@@ -68,8 +68,8 @@ void keep_largest_piece(const MeshBlock& block, const FaceCorners& corners,
     if (removed[f]) continue;
     bool inside = true;
     for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t g = face_beside(block, corners, f, k);
-      inside = inside && g != kNoFaceBeside && piece[g] == largest;
+      const std::uint32_t g = face_across(block, corners, f, k);
+      inside = inside && g != kNoFaceAcross && piece[g] == largest;
     }
     if (inside) removed[f] = 1;
   }

@@ -15,9 +15,9 @@ namespace tessera {
 /// Whether a triangle meets the rectangle [left, width] x [-height, height]: no axis separates them.
 bool meets_rectangle(const std::array<Double2, 3>& t, double left, double width, double height);
 
-inline constexpr std::uint32_t kNoFaceBeside = 0xffffffffu;
-/// The face on the other side of edge k of face f, or kNoFaceBeside.
-std::uint32_t face_beside(const MeshBlock& block, const FaceCorners& corners, std::size_t f, std::size_t k);
+inline constexpr std::uint32_t kNoFaceAcross = 0xffffffffu;
+/// The face on the other side of edge k of face f, or kNoFaceAcross.
+std::uint32_t face_across(const MeshBlock& block, const FaceCorners& corners, std::size_t f, std::size_t k);
 
 /// Of the removed faces (per face of the block, 0: stays) the largest piece that hangs together; faces that it surrounds go
 /// with it.

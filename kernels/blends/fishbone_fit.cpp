@@ -108,15 +108,15 @@ class Placing {
     const auto at = bone_.planes.locate(p, rib);
     if (!at) return std::nullopt;
     const RibProfile q = bone_.profile_at(at->rib);
-    const ProfilePosition beside = place_beside(q, {at->x, at->y});
+    const ProfilePosition across = profile_position(q, {at->x, at->y});
     const double half = 0.5 * q.arc_length();
-    if (std::fabs(beside.distance) > off_ || std::fabs(beside.run) > half + radius_) return std::nullopt;
-    const double share = half > 0.0 ? std::clamp(0.5 + 0.5 * beside.run / half, 0.0, 1.0) : 0.5;
-    const Double2 n = beside.zone == RibZone::kLeft    ? q.flank_normal(0)
-                      : beside.zone == RibZone::kRight ? q.flank_normal(1)
+    if (std::fabs(across.distance) > off_ || std::fabs(across.run) > half + radius_) return std::nullopt;
+    const double share = half > 0.0 ? std::clamp(0.5 + 0.5 * across.run / half, 0.0, 1.0) : 0.5;
+    const Double2 n = across.zone == RibZone::kLeft    ? q.flank_normal(0)
+                      : across.zone == RibZone::kRight ? q.flank_normal(1)
                                                        : q.arc_normal(share);
     if (dot(normal, plane.across * n[0] + plane.up * n[1]) < kProfileFacing) return std::nullopt;
-    return RibVertex{v, *at, beside};
+    return RibVertex{v, *at, across};
   }
 
  private:
@@ -419,8 +419,8 @@ double Fishbone::mean_arc() const {
   return sum / static_cast<double>(profiles.size());
 }
 
-std::vector<RibVertex> place_vertices(const Fishbone& bone, std::span<const Double3> position,
-                                      std::span<const Double3> normal, double radius, double off) {
+std::vector<RibVertex> locate_vertices(const Fishbone& bone, std::span<const Double3> position,
+                                       std::span<const Double3> normal, double radius, double off) {
   const NearRibs near(bone.planes, Placing::limit(bone, radius, off));
   const Placing placing(bone, radius, off);
   std::vector<RibVertex> out;

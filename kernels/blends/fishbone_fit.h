@@ -18,7 +18,7 @@ namespace tessera {
 struct RibVertex {
   std::uint32_t vertex = 0;
   RibPosition position;
-  ProfilePosition beside;
+  ProfilePosition across;
 };
 
 struct Fishbone {
@@ -50,8 +50,8 @@ struct FishboneOptions {
 
 /// Vertices near a fishbone with their places, by rib, then by vertex.
 /// \param position, normal  of the mesh; \param radius  beside the arc  \param off  of the profile, at the most
-std::vector<RibVertex> place_vertices(const Fishbone& bone, std::span<const Double3> position,
-                                      std::span<const Double3> normal, double radius, double off);
+std::vector<RibVertex> locate_vertices(const Fishbone& bone, std::span<const Double3> position,
+                                       std::span<const Double3> normal, double radius, double off);
 
 /// \param position, normal  of the vertices of the mesh near the track; normals unit or zero
 FishboneOutcome fit_fishbone(std::span<const Double3> position, std::span<const Double3> normal,

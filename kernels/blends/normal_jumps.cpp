@@ -90,15 +90,15 @@ NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position
   }
   std::vector<Jump> along, across;
   const double ends = static_cast<double>(bone.planes.size() - 1);
-  for (const RibVertex& v : place_vertices(bone, middle, normal, 0.0, bone.edge + 0.5 * bone.mean_arc())) {
+  for (const RibVertex& v : locate_vertices(bone, middle, normal, 0.0, bone.edge + 0.5 * bone.mean_arc())) {
     if (!bone.planes.closed() && (v.position.rib < kEnd || v.position.rib > ends - kEnd)) continue;
     const RibProfile p = bone.profile_at(v.position.rib);
-    if (v.beside.zone != RibZone::kArc || std::fabs(v.beside.run) > 0.5 * kInner * p.arc_length()) continue;
+    if (v.across.zone != RibZone::kArc || std::fabs(v.across.run) > 0.5 * kInner * p.arc_length()) continue;
     const Side &a = sides[at[v.vertex]], &b = sides[at[v.vertex] + 1];
     const Double3 direction = unit_or_zero(position[a.high] - position[a.low]);
     const auto rib = static_cast<std::size_t>(v.position.rib) % bone.planes.size();
     const double cosine = std::fabs(dot(direction, bone.planes[rib].along));
-    const Jump jump = {v.position.rib * bone.planes.spacing(), v.beside.run,
+    const Jump jump = {v.position.rib * bone.planes.spacing(), v.across.run,
                        angle_between(face_normal(a.face), face_normal(b.face))};
     const auto leads = [&](std::uint32_t f) {
       const auto& t = faces[f];

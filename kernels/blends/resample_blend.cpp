@@ -183,7 +183,7 @@ class Resampler {
 
   double off() const { return kOffEdges * edge_ + 0.5 * bone_.mean_arc(); }
   std::vector<RibVertex> position(double max_distance) const {
-    return place_vertices(bone_, block_.position, normal_, max_distance, off());
+    return locate_vertices(bone_, block_.position, normal_, max_distance, off());
   }
 
   double local_edge() const {
@@ -238,7 +238,7 @@ class Resampler {
     for (const RibVertex& v : near_) {
       const double last = static_cast<double>(grid_.ribs - 1);
       const auto rib = static_cast<std::size_t>(std::clamp(std::round(v.position.rib), 0.0, last));
-      position[v.vertex] = {v.position.rib * step, v.beside.run * mean / grid_.extent[rib]};
+      position[v.vertex] = {v.position.rib * step, v.across.run * mean / grid_.extent[rib]};
       rib_of_[v.vertex] = static_cast<std::uint32_t>(rib);
     }
     const double clear = kClear * std::min(spacing_, edge_);
@@ -263,7 +263,7 @@ class Resampler {
     std::vector<std::uint8_t> at_border(block_.key.size(), 0);
     for (std::size_t f = 0; f < removed_.size(); ++f)
       for (std::size_t k = 0; k < 3; ++k)
-        if (beside(f, k) == kNone)
+        if (across(f, k) == kNone)
           at_border[block_.faces[f][k]] = at_border[block_.faces[f][(k + 1) % 3]] = 1;
     std::size_t count = 0;
     bool ends = false;
@@ -279,7 +279,7 @@ class Resampler {
     return count > 0 ? BlendOutcome::kChanged : BlendOutcome::kNotStitched;
   }
 
-  std::uint32_t beside(std::size_t f, std::size_t k) const { return face_beside(block_, corners_, f, k); }
+  std::uint32_t across(std::size_t f, std::size_t k) const { return face_across(block_, corners_, f, k); }
 
   /// The ring of faces around the hole, and the grid, become pieces for the zipper.
   BlendOutcome stitch() {
@@ -306,7 +306,7 @@ class Resampler {
       }
       std::uint8_t edges = ZipPieces::kOriginal | (block_.face_flags[f] & 7);
       for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t g = beside(f, k);
+        const std::uint32_t g = across(f, k);
         const bool ends = block_.face_flags[f] >> k & 1;
         if (!ends && (g == kNone || (!ring[g] && !removed_[g])))
           edges = static_cast<std::uint8_t>(edges | ZipPieces::kGoesOn << k);
@@ -352,7 +352,7 @@ class Resampler {
         const double beyond = begins ? -v.position.rib : v.position.rib - last;
         if (!at_hole[v.vertex] || position[v.vertex] == kNone || !(beyond > 0.0) || beyond > kBridgeRibs)
           continue;
-        const double off = std::max(std::fabs(v.beside.run), std::fabs(v.beside.distance));
+        const double off = std::max(std::fabs(v.across.run), std::fabs(v.across.distance));
         if (off < minimum) minimum = off, best = v.vertex;
       }
       if (best == kNone) continue;
@@ -364,7 +364,7 @@ class Resampler {
       for (const std::uint32_t c : corners_.at(best)) {
         const std::uint32_t f = c >> 2, k = c & 3;
         if (removed_[f]) continue;
-        const std::uint32_t next = beside(f, k), last_one = beside(f, (k + 2) % 3);
+        const std::uint32_t next = across(f, k), last_one = across(f, (k + 2) % 3);
         if (next != kNone && removed_[next]) onwards = block_.faces[f][(k + 1) % 3];
         if (last_one != kNone && removed_[last_one]) before = block_.faces[f][(k + 2) % 3];
       }

@@ -204,9 +204,9 @@ bool straighten_ribs(RibPlanes& planes, const RibEnds& ends, double minimum) {
     std::vector<RibPlane> tilted(planes.size());
     for (std::size_t i = 0; i < planes.size(); ++i) {
       const Double3 rib = line.right[i] - line.left[i];
-      const Double3 bend = planes[i].origin - (line.left[i] + line.right[i]) * 0.5;
-      const bool flat = norm(bend) < kFlatRib * norm(rib);
-      Double3 normal = cross(rib, flat ? planes[i].up : bend);
+      const Double3 sagitta = planes[i].origin - (line.left[i] + line.right[i]) * 0.5;
+      const bool flat = norm(sagitta) < kFlatRib * norm(rib);
+      Double3 normal = cross(rib, flat ? planes[i].up : sagitta);
       if (dot(normal, planes[i].along) < 0.0) normal = -normal;
       tilted[i] = plane(planes[i].origin, normal, planes[i].up);
     }

@@ -181,7 +181,7 @@ Double2 RibProfile::on_flank(std::size_t side, double from_corner) const {
   return {c[0] + signed_length * t[0], c[1] + signed_length * t[1]};
 }
 
-ProfilePosition place_beside(const RibProfile& q, const Double2& p) {
+ProfilePosition profile_position(const RibProfile& q, const Double2& p) {
   const Laid laid(q);
   ProfilePosition out;
   double along = 0.0;
@@ -264,7 +264,7 @@ ProfileFit fit_profile(std::span<const Double2> points, const RibProfile& start,
   out.profile = q;
   out.found = true;
   out.rms = std::sqrt(cost / static_cast<double>(points.size()));
-  for (const Double2& p : points) ++out.count[static_cast<std::size_t>(place_beside(q, p).zone)];
+  for (const Double2& p : points) ++out.count[static_cast<std::size_t>(profile_position(q, p).zone)];
   return out;
 }
 

@@ -45,7 +45,7 @@ struct ProfilePosition {
   double run = 0.0;       ///< arc length of its foot from the middle of the arc
   double distance = 0.0;  ///< above 0 outside
 };
-ProfilePosition place_beside(const RibProfile& profile, const Double2& p);
+ProfilePosition profile_position(const RibProfile& profile, const Double2& p);
 
 struct ProfileFit {
   RibProfile profile;

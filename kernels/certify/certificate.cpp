@@ -97,7 +97,7 @@ class Certifier {
     for (float& b : bound) {
       upper = std::max(upper, static_cast<double>(b));
       b = rounded_up(static_cast<double>(b) + rounding);
-      if (!(static_cast<double>(b) <= options_.tolerance)) ++report_.faces_over;
+      if (!(static_cast<double>(b) <= options_.tolerance)) ++report_.faces_exceeding;
     }
     report_.upper = report_.faces == 0 ? 0.0 : upper + rounding;
     return report_;
@@ -123,9 +123,9 @@ class Certifier {
   }
 
   /// What a piece must be proven to stay within: the tolerance at most, unless it is known to exceed it.
-  double target(bool over) const {
+  double target(bool exceeds) const {
     const double wanted = std::max(options_.tightness * report_.lower, floor_);
-    return over ? wanted : std::min(wanted, provable_);
+    return exceeds ? wanted : std::min(wanted, provable_);
   }
 
   void found(double distance, const Double3& p) {
@@ -273,9 +273,9 @@ class Certifier {
       stack_.push_back(first);
       return;
     }
-    bool over = false;
+    bool exceeds = false;
     const auto within = [&](double square) {
-      const double t = target(over);
+      const double t = target(exceeds);
       return square <= t * t;
     };
     double square = kInfinite;
@@ -288,7 +288,7 @@ class Certifier {
     if (centre.slot == kNone) return give_up(piece, middle);
     found(std::sqrt(centre.square), middle);
     const double tolerance_square = options_.tolerance * options_.tolerance;
-    over = centre.square > tolerance_square;
+    exceeds = centre.square > tolerance_square;
     if (centre.slot != piece.hint) square = worst_square(piece, centre.slot);
     const int worst = worst_;
     if (within(square)) return accept(piece, std::sqrt(square));
@@ -302,7 +302,7 @@ class Certifier {
     const ClosestFaces::Hit corner = query(piece.at(worst), centre.slot);
     if (corner.slot == kNone) return give_up(piece, piece.at(worst));
     found(std::sqrt(corner.square), piece.at(worst));
-    over = over || corner.square > tolerance_square;
+    exceeds = exceeds || corner.square > tolerance_square;
     const double minimum = kMinPiece * options_.tolerance;
     if (within(square) || piece.cuts >= kMaxCuts - 1 || radius_square <= minimum * minimum)
       return accept(piece, std::min(std::sqrt(square), lipschitz));
@@ -318,12 +318,12 @@ class Certifier {
 
   void split(const Piece& piece, std::uint32_t near_centre, std::uint32_t near_worst, int worst) {
     // Now and then surely smaller: across the longest diagonal, whatever the triangles are.
-    const bool turn = piece.cuts >= kFreeCuts && piece.cuts % 3 == 0;
+    const bool bisect = piece.cuts >= kFreeCuts && piece.cuts % 3 == 0;
     const Double3 centre = piece.centroid();
     Double3 far = piece.at(worst);
     Piece inside, outside;
     CutPlane plane;
-    if (!turn) {
+    if (!bisect) {
       if (side_plane(reference_.corners(near_centre), normal_, centre, far, plane) &&
           cut(piece, plane, inside, outside))
         return push(inside, near_centre, outside, near_worst);
@@ -343,7 +343,7 @@ class Certifier {
     if (size > 0.0) {
       plane.normal = plane.normal * (1.0 / size);
       plane.offset =
-          turn ? dot(plane.normal, centre) : 0.5 * (dot(plane.normal, far) + dot(plane.normal, centre));
+          bisect ? dot(plane.normal, centre) : 0.5 * (dot(plane.normal, far) + dot(plane.normal, centre));
       if (cut(piece, plane, inside, outside)) return push(inside, near_centre, outside, near_worst);
     }
     // As small as numbers get: bounded by what is known.
@@ -384,7 +384,7 @@ void DeviationReport::merge(const DeviationReport& other) {
   }
   beyond = beyond || other.beyond;
   faces += other.faces;
-  faces_over += other.faces_over;
+  faces_exceeding += other.faces_exceeding;
   area += other.area;
   samples += other.samples;
   square_integral += other.square_integral;

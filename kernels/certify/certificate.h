@@ -63,12 +63,12 @@ struct DeviationReport {
   double lower = 0.0;  ///< some point is this far: `witness`. With points beyond reach: the reach
   Double3 witness = {0, 0, 0};
   std::uint32_t witness_face = 0;
-  bool beyond = false;           ///< some point has no other surface within reach
-  std::uint64_t faces = 0;       ///< looked at
-  std::uint64_t faces_over = 0;  ///< not proven to stay within the tolerance
-  double area = 0.0;             ///< of what was looked at
-  std::uint64_t samples = 0;     ///< points of equal shares of the area, their distances measured
-  double square_integral = 0.0;  ///< of the distance, by these; what is beyond reach counts as reach
+  bool beyond = false;                ///< some point has no other surface within reach
+  std::uint64_t faces = 0;            ///< looked at
+  std::uint64_t faces_exceeding = 0;  ///< not proven to stay within the tolerance
+  double area = 0.0;                  ///< of what was looked at
+  std::uint64_t samples = 0;          ///< points of equal shares of the area, their distances measured
+  double square_integral = 0.0;       ///< of the distance, by these; what is beyond reach counts as reach
   std::array<std::uint64_t, kDeviationBins + 2> histogram{};  ///< area by distance, in area_unit
   std::uint64_t pieces = 0, queries = 0;                      ///< work
 

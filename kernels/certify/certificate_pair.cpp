@@ -20,7 +20,7 @@ constexpr double kProofMargin = 0x1p-11;  // of the tolerance: what is proven by
 
 using Face = std::array<std::uint32_t, 3>;
 
-BoxMask mask_over(const SurfaceFaces& s) {
+BoxMask bounds_mask(const SurfaceFaces& s) {
   Double3 low, high;
   low.fill(std::numeric_limits<double>::infinity());
   high.fill(-std::numeric_limits<double>::infinity());
@@ -46,7 +46,7 @@ DeviationReport certify_some(const SurfaceFaces& surface, const std::vector<std:
   options.samples = 0;
   std::vector<Face> faces;
   for (const std::uint32_t i : list) faces.push_back(surface.faces[i]);
-  BoxMask mask = mask_over(other);
+  BoxMask mask = bounds_mask(other);
   for (const Face& f : faces) {
     Box3 box = box_of(surface, f);
     for (std::size_t k = 0; k < 3; ++k) {
@@ -95,10 +95,10 @@ class Finisher {
     measure_samples(surface_, other_, core_, origin_, bound_, options_, report_);
     tighten();
     report_.upper = 0.0;
-    report_.faces_over = 0;
+    report_.faces_exceeding = 0;
     for (const float b : bound_) {
       report_.upper = std::max(report_.upper, static_cast<double>(b));
-      report_.faces_over += !(static_cast<double>(b) <= options_.tolerance);
+      report_.faces_exceeding += !(static_cast<double>(b) <= options_.tolerance);
     }
     return report_;
   }
@@ -216,7 +216,7 @@ RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const 
       if (doubts.empty()) return true;
     }
     std::vector<float> bound;
-    return certify_some(from, doubts, to, &core, origin, yes_or_no, bound).faces_over == 0;
+    return certify_some(from, doubts, to, &core, origin, yes_or_no, bound).faces_exceeding == 0;
   };
   const bool there = one_sided(a, b);
   proof.proven = there && one_sided(b, a);

@@ -58,10 +58,10 @@ class NeedleCutter {
            DeviationTriangle& out, const Sink& sink) {
     corner_ = &corner;
     value_.clear();
-    const std::array<Place, 3> whole = {Place{0, 0}, Place{kOne, 0}, Place{0, kOne}};
+    const std::array<Barycentric, 3> whole = {Barycentric{0, 0}, Barycentric{kOne, 0}, Barycentric{0, kOne}};
     stack_.assign(1, whole);
     while (!stack_.empty()) {
-      const std::array<Place, 3> piece = stack_.back();
+      const std::array<Barycentric, 3> piece = stack_.back();
       stack_.pop_back();
       const std::array<Double3, 3> p = {at(piece[0]), at(piece[1]), at(piece[2])};
       if (!meets_core(p)) continue;
@@ -71,8 +71,8 @@ class NeedleCutter {
         if (const double length = squared_distance(p[k], p[(k + 1) % 3]); length > longest_side)
           longest_side = length, side = k;
       if (longest_side > maximum * maximum) {
-        const Place &a = piece[side], &b = piece[(side + 1) % 3], &c = piece[(side + 2) % 3];
-        const Place middle = {(a.i + b.i) / 2, (a.j + b.j) / 2};
+        const Barycentric &a = piece[side], &b = piece[(side + 1) % 3], &c = piece[(side + 2) % 3];
+        const Barycentric middle = {(a.i + b.i) / 2, (a.j + b.j) / 2};
         stack_.push_back({middle, b, c});
         stack_.push_back({a, middle, c});
         continue;
@@ -92,21 +92,21 @@ class NeedleCutter {
   }
 
  private:
-  struct Place {
+  struct Barycentric {
     std::uint32_t i, j;  ///< parts of kOne along the first and the last side
-    bool operator==(const Place&) const = default;
+    bool operator==(const Barycentric&) const = default;
   };
 
-  Double3 at(const Place& place) const {
+  Double3 at(const Barycentric& bary) const {
     const Double3 &a = (*corner_)[0], &b = (*corner_)[1], &c = (*corner_)[2];
     Double3 p;
     for (std::size_t k = 0; k < 3; ++k)
-      p[k] = a[k] + (b[k] - a[k]) * (static_cast<double>(place.i) / kOne) +
-             (c[k] - a[k]) * (static_cast<double>(place.j) / kOne);
+      p[k] = a[k] + (b[k] - a[k]) * (static_cast<double>(bary.i) / kOne) +
+             (c[k] - a[k]) * (static_cast<double>(bary.j) / kOne);
     return p;
   }
-  float& known_at(const Place& place) {
-    return value_.try_emplace(std::uint64_t{place.i} << 32 | place.j, kUnknown).first->second;
+  float& known_at(const Barycentric& bary) {
+    return value_.try_emplace(std::uint64_t{bary.i} << 32 | bary.j, kUnknown).first->second;
   }
   bool meets_core(const std::array<Double3, 3>& p) const {
     bool meets = true;
@@ -128,7 +128,7 @@ class NeedleCutter {
   const Box3& core_;
   const std::array<Double3, 3>* corner_ = nullptr;
   std::unordered_map<std::uint64_t, float> value_;  ///< at places inside the face and on its sides
-  std::vector<std::array<Place, 3>> stack_;
+  std::vector<std::array<Barycentric, 3>> stack_;
 };
 
 }  // namespace

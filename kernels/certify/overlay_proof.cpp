@@ -45,7 +45,7 @@ class Overlay {
 
   OverlayProof run() {
     find_starts();
-    for (std::uint32_t t = 0; t < coarse_.faces.size(); ++t) lay_over(t);
+    for (std::uint32_t t = 0; t < coarse_.faces.size(); ++t) overlay_face(t);
     if (fine_too_)
       for (std::uint32_t f = 0; f < fine_.faces.size(); ++f) finish_fine(f);
     return std::move(out_);
@@ -65,10 +65,10 @@ class Overlay {
   /// Of a fine face: what is known of it over the coarse faces so far.
   struct State {
     std::uint32_t stamp = 0;
-    std::uint32_t over = kNoFace;  ///< 4 t + edge: it lies over coarse face t and across that edge
-    float height = 0.0f;           ///< largest there
+    std::uint32_t overlaps = kNoFace;  ///< 4 t + edge: it lies over coarse face t and across that edge
+    float height = 0.0f;               ///< largest there
     float bound = kOpen;
-    unsigned corners = 0;         ///< bit i: corner i lies over `over`
+    unsigned corners = 0;         ///< bit i: corner i lies over `overlaps`
     std::uint32_t met = kNoFace;  ///< the last of met_ that is of this face
   };
   /// A coarse face that a fine one lies partly over.
@@ -181,7 +181,7 @@ class Overlay {
   }
   double beyond(int i, const Flat& p) const { return side_[i][0] * p.x + side_[i][1] * p.y + side_[i][2]; }
 
-  const Point& place(std::uint32_t v) {
+  const Point& projected(std::uint32_t v) {
     Vertex& vertex = vertices_[v];
     if (vertex.stamp != stamp_) {
       vertex.stamp = stamp_;
@@ -203,7 +203,7 @@ class Overlay {
     std::uint32_t f = from, came = kNoFace;
     for (int step = 0; step < kMaxSteps && f != kNoFace; ++step) {
       const auto& v = fine_.faces[f];
-      const Flat p[3] = {place(v[0]).at, place(v[1]).at, place(v[2]).at};
+      const Flat p[3] = {projected(v[0]).at, projected(v[1]).at, projected(v[2]).at};
       const double up = orient2d(p[0], p[1], p[2]) < 0.0 ? -1.0 : 1.0;
       double minimum = 0.0;
       std::uint32_t side = kNoFace;
@@ -251,9 +251,9 @@ class Overlay {
         if (start_[v] != kNoFace)
           if (const std::uint32_t f = walk(start_[v], centre_); f != kNoFace) return f;
       // As a rule a face beside was laid out before, and what lies over it is near.
-      for (const std::uint32_t beside : across_coarse_[t])
-        if (beside != kNoFace && seed_[beside >> 2] != kNoFace)
-          if (const std::uint32_t f = walk(seed_[beside >> 2], centre_); f != kNoFace) return f;
+      for (const std::uint32_t adjacent : across_coarse_[t])
+        if (adjacent != kNoFace && seed_[adjacent >> 2] != kNoFace)
+          if (const std::uint32_t f = walk(seed_[adjacent >> 2], centre_); f != kNoFace) return f;
       if (const std::uint32_t f = walk(nearby(), centre_); f != kNoFace) return f;
     }
     return kNoFace;
@@ -295,15 +295,15 @@ class Overlay {
 
   /// Largest height of a face that lies partly over the outline; false where it does not at all.
   bool height_across(const Point* const* p, unsigned outside, double& height) const {
-    bool over = false;
+    bool overlaps = false;
     for (std::size_t i = 0; i < 3; ++i) {
       const Point &a = *p[i], &b = *p[i == 2 ? 0 : i + 1];
-      if (a.outside == 0) height = std::max(height, std::abs(a.z)), over = true;
+      if (a.outside == 0) height = std::max(height, std::abs(a.z)), overlaps = true;
       if ((a.outside | b.outside) != 0 && (a.outside & b.outside) == 0)
-        over = height_on(a, b, height) || over;
+        overlaps = height_on(a, b, height) || overlaps;
     }
     // Corners of the outline over the face.
-    if ((outside & (outside - 1)) == 0) return over;  // beyond one side alone
+    if ((outside & (outside - 1)) == 0) return overlaps;  // beyond one side alone
     const double full = orient2d(p[0]->at, p[1]->at, p[2]->at), up = full < 0.0 ? -1.0 : 1.0;
     const double size = longest(p), slack = -4.0 * grown_ * size;
     for (int i = 0; i < outline_.corners; ++i) {
@@ -316,7 +316,7 @@ class Overlay {
         inside = inside && w[c] >= slack;
       }
       if (!inside) continue;
-      over = true;
+      overlaps = true;
       if (std::abs(full) > 0x1p-10 * size * size) {
         const double z = (w[0] * p[0]->z + w[1] * p[1]->z + w[2] * p[2]->z) / (w[0] + w[1] + w[2]);
         height = std::max(height, std::abs(z));
@@ -324,10 +324,10 @@ class Overlay {
         for (std::size_t c = 0; c < 3; ++c) height = std::max(height, std::abs(p[c]->z));
       }
     }
-    return over;
+    return overlaps;
   }
 
-  void lay_over(std::uint32_t t) {
+  void overlay_face(std::uint32_t t) {
     if (!lay_out(t)) {
       out_.coarse.bound[t] = 0.0f;
       return;
@@ -348,14 +348,14 @@ class Overlay {
   bool cover(std::uint32_t t, std::uint32_t seed, double& height) {
     bool covered = true;
     const auto& s = fine_.faces[seed];
-    const double up = orient2d(place(s[0]).at, place(s[1]).at, place(s[2]).at) < 0.0 ? -1.0 : 1.0;
+    const double up = orient2d(projected(s[0]).at, projected(s[1]).at, projected(s[2]).at) < 0.0 ? -1.0 : 1.0;
     stack_.assign(1, seed);
     state_[seed].stamp = stamp_;
     while (!stack_.empty()) {
       const std::uint32_t f = stack_.back();
       stack_.pop_back();
       const auto& v = fine_.faces[f];
-      const Point* const p[3] = {&place(v[0]), &place(v[1]), &place(v[2])};
+      const Point* const p[3] = {&projected(v[0]), &projected(v[1]), &projected(v[2])};
       const double area = up * orient2d(p[0]->at, p[1]->at, p[2]->at);
       if (!(area > 4.0 * grown_ * longest(p))) covered = covered && !near_centre(p);
       look_at(t, f, p, height);
@@ -428,11 +428,11 @@ class Overlay {
     for (unsigned i = 0; i < 3; ++i) corners |= p[i]->outside == 0 ? 1u << i : 0u;
     State& state = state_[f];
     const std::uint32_t here = 4 * t + tag;
-    if (state.over == kNoFace) {
-      state.over = here;
+    if (state.overlaps == kNoFace) {
+      state.overlaps = here;
       state.height = rounded_up(height);
       state.corners = corners;
-    } else if (across_coarse_[t][tag] == state.over) {
+    } else if (across_coarse_[t][tag] == state.overlaps) {
       for (unsigned i = 0; i < 3; ++i) {
         if (((corners | state.corners) >> i & 1u) != 0) continue;
         const double off =

@@ -57,7 +57,7 @@ struct Frame {
   Double3 low{}, per_pixel{1, 1, 1};  ///< of x, y, z; per_pixel[2] = 1
   int nx = 1, ny = 1;
 
-  Double3 place(const Double3& p) const {
+  Double3 project(const Double3& p) const {
     return {(p[u] - low[0]) * per_pixel[0], (p[v] - low[1]) * per_pixel[1], p[axis] - low[2]};
   }
 };
@@ -193,7 +193,7 @@ class Image {
         first_(static_cast<std::size_t>(frame.nx) * static_cast<std::size_t>(frame.ny), kNoLayer),
         max_layers_(max_layers) {
     at_.resize(reference.position.size());
-    for (std::size_t i = 0; i < at_.size(); ++i) at_[i] = frame.place(reference.position[i]);
+    for (std::size_t i = 0; i < at_.size(); ++i) at_[i] = frame.project(reference.position[i]);
     find_sheets(across);
     double work = 0.0;
     for (std::uint32_t f = 0; f < sheet_.size(); ++f)
@@ -437,8 +437,8 @@ std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3
       for (std::size_t f = 0; f < surface.faces.size(); ++f) {
         if (axis[f] != k) continue;
         const auto& v = surface.faces[f];
-        const Double3 p[3] = {frame.place(surface.position[v[0]]), frame.place(surface.position[v[1]]),
-                              frame.place(surface.position[v[2]])};
+        const Double3 p[3] = {frame.project(surface.position[v[0]]), frame.project(surface.position[v[1]]),
+                              frame.project(surface.position[v[2]])};
         work += touched(frame, p);
         if (work > max_touched) break;  // the others stay in doubt
         decided[f] = image.decides(p, limit, low, high);

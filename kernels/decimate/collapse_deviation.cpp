@@ -21,8 +21,8 @@ constexpr double orient2d(const Flat& a, const Flat& b, const Flat& c) {
 }
 
 /// Adds to `deviation` the height of p over a, b, c. \return false where p lies outside of the triangle
-bool height_over(const Flat& p, const Flat& a, const Flat& b, const Flat& c, double rounding,
-                 double& deviation) {
+bool height_above(const Flat& p, const Flat& a, const Flat& b, const Flat& c, double rounding,
+                  double& deviation) {
   const double wa = orient2d(p, b, c), wb = orient2d(p, c, a), wc = orient2d(p, a, b), sum = wa + wb + wc;
   if (wa < rounding || wb < rounding || wc < rounding || !(sum > 0.0)) return false;
   deviation = std::fmax(deviation, std::fabs((wa * a.z + wb * b.z + wc * c.z) / sum - p.z));
@@ -150,11 +150,11 @@ bool edge_deviation(const LinkLoop& loop, const Double3& u, const Double3& v, st
   for (std::size_t i = 1; i < size; ++i) {
     const std::size_t j = after(i);
     for (std::size_t c = 0; c < 2; ++c)
-      found[c] = height_over(centre[c], zero, link[i], link[j], rounding, deviation) || found[c];
-    found[2] = height_over(zero, centre[i > first], link[i], link[j], rounding, deviation) || found[2];
+      found[c] = height_above(centre[c], zero, link[i], link[j], rounding, deviation) || found[c];
+    found[2] = height_above(zero, centre[i > first], link[i], link[j], rounding, deviation) || found[2];
   }
-  found[2] = height_over(zero, centre[0], centre[1], left, rounding, deviation) || found[2];
-  found[2] = height_over(zero, centre[0], right, centre[1], rounding, deviation) || found[2];
+  found[2] = height_above(zero, centre[0], centre[1], left, rounding, deviation) || found[2];
+  found[2] = height_above(zero, centre[0], right, centre[1], rounding, deviation) || found[2];
   if (!found[0] || !found[1] || !found[2]) return false;
   const auto cross_spokes = [&](const Flat& a, const Flat& b) {
     constexpr double kSlack = 1e-9;

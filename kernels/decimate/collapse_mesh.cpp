@@ -362,12 +362,12 @@ void CollapseMesh::flip(std::uint32_t c) {
   const auto lines = [&](std::uint32_t e) {
     return faces_[e >> 2].state >> (e & 3u) & (kStateBorder | kStateCrease);
   };
-  const std::uint32_t beside_a = opposite(dn), beside_b = opposite(cn);
+  const std::uint32_t across_a = opposite(dn), across_b = opposite(cn);
   const unsigned lines_a = lines(dn), lines_b = lines(cn);
   faces_[c >> 2].vertex[cp & 3u] = w;
   faces_[d >> 2].vertex[dp & 3u] = u;
-  set_edge(c, beside_a, lines_a);
-  set_edge(d, beside_b, lines_b);
+  set_edge(c, across_a, lines_a);
+  set_edge(d, across_b, lines_b);
   set_edge(cn, dn, 0);
   set_edge(dn, cn, 0);
   if (corner_[a] == dp) corner_[a] = cn;

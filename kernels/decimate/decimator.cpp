@@ -129,7 +129,7 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
       new_bound_ = rounded_up(largest_bound(star) + deviation);
       if (static_cast<double>(new_bound_) <= options_.tolerance) return Refusal::kNone;
       lay_link(star, at_ring);
-      return ask_reference(u, star, at_ring, false, 0.0);
+      return query_reference(u, star, at_ring, false, 0.0);
     }
   }
   if (options_.placement == DecimatePlacement::kOptimal && check_optimal(u, star, at_ring)) {

@@ -133,12 +133,12 @@ class Decimator {
   bool check_optimal(std::uint32_t u, const Star& star, std::size_t at);
   void move_vertex(std::uint32_t u, std::uint32_t v);
   Refusal check_deviation(std::uint32_t u, const Star& star, std::size_t at);
-  Refusal ask_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum,
-                        double line_deviation);
+  Refusal query_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum,
+                          double line_deviation);
   void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                  LinkLoop& loop) const;
   void add_link(std::uint32_t v, std::uint32_t w, std::uint32_t corner, LinkLoop& loop) const;
-  Doubt ask_coarse(std::uint32_t u, const Star& star, std::size_t at);
+  Doubt query_coarse(std::uint32_t u, const Star& star, std::size_t at);
   void remove(std::uint32_t u, const Star& star, std::size_t at);
   void commit(std::uint32_t u, const Star& star, std::size_t at, std::uint32_t cost_class_now);
 

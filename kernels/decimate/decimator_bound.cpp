@@ -100,7 +100,7 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
 }
 
 /// Asks the mesh as the sweeps left it, whose vertices are some of the reference. Where it ends it may be coarse too.
-Decimator::Doubt Decimator::ask_coarse(std::uint32_t u, const Star& star, std::size_t at_ring) {
+Decimator::Doubt Decimator::query_coarse(std::uint32_t u, const Star& star, std::size_t at_ring) {
   if (coarse_witness_.empty() || loops_[0].borders != 0) return Doubt::kOpen;
   ReferenceDeviation::Query query;
   query.origin = mesh_.at(star.ring[at_ring]);
@@ -137,18 +137,18 @@ Decimator::Refusal Decimator::check_deviation(std::uint32_t u, const Star& star,
     if (!known && !short_sum) return Refusal::kTolerance;
   }
   if (short_sum && min_cosine_ <= -1.0) return Refusal::kNone;
-  return ask_reference(u, star, at_ring, short_sum, exact);
+  return query_reference(u, star, at_ring, short_sum, exact);
 }
 
 /// \param short_sum  the sum of bounds is within the tolerance \param line_deviation  of the line that u lies on
-Decimator::Refusal Decimator::ask_reference(std::uint32_t u, const Star& star, std::size_t at_ring,
-                                            bool short_sum, double line_deviation) {
+Decimator::Refusal Decimator::query_reference(std::uint32_t u, const Star& star, std::size_t at_ring,
+                                              bool short_sum, double line_deviation) {
   const bool on_line = (mesh_.state(u) & (kVertexBorder | kVertexCrease)) != 0;
   double exact = line_deviation;
   // Sums of bounds grow faster than the distance itself: ask the reference.
   if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
   ++exact_tests_;
-  const Doubt doubt = on_line ? Doubt::kOpen : ask_coarse(u, star, at_ring);
+  const Doubt doubt = on_line ? Doubt::kOpen : query_coarse(u, star, at_ring);
   if (doubt != Doubt::kOpen) {
     exact_accepted_ += doubt == Doubt::kWithin;
     return doubt == Doubt::kWithin ? Refusal::kNone : Refusal::kTolerance;

@@ -146,8 +146,8 @@ StarLanes::Cheapest StarLanes::cheapest(const Quadric& q, const Double3& from) c
 StarLanes::Answer StarLanes::judge(std::size_t at, double& deviation) const {
   const std::size_t k = size_;
   const int all = (1 << k) - 1, fresh = (all >> 1) & ~1;  // old faces; new ones: 1 to k - 2
-  const __m256i turned = indices(kTables.rotated[k][at]), next = indices(kTables.next[k]);
-  const Lanes3 a = {permuted(x_, turned), permuted(y_, turned), permuted(z_, turned)};
+  const __m256i rotated = indices(kTables.rotated[k][at]), next = indices(kTables.next[k]);
+  const Lanes3 a = {permuted(x_, rotated), permuted(y_, rotated), permuted(z_, rotated)};
   const Lanes3 b = {permuted(a.x, next), permuted(a.y, next), permuted(a.z, next)};
   const __m256i first = _mm256_setzero_si256();
   const Lanes3 v = {permuted(a.x, first), permuted(a.y, first), permuted(a.z, first)};
@@ -157,10 +157,10 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& deviation) const {
   const Lanes3 link = minus(b, a), to_v = minus(v, a), last = minus(v, b);
   const Lanes3 before = cross(a, b), after = cross(link, to_v);
   const __m256 along = dot(before, after), before2 = dot(before, before), after2 = dot(after, after);
-  const __m256 bend = _mm256_mul_ps(_mm256_set1_ps(0.04f), _mm256_mul_ps(before2, after2));
+  const __m256 min_along2 = _mm256_mul_ps(_mm256_set1_ps(0.04f), _mm256_mul_ps(before2, after2));
   const int folds = bits_of(_mm256_cmp_ps(along, zero, _CMP_NGE_UQ)) |
                     bits_of(_mm256_cmp_ps(after2, zero, _CMP_NGT_UQ)) |
-                    bits_of(_mm256_cmp_ps(_mm256_mul_ps(along, along), bend, _CMP_LT_OQ));
+                    bits_of(_mm256_cmp_ps(_mm256_mul_ps(along, along), min_along2, _CMP_LT_OQ));
   if ((folds & fresh) != 0) return Answer::kRefused;
   const __m256 edges = _mm256_add_ps(_mm256_add_ps(dot(link, link), dot(to_v, to_v)), dot(last, last));
   const __m256 thin = _mm256_mul_ps(_mm256_set1_ps(min_), _mm256_mul_ps(edges, edges));
@@ -211,13 +211,13 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& deviation) const {
                low = _mm256_sub_ps(zero, unsure);
   const __m256 height = _mm256_sub_ps(
       az, _mm256_div_ps(_mm256_sub_ps(_mm256_mul_ps(z, side_n), _mm256_mul_ps(zn, side)), full));
-  const __m256 over = _mm256_and_ps(_mm256_cmp_ps(_mm256_sub_ps(zero, side), low, _CMP_GE_OQ),
-                                    _mm256_cmp_ps(side_n, low, _CMP_GE_OQ));
+  const __m256 covers = _mm256_and_ps(_mm256_cmp_ps(_mm256_sub_ps(zero, side), low, _CMP_GE_OQ),
+                                      _mm256_cmp_ps(side_n, low, _CMP_GE_OQ));
   const __m256i lane = _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0);
   const __m256i size = _mm256_set1_epi32(static_cast<int>(k));
   const __m256 is_fresh = _mm256_castsi256_ps(_mm256_and_si256(
       _mm256_cmpgt_epi32(lane, first), _mm256_cmpgt_epi32(_mm256_sub_epi32(size, second), lane)));
-  const __m256 below = _mm256_and_ps(over, is_fresh);
+  const __m256 below = _mm256_and_ps(covers, is_fresh);
   if (bits_of(below) == 0) return Answer::kDoubt;
   __m256 maximum = _mm256_and_ps(absolute(height), below);
   // Where old spokes cross new ones, those to 2 .. k - 2.

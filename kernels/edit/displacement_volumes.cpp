@@ -48,8 +48,8 @@ std::vector<Double3> carried(const LayerLevel& level, const Level& coarse, std::
   for (std::size_t v = 0; v < out.size(); ++v) {
     if (!fine.free[v]) continue;
     const NormalDisplacement& d = level.finer.of[v];
-    const TangentRest* const beside = (d.face & kHasTangent) != 0 ? &*tangent++ : nullptr;
-    out[v] = fine.rest[v] + (after.decode(d, beside) - before.decode(d, beside));
+    const TangentRest* const residual = (d.face & kHasTangent) != 0 ? &*tangent++ : nullptr;
+    out[v] = fine.rest[v] + (after.decode(d, residual) - before.decode(d, residual));
   }
   return out;
 }

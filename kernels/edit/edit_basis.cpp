@@ -13,7 +13,7 @@
 namespace tessera {
 namespace {
 
-std::string place(const Double3& p) {
+std::string position_text(const Double3& p) {
   char text[100];
   std::snprintf(text, sizeof text, "(%.6g, %.6g, %.6g)", p[0], p[1], p[2]);
   return text;
@@ -22,7 +22,7 @@ std::string place(const Double3& p) {
 [[noreturn]] void refuse_near(const SingularSystem& e, const BoundaryModelOptions& options,
                               std::span<const Double3> position) {
   const std::string where =
-      e.vertex < 0 ? "" : " near " + place(position[static_cast<std::size_t>(e.vertex)]);
+      e.vertex < 0 ? "" : " near " + position_text(position[static_cast<std::size_t>(e.vertex)]);
   throw SingularSystem(
       "the support lacks constraints" + where + " for order " + std::to_string(options.order) +
           ": its system is singular, as it is where nothing holds a piece, or where faces are "
@@ -77,7 +77,7 @@ Loose find_loose(const Laplacian& metric, const EditRegions& regions) {
   throw InputError("the support lacks constraints: " + std::to_string(count) +
                    (count == 1 ? " piece" : " pieces") + " of it, " + std::to_string(loose.vertices) +
                    (loose.vertices == 1 ? " vertex" : " vertices") + ", the first near " +
-                   place(position[loose.pieces[0][0]]) + ", " + (count == 1 ? "touches" : "touch") +
+                   position_text(position[loose.pieces[0][0]]) + ", " + (count == 1 ? "touches" : "touch") +
                    " neither a fixed vertex nor a handle; fix a part of it or leave it out of the support");
 }
 

@@ -147,7 +147,7 @@ std::vector<std::uint8_t> crease_patch(std::span<const Double3> position, Faces 
   for (const auto& f : faces)
     normal.push_back(unit_or_zero(triangle_normal(position[f[0]], position[f[1]], position[f[2]])));
   // Faces without area have no normal that an edge could turn by.
-  const auto bends = [&](const Double3& a, const Double3& b) {
+  const auto is_crease = [&](const Double3& a, const Double3& b) {
     return norm(a) > 0.0 && norm(b) > 0.0 && dot(a, b) < minimum;
   };
   const std::vector<FaceEdge> sides = sorted_sides(faces);
@@ -155,7 +155,7 @@ std::vector<std::uint8_t> crease_patch(std::span<const Double3> position, Faces 
   for (std::size_t i = 0; i < sides.size();) {
     std::size_t end = i + 1;
     while (end < sides.size() && sides[end].same_edge(sides[i])) ++end;
-    if (end == i + 2 && !bends(normal[sides[i].face], normal[sides[i + 1].face]))
+    if (end == i + 2 && !is_crease(normal[sides[i].face], normal[sides[i + 1].face]))
       patches.unite(sides[i].face, sides[i + 1].face);
     i = end;
   }

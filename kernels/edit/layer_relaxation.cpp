@@ -319,8 +319,8 @@ void LayerRelaxation::aim(double share) {
       for (std::size_t l = 0; l < kLanes; ++l) {
         if (p.face[l] == kNone || !(area[l] > 0.0)) continue;
         const double w = std::clamp(along[l] / area[l], 0.0, kMaxWeight);
-        for (const std::uint32_t at_place : m.slot[3 * p.face[l] + k])
-          if (at_place != kNone) m.weight[at_place] += w;
+        for (const std::uint32_t slot : m.slot[3 * p.face[l] + k])
+          if (slot != kNone) m.weight[slot] += w;
       }
     }
   }

@@ -79,12 +79,12 @@ class Crossings {
   void each(std::span<const std::uint8_t> watched, const Use& use) const {
     if (levels_.empty()) return;
     const auto is_watched = [&](std::size_t i) { return watched.empty() || watched[order_[i]]; };
-    std::vector<std::uint8_t> asks(levels_[0].size(), 0);
+    std::vector<std::uint8_t> queried(levels_[0].size(), 0);
     for (std::size_t i = 0; i < order_.size(); ++i)
-      if (is_watched(i)) asks[i / kLeaf] = 1;
+      if (is_watched(i)) queried[i / kLeaf] = 1;
     std::vector<std::pair<std::size_t, std::size_t>> open;  // level, number
-    for (std::size_t leaf = 0; leaf < asks.size(); ++leaf) {
-      if (!asks[leaf]) continue;
+    for (std::size_t leaf = 0; leaf < queried.size(); ++leaf) {
+      if (!queried[leaf]) continue;
       open.assign(1, {levels_.size() - 1, 0});
       while (!open.empty()) {
         const auto [level, number] = open.back();
@@ -95,7 +95,7 @@ class Crossings {
           for (std::size_t below = number * kLeaf; below < end; ++below) open.emplace_back(level - 1, below);
           continue;
         }
-        if (asks[number] && number < leaf) continue;  // that one has met this one
+        if (queried[number] && number < leaf) continue;  // that one has met this one
         for (std::size_t i = leaf * kLeaf; i < std::min((leaf + 1) * kLeaf, order_.size()); ++i)
           for (std::size_t j = number == leaf ? i + 1 : number * kLeaf;
                j < std::min((number + 1) * kLeaf, order_.size()); ++j)

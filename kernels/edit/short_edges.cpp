@@ -37,7 +37,7 @@ void drop_back_to_back(std::vector<Face>& faces) {
 }  // namespace
 
 std::size_t merge_short_edges(std::vector<Double3>& position, std::vector<Face>& faces, double shorter_than,
-                              std::vector<Double3>& beside) {
+                              std::vector<Double3>& attached) {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> shorts;
   for (const Face& f : faces)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -72,11 +72,11 @@ std::size_t merge_short_edges(std::vector<Double3>& position, std::vector<Face>&
   for (std::size_t v = 0; v < number.size(); ++v)
     if (number[v] != kUnused) {
       position[next] = position[v];
-      if (!beside.empty()) beside[next] = beside[v];
+      if (!attached.empty()) attached[next] = attached[v];
       number[v] = next++;
     }
   position.resize(next);
-  if (!beside.empty()) beside.resize(next);
+  if (!attached.empty()) attached.resize(next);
   for (Face& f : faces)
     for (std::uint32_t& v : f) v = number[v];
   return count;

@@ -13,10 +13,10 @@ namespace tessera {
 
 /// In the order of their vertices, each vertex merges once: the higher number into the lower. Faces that lose their area go, and
 /// so do pairs of faces back to back; vertices that no face uses any more go, too.
-/// \param beside  more values of the vertices, which stay beside them
+/// \param attached  more values of the vertices, which stay beside them
 /// \return edges merged
 std::size_t merge_short_edges(std::vector<Double3>& position,
                               std::vector<std::array<std::uint32_t, 3>>& faces, double shorter_than,
-                              std::vector<Double3>& beside);
+                              std::vector<Double3>& attached);
 
 }  // namespace tessera

@@ -59,7 +59,7 @@ Float3 BrickExtractor::point_in_cell(int edge, std::uint32_t root) const {
   Float3 p = kEdgeBase[static_cast<std::size_t>(edge)];
   const EdgeRoot& r = field_.roots[root];
   p[static_cast<std::size_t>(edge >> 2)] = r.t;
-  return p + r.beside();
+  return p + r.slide_offset();
 }
 
 Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
@@ -137,7 +137,7 @@ void BrickExtractor::emit_edge_vertices() {
           const EdgeRoot& root = field_.roots[index];
           Float3 p = in_owner(node);
           p[axis] += root.t;
-          p = p + root.beside();
+          p = p + root.slide_offset();
           if (m.leaf->moving[axis][z] & bit) {
             const Float3 shift = border_.of_vertex(node, axis, index);
             for (std::size_t a = 0; a < 3; ++a) p[a] += shift[a];

@@ -42,9 +42,9 @@ bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, cons
   if (!(length2 > kMinSine * kMinSine)) return false;
   const float along = dot(delta, crease) / length2;
   if (!thresholds.in_faces || along * along * length2 > kMinHeight * kMinHeight) {
-    const Float3 beside = centre + crease * along;
-    return dot(triangle_normal(centre, loop.point[i], beside), loop.normal[i]) > 0.0f &&
-           dot(triangle_normal(beside, loop.point[j], centre), loop.normal[j]) > 0.0f;
+    const Float3 shifted = centre + crease * along;
+    return dot(triangle_normal(centre, loop.point[i], shifted), loop.normal[i]) > 0.0f &&
+           dot(triangle_normal(shifted, loop.point[j], centre), loop.normal[j]) > 0.0f;
   }
   // Roots kept off a node may stand beyond each other's planes, so there each triangle faces one of the two.
   const int face = common_face(loop.edge[i], loop.edge[j]);
@@ -184,7 +184,7 @@ Double3 refined(const LoopSamples& loop, const FeatureThresholds& thresholds, co
     bool smooth = true;  // a sheet with a crease of its own has no curvature to fit
     for (std::size_t i = 0; i < planes.size; ++i)
       smooth &= sheet[i] != s || dot(loop.normal[i], normal_of(s)) > thresholds.cone_cos;
-    if (smooth) bend_planes_towards(planes, sheet, s, first);
+    if (smooth) extrapolate_normals(planes, sheet, s, first);
   }
   return intersect_planes(planes, first, sheets).position;
 }

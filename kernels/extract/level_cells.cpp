@@ -10,17 +10,17 @@ namespace tessera {
 namespace {
 
 constexpr std::uint8_t kNone = 255;
-constexpr std::size_t kPlaces = 3 * 27;  ///< edges and half edges of a cell: axis, then where they begin
+constexpr std::size_t kEdgeSlots = 3 * 27;  ///< edges and half edges of a cell: axis, then where they begin
 constexpr double kForbidden = 1e300;
 
-std::size_t place(std::size_t axis, const Int3& in_cell) {
+std::size_t edge_slot(std::size_t axis, const Int3& in_cell) {
   return axis * 27 + static_cast<std::size_t>(in_cell[0] + 3 * in_cell[1] + 9 * in_cell[2]);
 }
-std::size_t axis_of(std::size_t place) {
-  return place / 27;
+std::size_t axis_of(std::size_t edge_slot) {
+  return edge_slot / 27;
 }
-Int3 start_of(std::size_t place) {
-  const int p = static_cast<int>(place % 27);
+Int3 start_of(std::size_t edge_slot) {
+  const int p = static_cast<int>(edge_slot % 27);
   return {p % 3, p / 3 % 3, p / 9};
 }
 
@@ -43,7 +43,7 @@ struct LevelCells::Face {
 
 /// Where segments lead, by places of edges in the cell.
 struct LevelCells::Links {
-  std::array<std::uint8_t, kPlaces> next, face, faces_before;
+  std::array<std::uint8_t, kEdgeSlots> next, face, faces_before;
   Links() {
     next.fill(kNone);
     face.fill(kNone);
@@ -112,7 +112,7 @@ void LevelCells::link(const Int3& cell, const Face& face, std::uint8_t number, L
       low[c] = std::min(from[c], to[c]);
       if (from[c] != to[c]) axis = c;
     }
-    return place(axis, minus(low, doubled(cell)));
+    return edge_slot(axis, minus(low, doubled(cell)));
   };
   bool join = false;
   if (n == 4 && inside(0) == inside(2) && inside(1) == inside(3) && inside(0) != inside(1)) {
@@ -142,7 +142,7 @@ std::vector<LevelLoop> LevelCells::trace(const Int3& cell, const BrickBand& band
   for (std::size_t f = 0; f < faces.size(); ++f) link(cell, faces[f], static_cast<std::uint8_t>(f), links);
   std::vector<LevelLoop> loops;
   std::vector<std::size_t> to_next;  ///< faces in which the ways to next points lie
-  for (std::size_t start = 0; start < kPlaces; ++start) {
+  for (std::size_t start = 0; start < kEdgeSlots; ++start) {
     if (links.next[start] == kNone) continue;
     LevelLoop& loop = loops.emplace_back();
     to_next.clear();
@@ -213,7 +213,7 @@ bool LevelCells::ends_beyond(const Int3& cell, int face, const LevelPoint& point
   low[along] = 0;
   Int3 up = low;
   up[along] = 1;
-  const std::size_t a = place(along, low), b = place(along, up);
+  const std::size_t a = edge_slot(along, low), b = edge_slot(along, up);
   if (links.next[a] != b && links.next[b] != a) return ends;
   across[third] += high ? 1 : -1;
   return !band.takes_part(across);

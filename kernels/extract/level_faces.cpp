@@ -40,7 +40,7 @@ std::uint32_t BrickExtractor::finer_vertex(const LevelPoint& point, const LevelC
     const EdgeRoot& root = levels_->finer_root(point.node, point.axis);
     Float3 p = in_owner(node);
     p[static_cast<std::size_t>(point.axis)] += root.t;
-    foreign_position_.push_back(p + root.beside());
+    foreign_position_.push_back(p + root.slide_offset());
     foreign_rgba_.push_back(root.rgba);
     foreign_class_.push_back(name.border ? VertexClass::kBorder : VertexClass::kSmooth);
   }
@@ -56,7 +56,7 @@ void BrickExtractor::emit_level_loop(const Int3& cell, int number, const LevelLo
   for (const LevelPoint& p : loop) {
     if (p.finer) {
       const EdgeRoot& root = levels_->finer_root(p.node, p.axis);
-      Float3 at = root.beside();
+      Float3 at = root.slide_offset();
       at[static_cast<std::size_t>(p.axis)] += root.t;
       for (std::size_t a = 0; a < 3; ++a)
         at[a] = 0.5f * (at[a] + static_cast<float>(p.node[a] - 2 * cell[a]));

@@ -79,7 +79,7 @@ Double3 intersect_crease(const TangentPlanes& planes, const Double3& anchor, con
           anchor[2] + s * e1[2] + t * e2[2]};
 }
 
-void bend_planes_towards(TangentPlanes& planes, const std::array<int, kMaxPlanes>& sheets, int sheet,
+void extrapolate_normals(TangentPlanes& planes, const std::array<int, kMaxPlanes>& sheets, int sheet,
                          const Double3& x) {
   std::size_t count = 0;
   Double3 p_mean{}, n_mean{};
@@ -96,7 +96,7 @@ void bend_planes_towards(TangentPlanes& planes, const std::array<int, kMaxPlanes
     p_mean[k] /= static_cast<double>(count);
     n_mean[k] /= static_cast<double>(count);
   }
-  Matrix3 spread = Matrix3::Zero(), turn = Matrix3::Zero();
+  Matrix3 spread = Matrix3::Zero(), cross_cov = Matrix3::Zero();
   for (int k = 0; k < 3; ++k) spread.coeffRef(k, k) = kRidge;
   for (std::size_t i = 0; i < planes.size; ++i) {
     if (sheets[i] != sheet) continue;
@@ -104,7 +104,7 @@ void bend_planes_towards(TangentPlanes& planes, const std::array<int, kMaxPlanes
       for (std::size_t c = 0; c < 3; ++c) {
         const double q = planes.point[i][c] - p_mean[c];
         spread.coeffRef(r, c) += (planes.point[i][r] - p_mean[r]) * q;
-        turn.coeffRef(r, c) += (planes.normal[i][r] - n_mean[r]) * q;
+        cross_cov.coeffRef(r, c) += (planes.normal[i][r] - n_mean[r]) * q;
       }
     }
   }
@@ -113,7 +113,7 @@ void bend_planes_towards(TangentPlanes& planes, const std::array<int, kMaxPlanes
                        spread.coeff(1, 1), spread.coeff(1, 2), spread.coeff(2, 2)};
   const Double3 y = system.solve(x - p_mean);
   Double3 at_x;
-  for (std::size_t k = 0; k < 3; ++k) at_x[k] = n_mean[k] + dot(row(turn, k), y);
+  for (std::size_t k = 0; k < 3; ++k) at_x[k] = n_mean[k] + dot(row(cross_cov, k), y);
   at_x = unit(at_x);
   for (std::size_t i = 0; i < planes.size; ++i) {
     if (sheets[i] != sheet) continue;

@@ -36,7 +36,7 @@ Double3 intersect_crease(const TangentPlanes& planes, const Double3& anchor, con
 /// Replaces the normals of the planes whose sheet is `sheet` by the mean of their own and that of the sheet
 /// at x, which a linear fit of the sheet's normals predicts: on a quadric, the plane through a root with this
 /// normal passes exactly through the surface at x. Planes of a single root stay as they are.
-void bend_planes_towards(TangentPlanes& planes, const std::array<int, kMaxPlanes>& sheets, int sheet,
+void extrapolate_normals(TangentPlanes& planes, const std::array<int, kMaxPlanes>& sheets, int sheet,
                          const Double3& x);
 
 }  // namespace tessera

@@ -19,7 +19,7 @@ struct CoarserNode {
   Float3 at{};
 };
 
-std::size_t place_of(const Int3& node) {
+std::size_t node_index(const Int3& node) {
   return static_cast<std::size_t>((node[0] & 7) + 8 * (node[1] & 7) + 64 * (node[2] & 7));
 }
 
@@ -38,7 +38,7 @@ bool look_up(const CoarserFits& coarser, const Int3& node, CoarserNode& out) {
   std::array<std::array<int, 2>, 3> around;
   for (std::size_t a = 0; a < 3; ++a)
     around[a] = {(node[a] >> 1) - coarser.band.origin[a], ((node[a] + 1) >> 1) - coarser.band.origin[a]};
-  float count = 0.0f, value = 0.0f, depth = 0.0f, place = SparseNodes::kDeep;
+  float count = 0.0f, value = 0.0f, depth = 0.0f, sparse_depth = SparseNodes::kDeep;
   Float3 gradient{}, inward{};
   for (int c = 0; c < 8; ++c) {
     Int3 at;
@@ -51,10 +51,10 @@ bool look_up(const CoarserFits& coarser, const Int3& node, CoarserNode& out) {
       d[a] = around[a][0] == around[a][1] ? 0.0f : side == 0 ? 0.5f : -0.5f;
     }
     if (again) continue;
-    place = std::min(place, coarser.places.depth(at));
-    if (place < -kBoundaryMargin) return false;
+    sparse_depth = std::min(sparse_depth, coarser.sparse.depth(at));
+    if (sparse_depth < -kBoundaryMargin) return false;
     const LeafFit* fit = coarser.band.at(at);
-    const std::size_t i = place_of(at);
+    const std::size_t i = node_index(at);
     if (!fit || !has(fit->valid, i)) return false;
     const Float3 g = {fit->gradient[0][i], fit->gradient[1][i], fit->gradient[2][i]};
     value += fit->value[i] + 0.5f * dot(g, d);
@@ -76,7 +76,7 @@ bool look_up(const CoarserFits& coarser, const Int3& node, CoarserNode& out) {
   if (!(length > 0.0f)) return false;
   out.gradient = gradient * (1.0f / length);
   out.value = 2.0f * value / count;
-  out.depth = std::min(2.0f * depth / count, place);
+  out.depth = std::min(2.0f * depth / count, sparse_depth);
   out.inward = inward * (2.0f / count);
   return true;
 }

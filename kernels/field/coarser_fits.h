@@ -28,7 +28,7 @@ struct BandFits {
 void keep_boundaries(const LeafBoundary& boundary, LeafFit& fit, std::vector<BoundaryNode>& boundaries);
 
 struct CoarserFits {
-  SparseNodes places;  ///< of the block at work
+  SparseNodes sparse;  ///< of the block at work
   BandFits band;       ///< of places.origin() and places.cells(): valid nodes only where the places are
 };
 

@@ -25,7 +25,7 @@ struct EdgeRoot {
   bool slides = false;        ///< clamped beside a smooth stretch: the vertex stands on the tangent plane
 
   /// Where the vertex stands, from the root: there, unless it slides.
-  Float3 beside() const { return slides ? normal * offset : Float3{0, 0, 0}; }
+  Float3 slide_offset() const { return slides ? normal * offset : Float3{0, 0, 0}; }
 };
 
 /// How far a vertex moves from its lattice edge, along the surface onto the border.

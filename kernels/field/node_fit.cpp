@@ -85,7 +85,7 @@ struct Spheres {
 /// A bit per node of a row.
 struct RowFlags {
   std::uint32_t valid = 0;
-  std::uint32_t bent = 0;    ///< normals that a sphere does not explain
+  std::uint32_t misfit = 0;  ///< normals that a sphere does not explain
   std::uint32_t few = 0;     ///< too few samples, but some, and their plane is near
   std::uint32_t beyond = 0;  ///< the samples end before it, unless they surround it
   std::uint32_t near = 0;    ///< valid, and near the end of the surface
@@ -101,12 +101,12 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
   const __m256 inverse_w = _mm256_div_ps(one, _mm256_blendv_ps(one, s.w, enough));
   const __m256 cx = _mm256_mul_ps(s.px, inverse_w), cy = _mm256_mul_ps(s.py, inverse_w),
                cz = _mm256_mul_ps(s.pz, inverse_w);
-  const __m256 spread_w = _mm256_sub_ps(s.pp, dot(s.px, s.py, s.pz, cx, cy, cz));  // sum w |p - c|^2
-  const __m256 turn = _mm256_sub_ps(s.pn, dot(s.nx, s.ny, s.nz, cx, cy, cz));      // sum w (p - c).n
+  const __m256 spread_w = _mm256_sub_ps(s.pp, dot(s.px, s.py, s.pz, cx, cy, cz));    // sum w |p - c|^2
+  const __m256 covariance = _mm256_sub_ps(s.pn, dot(s.nx, s.ny, s.nz, cx, cy, cz));  // sum w (p - c).n
   // Below this spread (samples at one spot) the sphere degenerates: take the plane.
   const __m256 wide = _mm256_cmp_ps(spread_w, _mm256_mul_ps(s.w, _mm256_set1_ps(1e-4f)), _CMP_GT_OQ);
-  const __m256 u4 =
-      _mm256_and_ps(wide, _mm256_div_ps(turn, _mm256_mul_ps(two, _mm256_blendv_ps(one, spread_w, wide))));
+  const __m256 u4 = _mm256_and_ps(
+      wide, _mm256_div_ps(covariance, _mm256_mul_ps(two, _mm256_blendv_ps(one, spread_w, wide))));
   const __m256 twice = _mm256_mul_ps(two, u4);
   const __m256 ux = _mm256_mul_ps(_mm256_fnmadd_ps(twice, s.px, s.nx), inverse_w);
   const __m256 uy = _mm256_mul_ps(_mm256_fnmadd_ps(twice, s.py, s.ny), inverse_w);
@@ -142,8 +142,8 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
   const __m256 g2 =
       _mm256_fmadd_ps(s.w, u2, _mm256_mul_ps(twice, _mm256_fmadd_ps(twice, s.pp, _mm256_mul_ps(two, u_p))));
   const __m256 residual = _mm256_mul_ps(_mm256_add_ps(_mm256_fnmadd_ps(two, u_n, s.w), g2), inverse_w);
-  const __m256 bent =
-      _mm256_and_ps(enough, _mm256_cmp_ps(residual, _mm256_set1_ps(options.bent_residual), _CMP_GT_OQ));
+  const __m256 misfit =
+      _mm256_and_ps(enough, _mm256_cmp_ps(residual, _mm256_set1_ps(options.max_residual), _CMP_GT_OQ));
   _mm256_store_ps(out.value.data() + at, value);
   _mm256_store_ps(out.gradient[0].data() + at, gx);
   _mm256_store_ps(out.gradient[1].data() + at, gy);
@@ -152,7 +152,7 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
     return static_cast<std::uint32_t>(_mm256_movemask_ps(lanes)) & active;
   };
   *flags = {.valid = bits(_mm256_and_ps(fitted, among)),
-            .bent = bits(bent),
+            .misfit = bits(misfit),
             .few = bits(_mm256_andnot_ps(enough, near_plane(s))),
             .beyond = bits(_mm256_andnot_ps(among, fitted))};
   const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
@@ -211,9 +211,9 @@ std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2,
     const __m256 limit = _mm256_fmadd_ps(granted, _mm256_sqrt_ps(n2), minimum);
     // Squared chord 2 - 2 cos > limit^2, without dividing by the lengths.
     const __m256 chord2 = _mm256_mul_ps(two, _mm256_sub_ps(lengths, dot(gx, gy, gz, nx, ny, nz)));
-    const __m256 turned =
+    const __m256 deviates =
         _mm256_cmp_ps(chord2, _mm256_mul_ps(_mm256_mul_ps(limit, limit), lengths), _CMP_GT_OQ);
-    hint = _mm256_or_ps(hint, _mm256_and_ps(near, turned));
+    hint = _mm256_or_ps(hint, _mm256_and_ps(near, deviates));
   }
   return static_cast<std::uint32_t>(_mm256_movemask_ps(hint));
 }
@@ -289,11 +289,11 @@ std::optional<SmoothFit> smooth_fit(const Spheres& row, std::uint32_t x) {
 }
 
 /// Tries sheets at the bent nodes of a row; updates their values and flags. \param split  nodes that have sheets
-void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& coarse, std::size_t at,
+void fit_creases(std::uint32_t misfit, const Spheres& spheres, const SampleList& coarse, std::size_t at,
                  const NodeFitOptions& options, NodeFitScratch& scratch, const RowSupport& support,
                  bool row_is_whole, LeafFit& out, std::vector<Sheets>& sheets, RowFlags* flags,
                  std::uint32_t* split, std::uint32_t* creased) {
-  for (std::uint32_t left = bent; left; left &= left - 1) {
+  for (std::uint32_t left = misfit; left; left &= left - 1) {
     const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
     NormalSeeds seeds;
     if (options.noisy) {
@@ -415,7 +415,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
       Spheres spheres;
       const std::size_t at = 8 * y + 64 * z;
       finish_row(sums, active, options, at, out, scratch.boundary, &flags, &spheres);
-      if (flags.bent) {
+      if (flags.misfit) {
         std::uint32_t hints = 0;
         for (std::size_t next = 0; next < coarse.size;) {
           fill_row(coarse, support, &next, scratch.coarse_row);
@@ -423,7 +423,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
                                 (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle,
                                 options.noisy);
         }
-        fit_creases(flags.bent & hints, spheres, coarse, at, options, scratch, support, fills == 1, out,
+        fit_creases(flags.misfit & hints, spheres, coarse, at, options, scratch, support, fills == 1, out,
                     sheets, &flags, &split, &creased);
       }
       const std::uint32_t hints =

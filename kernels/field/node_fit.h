@@ -52,7 +52,7 @@ struct LeafBoundary {
 struct NodeFitOptions {
   float radius = 3.0f;  ///< cells; a multiple of 1/1024, so that comparing with it is exact
   /// Mean squared normal residual against the sphere from which sheets are tried.
-  float bent_residual = 4e-3f;
+  float max_residual = 4e-3f;
   /// Samples off the surface, with normals to match: clusters start from averaged normals. Else from single
   /// ones, which finds faces that barely reach in.
   bool noisy = false;

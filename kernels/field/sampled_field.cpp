@@ -23,7 +23,7 @@ class Builder {
   }
 
   DirectedField build(std::span<const Int3> leaves, const std::function<void()>& pause) {
-    place(leaves);
+    add_leaves(leaves);
     for (BandLeaf& leaf : field_.leaves) {
       if (pause) pause();
       fill(leaf);
@@ -36,7 +36,7 @@ class Builder {
   }
 
  private:
-  void place(std::span<const Int3> leaves) {
+  void add_leaves(std::span<const Int3> leaves) {
     const Int3 d = field_.leaf_dims();
     const auto at = [&](const Int3& l) {
       return static_cast<std::size_t>(l[0] + 1) +

@@ -18,10 +18,10 @@ Float3 times(const std::array<float, 6>& m, const Float3& v) {
 struct Fit {
   Sheet sheet;
   Float3 centroid{}, mean_normal{};
-  std::array<float, 6> spread{};  ///< covariance of the positions
-  float normal_residual = 0.0f;   ///< mean squared
-  float height_variance = 0.0f;   ///< along the mean normal
-  float bend_variance = 0.0f;     ///< of it, what the curvature explains at most
+  std::array<float, 6> spread{};    ///< covariance of the positions
+  float normal_residual = 0.0f;     ///< mean squared
+  float height_variance = 0.0f;     ///< along the mean normal
+  float curvature_variance = 0.0f;  ///< of it, what the curvature explains at most
 };
 
 /// A few clusters, no allocation.
@@ -83,17 +83,17 @@ Fit fit_quadric(const Moments& m) {
   }
   // Mean of the quadric over the samples is zero.
   const Float3 hc = times(fit.sheet.h, c);
-  const float bend =
+  const float quadratic =
       0.5f * (s11 * (m11 - kCurvatureRidge) + 2.0f * s12 * m12 + s22 * (m22 - kCurvatureRidge));
   fit.sheet.g = n - hc;
-  fit.sheet.f0 = 0.5f * dot(c, hc) - dot(n, c) - bend;
+  fit.sheet.f0 = 0.5f * dot(c, hc) - dot(n, c) - quadratic;
   const float variance = 1.0f - dot(mean, mean);
   const float explained =
       2.0f * (s11 * b11 + 2.0f * s12 * b12 + s22 * b22) -
       ((s11 * s11 + s12 * s12) * m11 + 2.0f * s12 * (s11 + s22) * m12 + (s12 * s12 + s22 * s22) * m22);
   fit.spread = pp;
   fit.height_variance = dot(n, times(pp, n));
-  fit.bend_variance = s11 * s11 * m11 * m11 + 2.0f * s12 * s12 * m11 * m22 + s22 * s22 * m22 * m22;
+  fit.curvature_variance = s11 * s11 * m11 * m11 + 2.0f * s12 * s12 * m11 * m22 + s22 * s22 * m22 * m22;
   fit.normal_residual = std::max(0.0f, variance - explained);
   return fit;
 }
@@ -182,7 +182,7 @@ void separate_layers(LocalSamples& samples, const std::array<std::int32_t, kMaxS
   bool relabelled = false;
   for (std::size_t k = 0; k < clusters.count && clusters.count < kMaxSheets; ++k) {
     const Fit& fit = clusters.fit[k];
-    if (fit.height_variance < kLayerVariance + 4.0f * options.noise * options.noise + fit.bend_variance)
+    if (fit.height_variance < kLayerVariance + 4.0f * options.noise * options.noise + fit.curvature_variance)
       continue;
     if (!relabelled) relabel(samples, cluster_of);
     relabelled = true;
@@ -312,7 +312,7 @@ bool drop_false_sheets(const SheetOptions& options, Clusters& clusters) {
     const float spread = spread_of(k), sampled = static_cast<float>(m.hits);
     if (m.w() < kMinShare * weight || m.hits < kMinSheetHits ||
         sampled < kMinHitShare * static_cast<float>(hits) || sampled < kMinDensity * densest * spread ||
-        fit.height_variance > kLargestHeightShare * spread + 2.0f * noise2 + fit.bend_variance)
+        fit.height_variance > kLargestHeightShare * spread + 2.0f * noise2 + fit.curvature_variance)
       clusters.erase(k);
   }
   for (bool again = true; again;) {

@@ -10,26 +10,26 @@ constexpr double kSameSide = 0.25;
 /// Of MergeRange::beyond: a border that reaches less far beyond another is not passed.
 constexpr double kPassed = 0.25;
 
-double beside_foot(const Double3& p, const SignedDistance::Foot& foot, const Double3& side) {
+double lateral_distance(const Double3& p, const SignedDistance::Foot& foot, const Double3& side) {
   const Double3 away = p - foot.at;
   return norm(away - side * dot(away, side));
 }
 
 }  // namespace
 
-MergeSheet::Place MergeSheet::at(const Double3& p, double maximum, double beyond,
-                                 const Double3* normal) const {
-  Place place;
-  place.foot = surface_.closest(p, maximum * maximum);
-  if (place.foot.face == SignedDistance::kNone) return place;
-  const Double3 side = unit_or_zero(place.foot.side);
-  if (normal && dot(side, *normal) < kSameSide) return place;
-  if (place.foot.border) {
-    place.beside = beside_foot(p, place.foot, side);
-    if (place.beside > beyond) return place;
+MergeSheet::Sample MergeSheet::at(const Double3& p, double maximum, double beyond,
+                                  const Double3* normal) const {
+  Sample sample;
+  sample.foot = surface_.closest(p, maximum * maximum);
+  if (sample.foot.face == SignedDistance::kNone) return sample;
+  const Double3 side = unit_or_zero(sample.foot.side);
+  if (normal && dot(side, *normal) < kSameSide) return sample;
+  if (sample.foot.border) {
+    sample.lateral = lateral_distance(p, sample.foot, side);
+    if (sample.lateral > beyond) return sample;
   }
-  place.cover = own_cover(place.foot.at);
-  return place;
+  sample.cover = own_cover(sample.foot.at);
+  return sample;
 }
 
 double MergeSheet::own_cover(const Double3& p) const {
@@ -43,7 +43,7 @@ bool MergeSheet::passes(const Double3& p, const MergeRange& range, const Double3
   if (foot.face == SignedDistance::kNone) return false;
   const Double3 side = unit_or_zero(foot.side);
   return dot(side, normal) >= kSameSide &&
-         (!foot.border || beside_foot(p, foot, side) <= kPassed * range.beyond);
+         (!foot.border || lateral_distance(p, foot, side) <= kPassed * range.beyond);
 }
 
 MergeBlend::Value MergeBlend::at(const Double3& p, double more) const {
@@ -52,18 +52,18 @@ MergeBlend::Value MergeBlend::at(const Double3& p, double more) const {
   bool any = false;
   for (const MergeSheet* sheet : sheets_) {
     if (!sheet || !(left > 0.0)) continue;
-    const MergeSheet::Place place = sheet->at(p, range_.apart + more, range_.beyond);
-    const double share = left * place.cover;
+    const MergeSheet::Sample sample = sheet->at(p, range_.apart + more, range_.beyond);
+    const double share = left * sample.cover;
     left -= share;
     if (!(share > 0.0)) continue;
-    const Double3 side = unit_or_zero(place.foot.side);
+    const Double3 side = unit_or_zero(sample.foot.side);
     // Beyond a border the mesh goes on as it ends.
     const double distance =
-        place.foot.border ? dot(p - place.foot.at, side) : SignedDistance::signed_distance(p, place.foot);
+        sample.foot.border ? dot(p - sample.foot.at, side) : SignedDistance::signed_distance(p, sample.foot);
     value.share += share;
     value.distance += share * distance;
     value.normal = value.normal + side * share;
-    value.beside = any ? std::min(value.beside, place.beside) : place.beside;
+    value.lateral = any ? std::min(value.lateral, sample.lateral) : sample.lateral;
     any = true;
   }
   if (value.share > 0.0) value.distance /= value.share;
@@ -76,12 +76,12 @@ std::pair<std::size_t, std::uint32_t> MergeBlend::main_vertex(const Double3& p, 
   double left = 1.0, maximum = 0.0;
   for (std::size_t s = 0; s < sheets_.size(); ++s) {
     if (!sheets_[s] || !(left > 0.0)) continue;
-    const MergeSheet::Place place = sheets_[s]->at(p, range_.apart + more, range_.beyond);
-    const double share = left * place.cover;
+    const MergeSheet::Sample sample = sheets_[s]->at(p, range_.apart + more, range_.beyond);
+    const double share = left * sample.cover;
     left -= share;
     if (!(share > maximum)) continue;
     maximum = share;
-    best = {s, sheets_[s]->surface().nearest_corner(place.foot)};
+    best = {s, sheets_[s]->surface().nearest_corner(sample.foot)};
   }
   return best;
 }

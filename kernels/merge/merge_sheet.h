@@ -27,14 +27,14 @@ class MergeSheet {
   MergeSheet(SignedDistance surface, ClosestFaces joints, double fade)
       : surface_(std::move(surface)), joints_(std::move(joints)), fade_(fade) {}
 
-  struct Place {
+  struct Sample {
     SignedDistance::Foot foot;
-    double cover = 0.0;   ///< within [0, 1]
-    double beside = 0.0;  ///< how far beyond the border, at right angles to the normal
+    double cover = 0.0;    ///< within [0, 1]
+    double lateral = 0.0;  ///< how far beyond the border, at right angles to the normal
   };
   /// \param p  relative to the origin  \param maximum  farther from the mesh nothing is covered
   /// \param normal  if not null: a surface there with this normal (unit) is covered by faces that look the same way
-  Place at(const Double3& p, double maximum, double beyond, const Double3* normal = nullptr) const;
+  Sample at(const Double3& p, double maximum, double beyond, const Double3* normal = nullptr) const;
   /// Cover of a place on the mesh itself.
   double own_cover(const Double3& p) const;
   /// Whether the mesh goes on at a point beyond another one's border.
@@ -61,7 +61,7 @@ class MergeBlend {
     double share = 0.0;     ///< of all meshes together; 0: no surface near, the rest says nothing
     double distance = 0.0;  ///< < 0 inside
     Double3 normal{};       ///< unit or zero
-    double beside = 0.0;    ///< least of those that have a share: how far beyond a border
+    double lateral = 0.0;   ///< least of those that have a share: how far beyond a border
   };
   /// \param more  beyond MergeRange::apart, how far from the meshes
   Value at(const Double3& p, double more) const;

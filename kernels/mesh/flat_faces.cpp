@@ -108,7 +108,7 @@ class FlatFaceMender {
     if (!block_.face_bound.empty()) block_.face_bound[f] = std::fmax(block_.face_bound[f], by);
   }
   /// The corner of a face that begins this edge.
-  std::size_t place(std::uint32_t f, Edge e) const {
+  std::size_t corner_of(std::uint32_t f, Edge e) const {
     return edge(f, 0) == e ? std::size_t{0} : edge(f, 1) == e ? std::size_t{1} : std::size_t{2};
   }
 
@@ -133,16 +133,16 @@ class FlatFaceMender {
     if (flags & crease_bit(i)) return false;
     if (flags & border_bit(i)) return drop_at_border(f, i);
     const std::uint32_t g = across(edge(f, i), f);
-    return g != kNone && turn(f, i, g);
+    return g != kNone && flip(f, i, g);
   }
 
   ///     b                         f = (a, c, b) with a at corner i, g = (c, a, d) with c at corner j
   ///   a---c   ->   (b, a, d) and (b, d, c)
   ///     d
-  bool turn(std::uint32_t f, std::size_t i, std::uint32_t g) {
+  bool flip(std::uint32_t f, std::size_t i, std::uint32_t g) {
     const std::array<std::uint32_t, 3> old_f = block_.faces[f], old_g = block_.faces[g];
     const unsigned flags_f = block_.face_flags[f], flags_g = block_.face_flags[g];
-    const std::size_t j = place(g, edge(f, i));
+    const std::size_t j = corner_of(g, edge(f, i));
     const std::uint32_t a = old_f[i], c = old_f[(i + 1) % 3], b = old_f[(i + 2) % 3], d = old_g[(j + 2) % 3];
     if (b == d || edges_.contains(between(b, d)) || !(complete_[b] || complete_[d])) return false;
     const std::array<std::uint32_t, 3> new_f = {b, a, d}, new_g = {b, d, c};
@@ -181,7 +181,7 @@ class FlatFaceMender {
     edges_.erase(edge(f, i));
     for (const auto& [e, other] : {std::pair{to_b, p}, std::pair{from_b, q}}) {
       replace(e, f, kNone);
-      const unsigned bit = border_bit(place(other, e));
+      const unsigned bit = border_bit(corner_of(other, e));
       block_.face_flags[other] =
           static_cast<std::uint8_t>((block_.face_flags[other] | bit) & ~unsigned{kFaceDone});
       raise_bound(other, bound(f));

@@ -78,7 +78,7 @@ ViewSpec parse_view(const std::string& text, const Double3& up) {
   view.name = text;
   view.up = s.up;
   const auto axis = [&](const Double3& back, double sign) { view.back = back * sign; };
-  const auto turned = [&](double azimuth, double elevation) {
+  const auto orbit = [&](double azimuth, double elevation) {
     view.back = direction(s, azimuth, elevation);
     view.orthographic = false;
   };
@@ -97,9 +97,9 @@ ViewSpec parse_view(const std::string& text, const Double3& up) {
     axis(s.up, -1.0);
     view.up = s.front;
   } else if (text == "iso") {
-    turned(35.0, 25.0);
+    orbit(35.0, 25.0);
   } else if (text == "iso2") {
-    turned(215.0, 25.0);
+    orbit(215.0, 25.0);
   } else if (text.rfind("turn:", 0) == 0) {
     const std::string digits = text.substr(5);
     char* end = nullptr;
@@ -107,7 +107,7 @@ ViewSpec parse_view(const std::string& text, const Double3& up) {
     if (digits.empty() || *end != '\0' || !std::isfinite(degrees)) {
       throw UsageError("view " + text + ": expected turn:DEGREES, e.g. turn:45");
     }
-    turned(degrees, 20.0);
+    orbit(degrees, 20.0);
     view.name = "turn " + digits;
   } else {
     throw UsageError("view " + text +

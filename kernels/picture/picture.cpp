@@ -174,11 +174,11 @@ Slot Picture::State::build_slot() const {
 }
 
 void Picture::State::build_arrays() {
-  const auto place = [](std::size_t bytes) { return reinterpret_cast<const void*>(bytes); };
+  const auto buffer_offset = [](std::size_t bytes) { return reinterpret_cast<const void*>(bytes); };
   const auto attribute = [&](GLuint index, GLint size, GLenum type, GLboolean normalised, GLsizei stride,
                              std::size_t at, GLuint divisor) {
     gl().EnableVertexAttribArray(index);
-    gl().VertexAttribPointer(index, size, type, normalised, stride, place(at));
+    gl().VertexAttribPointer(index, size, type, normalised, stride, buffer_offset(at));
     gl().VertexAttribDivisor(index, divisor);
   };
   gl().GenBuffers(1, &buffer);

@@ -56,8 +56,8 @@ bool is_jump(const Double3& from, const Double3& to, const Double3* before, cons
   if (along * along < kAlongRay * square * dot(from, from)) return false;
   // Ground seen at a glance lies along the ray too, but so do the steps beside.
   if (!before && !after) return true;
-  const Double3 beside = before ? from - *before : *after - to;
-  return square > kJump * dot(beside, beside);
+  const Double3 adjacent = before ? from - *before : *after - to;
+  return square > kJump * dot(adjacent, adjacent);
 }
 
 /// Sums over the neighbours so far.
@@ -76,7 +76,7 @@ struct Sums {
 struct Plane {
   Double3 normal{};
   /// The least eigenvalue against the middle one: strewn samples lie along the rays, and are thick in both others.
-  double bend = std::numeric_limits<double>::infinity();
+  double ratio = std::numeric_limits<double>::infinity();
 };
 
 Plane fit(const Sums& s) {
@@ -137,11 +137,11 @@ Float3 grid_normal(std::span<const GridLine* const, kGridLines> lines, std::int6
       }
   }
   Plane best = fit(sums.back());
-  for (int ring = kGridRadius - 1; ring >= 1 && best.bend > kFlat; --ring)
+  for (int ring = kGridRadius - 1; ring >= 1 && best.ratio > kFlat; --ring)
     if (const Plane smaller = fit(sums[static_cast<std::size_t>(ring - 1)]);
-        smaller.bend < kSmaller * best.bend)
+        smaller.ratio < kSmaller * best.ratio)
       best = smaller;
-  if (!(best.bend < kMaxPlaneRatio)) return {0, 0, 0};
+  if (!(best.ratio < kMaxPlaneRatio)) return {0, 0, 0};
   const double side = dot(best.normal, p) > 0.0 ? -1.0 : 1.0;
   return narrow({side * best.normal[0], side * best.normal[1], side * best.normal[2]});
 }

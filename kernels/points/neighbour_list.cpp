@@ -60,7 +60,7 @@ void sum_lanes(const __m256 (&v)[8], __m256d& low, __m256d& high) {
 
 }  // namespace
 
-void NeighbourList::make_room(std::size_t maximum, bool normals) {
+void NeighbourList::reserve_lanes(std::size_t maximum, bool normals) {
   const std::size_t capacity = padded(maximum) + kLanes;  // compressed packs are stored whole
   for (std::vector<float>* v : {&x_, &y_, &z_})
     if (v->size() < capacity) v->resize(capacity);
@@ -73,7 +73,7 @@ void NeighbourList::fill(const NeighbourSource& source,
                          float radius, bool only_ground, bool normals) {
   std::size_t maximum = 0;
   for (const auto& [first, last] : runs) maximum += last - first;
-  make_room(maximum, normals);
+  reserve_lanes(maximum, normals);
   const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
   const __m256 low = _mm256_set1_ps(-radius), high = _mm256_set1_ps(kListCubeCells + radius);
   const __m256 origin[3] = {_mm256_set1_ps(corner[0]), _mm256_set1_ps(corner[1]), _mm256_set1_ps(corner[2])};
@@ -134,7 +134,7 @@ void NeighbourList::select(const Float3& low, const Float3& high, float radius,
   const __m256 limit = _mm256_set1_ps(radius * radius * kRounding);
   const std::size_t boxes = low_[0].size();
   packs.resize(boxes + kLanes);
-  __m256i place = _mm256_setr_epi32(0, 8, 16, 24, 32, 40, 48, 56);
+  __m256i lane_index = _mm256_setr_epi32(0, 8, 16, 24, 32, 40, 48, 56);
   std::size_t found = 0;
   for (std::size_t v = 0; v < boxes; v += kLanes) {
     __m256 square = _mm256_setzero_ps();
@@ -146,9 +146,9 @@ void NeighbourList::select(const Float3& low, const Float3& high, float radius,
     }
     const auto near = static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(square, limit, _CMP_LE_OQ)));
     _mm256_storeu_si256(reinterpret_cast<__m256i*>(packs.data() + found),
-                        _mm256_permutevar8x32_epi32(place, compress_lanes(near)));
+                        _mm256_permutevar8x32_epi32(lane_index, compress_lanes(near)));
     found += static_cast<std::size_t>(std::popcount(near));
-    place = _mm256_add_epi32(place, _mm256_set1_epi32(static_cast<int>(kLanes * kLanes)));
+    lane_index = _mm256_add_epi32(lane_index, _mm256_set1_epi32(static_cast<int>(kLanes * kLanes)));
   }
   packs.resize(found);
 }

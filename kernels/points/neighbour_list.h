@@ -44,7 +44,7 @@ class NeighbourList {
                                 float radius) const;
 
  private:
-  void make_room(std::size_t maximum, bool normals);
+  void reserve_lanes(std::size_t maximum, bool normals);
   void make_boxes();
 
   std::size_t size_ = 0;  ///< padded to whole packs; in canonical order those of a pack lie together

@@ -23,7 +23,7 @@ constexpr int kCubeCells = 4;             ///< at least the largest radius, so t
 constexpr int kMinNeighbours = 5;         ///< a plane through fewer is chance
 constexpr int kFewNeighbours = 12;        ///< from fewer the radius grows to the largest there is
 constexpr std::uint32_t kCellPoints = 6;  ///< a denser cell is represented by about as many of its points
-constexpr float kBent = 0.02f;            ///< surface variation from which the radius is halved
+constexpr float kCurved = 0.02f;          ///< surface variation from which the radius is halved
 constexpr std::size_t kAtOnce = 256;      ///< points of a cube that are in work, so that scratch is bounded
 
 using Run = std::pair<std::uint32_t, std::uint32_t>;  ///< first, last of something
@@ -124,7 +124,7 @@ class ShapeFinder {
     return !points_.flags.empty() && (points_.flags[i] & kPointGround) != 0;
   }
   PointShape& shape(std::uint32_t i) { return (*shapes_)[start_ + (i - first_)]; }
-  Float3 place(std::uint32_t i) const {
+  Float3 local_position(std::uint32_t i) const {
     return {points_.x[i] - corner_[0], points_.y[i] - corner_[1], points_.z[i] - corner_[2]};
   }
   const NeighbourList& filled(NeighbourList& list, float radius, bool ground) {
@@ -139,12 +139,12 @@ class ShapeFinder {
       constexpr float kFar = std::numeric_limits<float>::infinity();
       Float3 low = {kFar, kFar, kFar}, high = {-kFar, -kFar, -kFar};
       for (end = i; end < which.size() && in_one_cell(points_, which[i], which[end]); ++end) {
-        const Float3 at = place(which[end]);
+        const Float3 at = local_position(which[end]);
         for (std::size_t a = 0; a < 3; ++a)
           low[a] = std::min(low[a], at[a]), high[a] = std::max(high[a], at[a]);
       }
       list.select(low, high, radius, packs_);
-      for (std::size_t k = i; k < end; ++k) use(which[k], place(which[k]), packs_);
+      for (std::size_t k = i; k < end; ++k) use(which[k], local_position(which[k]), packs_);
     }
   }
 
@@ -188,10 +188,10 @@ class ShapeFinder {
       if (plane) s.normal = plane->normal, s.variation = plane->variation, s.residual = plane->residual;
       shape(i) = s;
     });
-    bent_.clear();
+    curved_.clear();
     for (const std::uint32_t i : which_)
-      if (shape(i).variation > kBent) bent_.push_back(i);
-    fit(list, 0.5f * radius, bent_, [&](std::uint32_t i, int count, const FittedPlane* plane) {
+      if (shape(i).variation > kCurved) curved_.push_back(i);
+    fit(list, 0.5f * radius, curved_, [&](std::uint32_t i, int count, const FittedPlane* plane) {
       PointShape& s = shape(i);
       if (count <= 2 * kMinNeighbours || !(plane->variation < s.variation)) return;
       s.normal = plane->normal, s.variation = plane->variation, s.residual = plane->residual;
@@ -236,7 +236,7 @@ class ShapeFinder {
   std::vector<PointShape>* shapes_ = nullptr;
   std::uint32_t first_ = 0;  ///< of the points at hand
   std::size_t start_ = 0;    ///< its place in the shapes
-  std::vector<std::uint32_t> which_, bent_, packs_;
+  std::vector<std::uint32_t> which_, curved_, packs_;
   std::vector<std::pair<std::uint16_t, std::uint16_t>> counts_;
 };
 

@@ -188,7 +188,7 @@ SignedUnionFind join_sure(const std::vector<std::int8_t>& sure, std::uint32_t fi
 
 /// Joins what a smooth link joins. \return whether it says the same as those before
 bool join_smooth(const SurfelLink& l, SignedUnionFind& sets) {
-  const SignedUnionFind::Place a = sets.find(l.a), b = sets.find(l.b);
+  const SignedUnionFind::SignedRoot a = sets.find(l.a), b = sets.find(l.b);
   const int sign = a.sign * b.sign * (l.vote < 0 ? -1 : 1);
   if (a.root == b.root) return sign > 0;
   sets.hang(std::max(a.root, b.root), std::min(a.root, b.root), sign);
@@ -231,7 +231,7 @@ void join_surfels(const std::vector<Surfel>& surfels, const std::vector<std::int
   std::uint32_t groups = 0;
   group.resize(n), sign.resize(n);
   for (std::uint32_t i = 0; i < n; ++i) {
-    const SignedUnionFind::Place at = sets.find(i);
+    const SignedUnionFind::SignedRoot at = sets.find(i);
     if (number[at.root] == kNone) number[at.root] = groups++;
     group[i] = number[at.root];
     sign[i] = static_cast<std::int8_t>(at.sign);

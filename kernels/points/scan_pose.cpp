@@ -20,14 +20,14 @@ constexpr double kNearShare = 3.0, kFarWithoutGrid = 10.0, kFarWithGrid = 100.0;
 /// Root mean square distance from the plane, in steps between neighbours in the grid: a turntable that turns on during a
 /// line makes half a step, as does rounding of coordinates.
 /// Where samples lie farther off than kNearShare, less: seen from there, steps between neighbours are as wide as relief is high.
-constexpr double kMaxBent = 1.0, kMaxBentFar = 0.6;
+constexpr double kMaxRayDeviation = 1.0, kMaxRayDeviationFar = 0.6;
 /// Neighbours are nearer to each other than that part of their line is long, or the order of the file is no grid.
 constexpr double kMaxOfLine = 0.25;
 constexpr double kMaxReversed = 0.1;  ///< share of grid triangles that are seen from the other side
 /// A raster in space: its samples are off an even one by less than that, in steps. Of what scanners see only planes come so
 /// close, straight ahead and in a narrow view; then directions do as well, since noise of rays is noise of samples.
 constexpr double kMaxOffRaster = 0.1, kRatioToRays = 4.0;
-constexpr double kMinBent = 0.05;  ///< of its lines, in steps: less may be what is rounded
+constexpr double kMinRayDeviation = 0.05;  ///< of its lines, in steps: less may be what is rounded
 constexpr double kMinUneven =
     0.25;  ///< of its directions, in steps: narrow views of spheres and planes have less
 constexpr std::int64_t kMinRaster = 8;  ///< rows and columns of it
@@ -61,7 +61,7 @@ struct Ray {
 
 /// How far the rays of one group lie from a plane through the scanner, and how long their arc is: root mean squares.
 struct Flatness {
-  double bent = 0.0, length = 0.0;
+  double deviation = 0.0, length = 0.0;
 };
 Flatness flatness_of(std::span<const Ray> rays) {
   std::array<double, 6> m{};
@@ -76,32 +76,32 @@ Flatness flatness_of(std::span<const Ray> rays) {
   std::array<Double3, 3> axes{};
   symmetric_eigen3(m, values, axes);  // ascending: axes[0] is the plane's normal
   const auto n = static_cast<double>(rays.size());
-  double bent = 0.0, length = 0.0;
+  double deviation = 0.0, length = 0.0;
   for (const Ray& r : rays) {
     const double off = dot(r.d, axes[0]);
-    bent += off * off;
+    deviation += off * off;
     length += squared_distance(r.d, sum / n);
   }
-  return {std::sqrt(bent / n), std::sqrt(length / n)};
+  return {std::sqrt(deviation / n), std::sqrt(length / n)};
 }
 
 /// What the lines of one family say.
 struct Family {
-  bool known = false;     ///< enough of them are long enough
-  bool coherent = false;  ///< neighbours in a line see neighbouring places
-  double bent = 0.0;      ///< median over the lines, radians
+  bool known = false;      ///< enough of them are long enough
+  bool coherent = false;   ///< neighbours in a line see neighbouring places
+  double deviation = 0.0;  ///< median over the lines, radians
 };
 Family family_of(std::span<const Ray> rays, double step) {
-  std::vector<double> bent, length;
+  std::vector<double> deviation, length;
   for (std::size_t i = 0, end = 0; i < rays.size(); i = end) {
     for (end = i; end < rays.size() && rays[end].group == rays[i].group;) ++end;
     if (end - i < kMinOfLine) continue;
     const Flatness f = flatness_of(rays.subspan(i, end - i));
-    bent.push_back(f.bent);
+    deviation.push_back(f.deviation);
     length.push_back(f.length);
   }
-  if (bent.size() < kMinLines) return {};
-  return {true, step < kMaxOfLine * middle_of(length), middle_of(bent)};
+  if (deviation.size() < kMinLines) return {};
+  return {true, step < kMaxOfLine * middle_of(length), middle_of(deviation)};
 }
 
 /// Median angle between rays of neighbouring places in a group; 0 without any.
@@ -212,13 +212,13 @@ Raster raster_of(std::span<const GridSample> samples) {
     const double length = norm(p);
     return length > 0.0 ? p / length : p;
   };
-  const EvenGrid turned = fit_even(samples, direction);
-  const Double3 view = norm(turned.middle) > 0.0 ? unit(turned.middle) : normal;
+  const EvenGrid angular = fit_even(samples, direction);
+  const Double3 view = norm(angular.middle) > 0.0 ? unit(angular.middle) : normal;
   const double step =
-      std::max(norm(perpendicular(turned.line, view)), norm(perpendicular(turned.cell, view)));
+      std::max(norm(perpendicular(angular.line, view)), norm(perpendicular(angular.cell, view)));
   double uneven = 0.0, farthest = 0.0;
   for (const GridSample& s : samples) {
-    const Double3 e = perpendicular(direction(s) - turned.at(s), view);
+    const Double3 e = perpendicular(direction(s) - angular.at(s), view);
     uneven += dot(e, e) / n;
     farthest = std::max(farthest, norm(even.at(s)));
   }
@@ -257,15 +257,16 @@ ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample
   if (!by_line.known && !by_cell.known)
     return distance > (filled_in ? kFarWithoutGrid : kNearShare) ? ScanPose::kFar : ScanPose::kHolds;
   if (distance > kFarWithGrid) return ScanPose::kFar;
-  const double maximum = (distance > kNearShare ? kMaxBentFar : kMaxBent) * std::max(along, across);
-  const auto holds = [&](const Family& f) { return f.known && f.coherent && f.bent <= maximum; };
+  const double maximum =
+      (distance > kNearShare ? kMaxRayDeviationFar : kMaxRayDeviation) * std::max(along, across);
+  const auto holds = [&](const Family& f) { return f.known && f.coherent && f.deviation <= maximum; };
   if (!holds(by_line) && !holds(by_cell)) return ScanPose::kOffRays;
   if (distance > kNearShare && reversed_share(lines) > kMaxReversed) return ScanPose::kOffRays;
   if (!by_line.known || !by_cell.known) return ScanPose::kHolds;
   const Raster raster = raster_of(grid);
   if (!raster.known || raster.off > kMaxOffRaster) return ScanPose::kHolds;
-  const double bent = std::min(by_line.bent, by_cell.bent) / std::max(along, across);
-  const bool raster_fits = bent > std::max(kMinBent, kRatioToRays * raster.off) ||
+  const double deviation = std::min(by_line.deviation, by_cell.deviation) / std::max(along, across);
+  const bool raster_fits = deviation > std::max(kMinRayDeviation, kRatioToRays * raster.off) ||
                            (!raster.ahead && raster.uneven > std::max(kMinUneven, kRatioToRays * raster.off));
   return raster_fits ? ScanPose::kRaster : ScanPose::kHolds;
 }

@@ -202,13 +202,13 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
     for (const std::uint32_t v : joined) trees.isolate(v);
     for (const std::uint32_t v : joined) {
       const PatchVote& edge = votes[best[v]];
-      SignedUnionFind::Place a = trees.find(edge.a), b = trees.find(edge.b);
+      SignedUnionFind::SignedRoot a = trees.find(edge.a), b = trees.find(edge.b);
       if (a.root == b.root) continue;
       if (heavier(b.root, a.root)) std::swap(a, b);
       trees.hang(b.root, a.root, a.sign * b.sign * (edge.same >= edge.opposite ? 1 : -1));
     }
     for (const std::uint32_t v : joined) {
-      const SignedUnionFind::Place at = trees.find(v);
+      const SignedUnionFind::SignedRoot at = trees.find(v);
       if (at.root == v) continue;
       tree.parent[v] = at.root;
       tree.relation[v] = static_cast<std::int8_t>(at.sign);

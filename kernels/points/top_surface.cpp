@@ -42,7 +42,7 @@ TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up) : s
   v_ = cross(up, u_);
   columns_.reserve(surfels.size());
   for (const JobSurfel& s : surfels) {
-    const Place at = place_of(s.position);
+    const ColumnHeight at = column_height(s.position);
     columns_.push_back({column_key(at.u, at.v), at.height});
   }
   std::sort(columns_.begin(), columns_.end(),
@@ -55,14 +55,14 @@ TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up) : s
   for (const JobSurfel& s : surfels) {
     const float area = norm(s.area), along = std::fabs(dot(s.area, up));
     if (!(along > kLevel * area)) continue;
-    const Place at = place_of(s.position);
+    const ColumnHeight at = column_height(s.position);
     level += static_cast<double>(along);
     if (top(at.u, at.v) > at.height + kCovered) covered += static_cast<double>(along);
   }
   covered_share_ = level > 0.0 ? covered / level : 1.0;
 }
 
-TopSurface::Place TopSurface::place_of(const Float3& position) const {
+TopSurface::ColumnHeight TopSurface::column_height(const Float3& position) const {
   return {column_of(dot(position, u_)), column_of(dot(position, v_)), dot(position, up_)};
 }
 
@@ -74,11 +74,11 @@ float TopSurface::top(std::int64_t u, std::int64_t v) const {
 }
 
 /// 1 where the front of a steep surfel is free, -1 where its back is, 0 where the tops tell neither.
-double TopSurface::steep_side(const JobSurfel& s, const Place& at, float across) const {
+double TopSurface::steep_side(const JobSurfel& s, const ColumnHeight& at, float across) const {
   const Float3 direction = (s.area - up_ * dot(s.area, up_)) * (1.0f / across);
   for (int k = 1; k <= kAcross; ++k) {
     const Float3 off = direction * static_cast<float>(k * kCoarseCells);
-    const Place ahead = place_of(s.position + off), behind = place_of(s.position - off);
+    const ColumnHeight ahead = column_height(s.position + off), behind = column_height(s.position - off);
     const float front = top(ahead.u, ahead.v), back = top(behind.u, behind.v);
     // Nobody looked to where there is no data: then the other side was seen, if one could see over what is there.
     if (front == kNoTop && back == kNoTop) continue;
@@ -98,7 +98,7 @@ std::vector<PatchVote> TopSurface::votes(std::size_t groups, double scale) const
     if (!(area > 0.0f)) continue;
     const float along = dot(s.area, up_) / area;
     const float across = std::sqrt(std::max(0.0f, 1.0f - along * along)) * area;
-    const Place at = place_of(s.position);
+    const ColumnHeight at = column_height(s.position);
     const double seen = top(at.u, at.v) > at.height + kCovered ? kBelowTop : 1.0;
     double vote = seen * static_cast<double>(along * std::fabs(along));
     if (std::fabs(along) < kLevel)

@@ -30,14 +30,14 @@ class TopSurface {
     std::uint64_t key;
     float top;  ///< along up, cells
   };
-  struct Place {
+  struct ColumnHeight {
     std::int64_t u, v;
     float height;
   };
-  Place place_of(const Float3& position) const;
+  ColumnHeight column_height(const Float3& position) const;
   /// \returns the top of the column; less than everything where there is none
   float top(std::int64_t u, std::int64_t v) const;
-  double steep_side(const JobSurfel& s, const Place& at, float across) const;
+  double steep_side(const JobSurfel& s, const ColumnHeight& at, float across) const;
 
   std::span<const JobSurfel> surfels_;
   Float3 up_, u_, v_;

@@ -46,7 +46,7 @@ ReferenceSurface::ReferenceSurface(const MeshBlock& reference, const Double3& or
     : reference_(&reference), class_(reference.position.size(), VertexClass::kSmooth) {
   {
     CollapseMesh mesh(reference, origin);
-    take_over(mesh);
+    copy_mesh(mesh);
     find_lines(mesh, feature_angle_deg, min_line);
   }
   join_segments();
@@ -57,7 +57,7 @@ ReferenceSurface::ReferenceSurface(const MeshBlock& reference, const Double3& or
   for (std::uint32_t slot = 0; slot < faces_.size(); ++slot) slot_[faces_.face(slot)] = slot;
 }
 
-void ReferenceSurface::take_over(const CollapseMesh& mesh) {
+void ReferenceSurface::copy_mesh(const CollapseMesh& mesh) {
   at_.reserve(mesh.vertices()), number_.reserve(mesh.vertices());
   for (std::uint32_t v = 0; v < mesh.vertices(); ++v) {
     at_.push_back(mesh.at(v));
@@ -74,7 +74,7 @@ void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, 
   mark_features(mesh, *reference_, sharp_vertices(mesh, feature_angle_deg), same, feature_angle_deg);
 
   normal_.resize(face_.size());
-  beside_.resize(face_.size());
+  adjacent_.resize(face_.size());
   std::vector<std::array<std::uint32_t, 2>> borders, strong;
   for (std::uint32_t f = 0; f < mesh.faces().size(); ++f) {
     Double3 sum{};
@@ -95,7 +95,7 @@ void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, 
     normal_[f] = narrow(unit_or_zero(sum));
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t o = mesh.opposite(4 * f + i);
-      beside_[f][i] = o == kNoCorner || mesh.crease_edge(4 * f + i) ? kNone : o >> 2;
+      adjacent_[f][i] = o == kNoCorner || mesh.crease_edge(4 * f + i) ? kNone : o >> 2;
     }
   }
   std::sort(creases_.begin(), creases_.end());
@@ -329,7 +329,7 @@ ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_squ
       if (!(away < maximum)) break;
       return {p + n * (height / square), away, face};
     }
-    const std::uint32_t next = beside_[face][worst];
+    const std::uint32_t next = adjacent_[face][worst];
     if (next == before ||
         next == kNone) {  // the edge between the two is nearest, or the line where the walk ends
       const Double3 foot = foot_in_triangle(p, a, b, c).at;

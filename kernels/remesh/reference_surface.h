@@ -77,7 +77,7 @@ class ReferenceSurface {
     bool strong = false;  ///< a border, or a crease that turns by more than 45 degrees
   };
   std::vector<std::uint32_t> numbers_in(const MeshBlock& block) const;
-  void take_over(const CollapseMesh& mesh);
+  void copy_mesh(const CollapseMesh& mesh);
   void find_lines(CollapseMesh& mesh, double feature_angle_deg, double min_line);
   void prune_twigs(double min_line, const std::vector<std::uint8_t>& goes_on);
   void prune_islands(double min_sum, const std::vector<std::uint8_t>& goes_on);
@@ -96,7 +96,7 @@ class ReferenceSurface {
   std::vector<std::uint32_t> number_;  ///< per vertex, in the reference
   std::vector<std::array<std::uint32_t, 3>> face_;
   std::vector<std::array<std::uint32_t, 3>>
-      beside_;  ///< per face: across the edges opposite its corners, over no line
+      adjacent_;  ///< per face: across the edges opposite its corners, over no line
   std::vector<Float3> normal_;
   std::vector<VertexClass> class_;                     ///< per vertex: smooth, crease or corner
   std::vector<std::array<std::uint32_t, 2>> creases_;  ///< lower vertex first, ascending

@@ -53,7 +53,7 @@ struct RemeshReport {
   std::size_t locked_vertices = 0;
   std::size_t splits = 0, collapses = 0, flips = 0, moves = 0;
   /// Why operations were refused.
-  std::size_t by_link = 0, by_fold = 0, by_tolerance = 0, by_room = 0;
+  std::size_t by_link = 0, by_fold = 0, by_tolerance = 0, by_capacity = 0;
 };
 
 /// Remeshes `block` in place.

@@ -186,7 +186,7 @@ void Remesher::split_long(int rounds, RemeshReport& report) {
     std::size_t done = 0;
     for (const Edge& e : edges_) {
       step();
-      if (!beside_longer(e)) done += split_if_free(e, report);
+      if (!has_longer_neighbour(e)) done += split_if_free(e, report);
     }
     report.splits += done;
     if (done == 0) return;
@@ -200,7 +200,7 @@ bool Remesher::too_long(std::uint32_t a, std::uint32_t b) const {
 
 /// Whether a face at the edge has a longer one that had to stay: at a seam, or beside such an edge. Splits of the others
 /// would go on until nothing but slivers is left along it; a later pass, which has the seam inside, does all of them.
-bool Remesher::beside_longer(const Edge& e) const {
+bool Remesher::has_longer_neighbour(const Edge& e) const {
   for (const std::uint32_t corner : {e.corner, mesh_.opposite(e.corner)}) {
     if (corner == kNoCorner) continue;
     for (const std::uint32_t c : {next_corner(corner), prev_corner(corner)}) {
@@ -217,7 +217,7 @@ bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
       (o != kNoCorner && info_[mesh_.vertex(o)].pinned))
     return false;
   if (live_faces_ + 2 > options_.max_faces) {
-    ++report.by_room;
+    ++report.by_capacity;
     return false;
   }
   for (const std::uint32_t v : {e.a, e.b, mesh_.vertex(e.corner)}) mark_changed(v);

@@ -67,7 +67,7 @@ class Remesher {
 
   void split_long(int rounds, RemeshReport& report);
   bool too_long(std::uint32_t a, std::uint32_t b) const;
-  bool beside_longer(const Edge& e) const;
+  bool has_longer_neighbour(const Edge& e) const;
   bool split_if_free(const Edge& e, RemeshReport& report);
   void split(const Edge& e);
   void refine(RemeshReport& report);
@@ -88,7 +88,7 @@ class Remesher {
   int excess(std::uint32_t v, std::uint32_t corner) const;
   std::size_t relax_all(RemeshReport& report);
   bool relax(std::uint32_t v, RemeshReport& report);
-  bool place(std::uint32_t v, const Double3& to, RemeshReport& report);
+  bool move_vertex(std::uint32_t v, const Double3& to, RemeshReport& report);
   Double3 wish(std::uint32_t v) const;
   void finish(RemeshReport& report);
   void weigh();

@@ -18,7 +18,7 @@ constexpr double kBetter = 1.1,
                  kBetterBy = 0.02;  ///< by how much roundness must grow for a flip that leaves valences
 constexpr double kRoundEnough = (1.0 - kBetterBy) / kBetter;  ///< from here on it cannot
 constexpr double kLinesMeet = 0.25;                           ///< targets
-constexpr double kNeedle = 0.4, kLongBesideNeedle = 1.8;
+constexpr double kNeedle = 0.4, kLongNearNeedle = 1.8;
 
 }  // namespace
 
@@ -136,7 +136,7 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, dou
       !((state & kVertexBorder) && (at == 0 || at == k)) && !lines_meet(u, v))
     return Refusal::kLink;
   const double needle = kNeedle * target(u, v);
-  if (square_of(u, v) < needle * needle) longest = std::max(longest, kLongBesideNeedle);
+  if (square_of(u, v) < needle * needle) longest = std::max(longest, kLongNearNeedle);
   for (std::size_t i = 0; i < size; ++i) {
     const std::uint32_t w = star_.ring[i];
     if (info_[w].pinned) return Refusal::kLink;

@@ -220,7 +220,7 @@ bool Remesher::flip_cap(std::uint32_t f, RemeshReport& report) {
     if (mesh_.opposite(e) != kNoCorner) mesh_.mark_crease(mesh_.opposite(e));
   }
   for (const std::uint32_t v : {apex, a, b}) recount_after_cap(v);
-  if (info_[apex].line && mesh_.gather(apex, star_)) place(apex, mesh_.at(apex), report);
+  if (info_[apex].line && mesh_.gather(apex, star_)) move_vertex(apex, mesh_.at(apex), report);
   return true;
 }
 
@@ -277,7 +277,7 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
   }
   if (!best) return false;
   const Info kept = info_[v];
-  if (!place(v, *best, report)) return false;
+  if (!move_vertex(v, *best, report)) return false;
   if (star_sharpness(mesh_.at(v)) < before) {
     ++report.moves;
     return true;

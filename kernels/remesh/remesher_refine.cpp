@@ -11,7 +11,7 @@ namespace tessera {
 namespace {
 
 constexpr int kRefineRounds = 12;  ///< each leaves about a third of what the one before found
-constexpr double kBeside = 4.0;    ///< tolerances: what is farther away lies beside the block
+constexpr double kOutside = 4.0;   ///< tolerances: what is farther away lies beside the block
 
 }  // namespace
 
@@ -96,7 +96,7 @@ void Remesher::want_missed(std::vector<Double3>& points, std::vector<std::uint8_
       hint = near.slot;
       return true;
     }
-    const ClosestFaces::Hit missed = surface.closest(p, kBeside * kBeside * square, hint);
+    const ClosestFaces::Hit missed = surface.closest(p, kOutside * kOutside * square, hint);
     if (missed.slot == ClosestFaces::kNone) return true;
     const std::uint32_t f = number[surface.face(missed.slot)];
     const std::uint32_t* v = mesh_.face(f).vertex;

@@ -58,11 +58,11 @@ bool Remesher::relax(std::uint32_t v, RemeshReport& report) {
   if (info_[v].foot == ReferenceSurface::kNone) return false;
   const Double3 to = wish(v);
   const double still = kStill * info_[v].target;
-  return squared_distance(to, mesh_.at(v)) > still * still && place(v, to, report);
+  return squared_distance(to, mesh_.at(v)) > still * still && move_vertex(v, to, report);
 }
 
 /// Puts the vertex, whose star is gathered, at the foot of `to` on the reference where that leaves its faces sound.
-bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
+bool Remesher::move_vertex(std::uint32_t v, const Double3& to, RemeshReport& report) {
   Info info = info_[v];
   const Double3 old = mesh_.at(v);
   const double far = info.target;

@@ -107,12 +107,12 @@ constexpr double kFar = 1e30;
 
 // ---------------------------------------------------------------------------------------------- primitives
 
-Primitive& Primitive::turned(double angle) {
+Primitive& Primitive::rotated(double angle) {
   const SinCos t = sin_cos(angle);
-  const auto turn = [&t](const Double3& v) {
+  const auto rotate = [&t](const Double3& v) {
     return Double3{v[0] * t.cos - v[1] * t.sin, v[0] * t.sin + v[1] * t.cos, v[2]};
   };
-  x = turn(x), y = turn(y), z = turn(z);
+  x = rotate(x), y = rotate(y), z = rotate(z);
   return *this;
 }
 Primitive& Primitive::along(const Double3& direction) {

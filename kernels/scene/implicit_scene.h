@@ -35,7 +35,7 @@ struct Primitive {
   double blend = 0.0;  ///< width of the transition to what was there before; 0 = crease
   std::uint32_t colour = 0xffb4b4b4u;
 
-  Primitive& turned(double angle);             ///< about the world's z
+  Primitive& rotated(double angle);            ///< about the world's z
   Primitive& along(const Double3& direction);  ///< local z along a direction
   Primitive& painted(int r, int g, int b);
 };

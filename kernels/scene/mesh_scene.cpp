@@ -16,7 +16,7 @@ namespace {
 constexpr std::size_t kLeafFaces = 4;
 constexpr std::size_t kChildren = 4;
 constexpr std::size_t kStack = 128;
-constexpr double kSamePlace = 1e-12;  ///< of the scene: crossings of faces that share an edge
+constexpr double kSamePosition = 1e-12;  ///< of the scene: crossings of faces that share an edge
 
 struct BoxF {
   std::array<float, 3> low, high;
@@ -155,7 +155,7 @@ class MeshScene final : public Scene {
     for (const auto& [range, f] : found) {
       const SurfacePoint point = {ray.origin + ray.direction * range, normal(face_[f])};
       // At an edge both faces are met: once is enough where they go on from each other.
-      if (!out.empty() && range - last <= kSamePlace * size_ && dot(out.back().normal, point.normal) > 0.0)
+      if (!out.empty() && range - last <= kSamePosition * size_ && dot(out.back().normal, point.normal) > 0.0)
         continue;
       out.push_back(point);
       last = range;
@@ -214,16 +214,16 @@ class MeshScene final : public Scene {
   static double square_to(const BoxF& box, const Double3& p) {
     double sum = 0.0;
     for (std::size_t a = 0; a < 3; ++a) {
-      const double over = std::max({0.0, double{box.low[a]} - p[a], p[a] - double{box.high[a]}});
-      sum += over * over;
+      const double excess = std::max({0.0, double{box.low[a]} - p[a], p[a] - double{box.high[a]}});
+      sum += excess * excess;
     }
     return sum;
   }
 
   /// Asks the faces of boxes in whose bound there is something to win, nearest first.
-  /// \param bound  of a box  \param ask  a face; returns the bound from which there is nothing to win any more
-  template <class Bound, class Ask>
-  void visit(const Bound& bound, const Ask& ask,
+  /// \param bound  of a box  \param query  a face; returns the bound from which there is nothing to win any more
+  template <class Bound, class Query>
+  void visit(const Bound& bound, const Query& query,
              double maximum = std::numeric_limits<double>::infinity()) const {
     struct Entry {
       double bound;
@@ -237,7 +237,7 @@ class MeshScene final : public Scene {
       if (!(e.bound <= maximum) || std::isinf(e.bound)) continue;
       if (e.level == 0) {
         const std::size_t end = std::min(face_.size(), (e.index + 1) * kLeafFaces);
-        for (std::size_t f = e.index * kLeafFaces; f < end; ++f) maximum = std::min(maximum, ask(f));
+        for (std::size_t f = e.index * kLeafFaces; f < end; ++f) maximum = std::min(maximum, query(f));
         continue;
       }
       const std::vector<BoxF>& below = levels_[e.level - 1];

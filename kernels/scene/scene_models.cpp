@@ -22,7 +22,7 @@ struct Part {
     p.centre = Double3{p.centre[0] * t.cos - p.centre[1] * t.sin, p.centre[0] * t.sin + p.centre[1] * t.cos,
                        p.centre[2]} +
                at;
-    out.push_back(p.turned(angle));
+    out.push_back(p.rotated(angle));
   }
 };
 
@@ -66,7 +66,7 @@ void add_gear(const Part& part) {
   for (int k = 0; k < 18; ++k) {
     const double a = 2.0 * kPi / 18 * k;
     const SinCos t = sin_cos(a);
-    part(brass(box({0.55 * t.cos, 0.55 * t.sin, 0.14}, {0.1, 0.045, 0.14}, 0.012, 0.03).turned(a)));
+    part(brass(box({0.55 * t.cos, 0.55 * t.sin, 0.14}, {0.1, 0.045, 0.14}, 0.012, 0.03).rotated(a)));
   }
   part(minus(torus({0, 0, 0.3}, 0.33, 0.09)).painted(150, 120, 60));
   part(brass(cylinder({0, 0, 0.22}, 0.19, 0.22, 0.02, 0.05)));
@@ -104,7 +104,7 @@ std::unique_ptr<Scene> make_parts() {
   loose(ball({-1.6, -1.2, 0.3}, 0.3).painted(196, 200, 206));
   loose(round_cone({-0.55, -1.5, 0.16}, {0.15, -1.35, 0.06}, 0.16, 0.06).painted(170, 90, 150));
   loose(box({-0.75, 0.75, 0.16}, {0.2, 0.2, 0.16})
-            .turned(0.6)
+            .rotated(0.6)
             .painted(90, 150, 170));  // sharp, no rounding at all
   return std::make_unique<ImplicitScene>(std::move(m));
 }
@@ -168,7 +168,7 @@ std::unique_ptr<Scene> make_indoor() {
     for (const double y : {-0.4, 0.4}) table(cylinder({x, y, 0.36}, 0.035, 0.37).painted(120, 86, 54));
   }
   table(round_cone({0.2, 0.1, 0.8}, {0.2, 0.1, 0.98}, 0.05, 0.09).painted(92, 128, 168));  // vase
-  table(box({-0.35, -0.1, 0.785}, {0.15, 0.21, 0.02}).turned(0.3).painted(170, 60, 60));   // book
+  table(box({-0.35, -0.1, 0.785}, {0.15, 0.21, 0.02}).rotated(0.3).painted(170, 60, 60));  // book
   for (int k = 0; k < 4; ++k) {
     const double side = k % 2 ? 1.0 : -1.0;
     const Part chair{p, {0.6 + (k / 2 ? 0.42 : -0.42), -0.3 + side * 0.75, 0}, side > 0 ? 0.1 : kPi + 0.05};
@@ -252,8 +252,8 @@ std::unique_ptr<Scene> make_city() {
       const double central = 1.0 - (std::fabs(i - 3.5) + std::fabs(j - 3.5)) / 8.0;
       const double high = 6.0 + 14.0 * next() + (next() < 0.5 ? 55.0 * central : 8.0 * central);
       const int tint = static_cast<int>(60 * next());
-      const double turn = 0.16 * (next() - 0.5);
-      const Part house{p, {cx, cy, z}, turn};
+      const double yaw = 0.16 * (next() - 0.5);
+      const Part house{p, {cx, cy, z}, yaw};
       house(box({0, 0, high / 2 - 6}, {w, d, high / 2 + 6}).painted(150 + tint, 140 + tint / 2, 130));
       if (what < 0.4) {  // set-back storeys
         house(box({0.15 * w, 0, high * 1.2}, {0.6 * w, 0.6 * d, 0.35 * high})

@@ -29,7 +29,7 @@ constexpr double kNarrowest = 8.0;
 constexpr double kFarthestCell = 1e9;
 
 /// Where a vertex lies in the grid.
-struct Place {
+struct GridPosition {
   std::array<std::int32_t, 3> cell;
   std::array<float, 3> fraction;
 
@@ -48,8 +48,8 @@ struct Place {
   }
 };
 
-std::vector<Place> places(const MeshBlock& block, double edge) {
-  std::vector<Place> out(block.position.size());
+std::vector<GridPosition> grid_positions(const MeshBlock& block, double edge) {
+  std::vector<GridPosition> out(block.position.size());
   for (std::size_t v = 0; v < out.size(); ++v)
     for (std::size_t a = 0; a < 3; ++a) {
       const double x = block.position[v][a] / edge, low = std::floor(x);
@@ -81,23 +81,23 @@ double degree(const SurfaceRows& rows, std::uint32_t v) {
 }
 
 /// Whether all eight hats of a cell are surely above zero, rounded too.
-bool inside(const Place& place) {
+bool inside(const GridPosition& position) {
   constexpr float kBoundary = 1e-6F;
-  return std::all_of(place.fraction.begin(), place.fraction.end(),
+  return std::all_of(position.fraction.begin(), position.fraction.end(),
                      [](float f) { return f > kBoundary && f < 1.0F - kBoundary; });
 }
 
 /// The classes whose hat is above zero here, a bit each.
-std::uint32_t seen_classes(const Place& place) {
-  if (inside(place)) return kAllClasses;
+std::uint32_t seen_classes(const GridPosition& position) {
+  if (inside(position)) return kAllClasses;
   std::uint32_t classes = 0;
   for (std::uint32_t parity = 0; parity < kClasses; ++parity)
-    if (place.hat(parity) > 0.0F) classes |= 1U << parity;
+    if (position.hat(parity) > 0.0F) classes |= 1U << parity;
   return classes;
 }
 
 /// The classes whose corner is the same for both places, a bit each.
-std::uint32_t shared_classes(const Place& u, const Place& v) {
+std::uint32_t shared_classes(const GridPosition& u, const GridPosition& v) {
   // Of an axis: the classes whose parity there is even, odd.
   constexpr std::array<std::array<std::uint32_t, 2>, 3> kClassesOf = {
       {{0b01010101, 0b10101010}, {0b00110011, 0b11001100}, {0b00001111, 0b11110000}}};
@@ -115,8 +115,8 @@ std::uint32_t shared_classes(const Place& u, const Place& v) {
 /// lies in the supports of all its eight corners, so it is united once: a patch. Patches are united class by class.
 class Pieces {
  public:
-  Pieces(const std::vector<Place>& place, const SurfaceRows& rows) {
-    make_patches(place, rows);
+  Pieces(const std::vector<GridPosition>& position, const SurfaceRows& rows) {
+    make_patches(position, rows);
     sets_.reset(kClasses * lowest_.size());
     std::vector<std::uint32_t> cut;  // patches and classes that go on in a star the block does not hold
     for (std::uint32_t v = 0; v < patch_.size(); ++v) {
@@ -127,8 +127,8 @@ class Pieces {
         if (!open &&
             (u > v || patch_[u] == kNoVertex || patch_[u] == patch_[v] || rows.role[u] != rows.role[v]))
           continue;
-        std::uint32_t shared = shared_classes(place[u], place[v]) & seen_classes(place[v]);
-        if (!open) shared &= seen_classes(place[u]);
+        std::uint32_t shared = shared_classes(position[u], position[v]) & seen_classes(position[v]);
+        if (!open) shared &= seen_classes(position[u]);
         for (; shared != 0; shared &= shared - 1) {
           const auto parity = static_cast<std::uint32_t>(std::countr_zero(shared));
           if (open)
@@ -156,16 +156,16 @@ class Pieces {
   bool whole(std::uint32_t root, std::uint32_t parity) const { return whole_[kClasses * root + parity] != 0; }
 
  private:
-  void make_patches(const std::vector<Place>& place, const SurfaceRows& rows) {
-    const auto n = static_cast<std::uint32_t>(place.size());
+  void make_patches(const std::vector<GridPosition>& position, const SurfaceRows& rows) {
+    const auto n = static_cast<std::uint32_t>(position.size());
     UnionFind sets(n);
     std::vector<std::uint8_t> in(n);
-    for (std::uint32_t v = 0; v < n; ++v) in[v] = inside(place[v]);
+    for (std::uint32_t v = 0; v < n; ++v) in[v] = inside(position[v]);
     for (std::uint32_t v = 0; v < n; ++v) {
       if (in[v] == 0 || !moves(rows.role[v])) continue;
       for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
         const std::uint32_t u = rows.neighbour[e];
-        if (u < v && in[u] != 0 && rows.role[u] == rows.role[v] && place[u].cell == place[v].cell)
+        if (u < v && in[u] != 0 && rows.role[u] == rows.role[v] && position[u].cell == position[v].cell)
           sets.unite(v, u);
       }
     }
@@ -260,17 +260,17 @@ double coarse_halo(const CoarseOptions& options) {
 CoarseBasis make_coarse_basis(const MeshBlock& block, const SurfaceRows& rows, const CoarseOptions& options) {
   CoarseBasis basis;
   const auto n = static_cast<std::uint32_t>(block.key.size());
-  const std::vector<Place> place = places(block, options.cell);
+  const std::vector<GridPosition> position = grid_positions(block, options.cell);
   basis.right.resize(n);
   for (std::uint32_t v = 0; v < n; ++v) basis.right[v] = rows.role[v] != VertexRole::kOpen;
-  Pieces pieces(place, rows);
+  Pieces pieces(position, rows);
   basis.unknown.resize(pieces.patches());
   std::vector<std::uint8_t> whole(pieces.patches(), 1);
   for (std::uint32_t parity = 0; parity < kClasses; ++parity)
     for (std::uint32_t p = 0; p < pieces.patches(); ++p) {
       const std::uint32_t v = pieces.lowest(p);
       basis.unknown[p][parity] = kNoVertex;
-      if ((seen_classes(place[v]) >> parity & 1U) == 0) continue;
+      if ((seen_classes(position[v]) >> parity & 1U) == 0) continue;
       const std::uint32_t root = pieces.root(p, parity);
       if (root == p) {
         basis.unknown[p][parity] = static_cast<std::uint32_t>(basis.name.size());
@@ -286,7 +286,7 @@ CoarseBasis make_coarse_basis(const MeshBlock& block, const SurfaceRows& rows, c
   for (std::uint32_t v = 0; v < n; ++v) {
     if (basis.patch[v] == kNoVertex) continue;
     for (std::uint32_t parity = 0; parity < kClasses; ++parity)
-      basis.weight[v][parity] = place[v].hat(parity);
+      basis.weight[v][parity] = position[v].hat(parity);
     if (whole[basis.patch[v]] == 0) basis.right[v] = 0;
   }
   return basis;
@@ -294,7 +294,7 @@ CoarseBasis make_coarse_basis(const MeshBlock& block, const SurfaceRows& rows, c
 
 std::uint64_t coarse_basis_bytes(std::uint64_t vertices) {
   // At the worst every vertex is a patch and a piece of its own in all eight supports.
-  return vertices * (sizeof(Place) + 4 + 4 + 1 + 1 + kClasses * (8 + 13 + 5));
+  return vertices * (sizeof(GridPosition) + 4 + 4 + 1 + 1 + kClasses * (8 + 13 + 5));
 }
 
 std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasis& basis,
@@ -325,7 +325,7 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
     first.push_back(static_cast<std::uint32_t>(column.size()));
   }
   struct Test {
-    std::uint32_t place;  ///< of the vertex in `vertices`
+    std::uint32_t position;  ///< of the vertex in `vertices`
     float weight;
   };
   const Lists<Test> tests = make_lists<Test>(basis.name.size(), [&](const auto& put) {
@@ -337,7 +337,7 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
   std::vector<CoarseEntry> out;
   for (std::uint32_t unknown = 0; unknown < basis.name.size(); ++unknown) {
     for (const Test& test : tests[unknown]) {
-      const std::uint32_t i = test.place, v = vertices[i];
+      const std::uint32_t i = test.position, v = vertices[i];
       const auto w = static_cast<double>(test.weight);
       for (std::uint32_t e = first[i]; e < first[i + 1]; ++e)
         row.add(column[e], {w * value[e].mass, w * value[e].stiffness});

@@ -40,14 +40,14 @@ class Factor {
  public:
   explicit Factor(std::complex<double> c)
       : real_(_mm256_set1_ps(static_cast<float>(c.real()))),
-        turned_(_mm256_set_m128(_mm_set1_ps(static_cast<float>(c.imag())),
-                                _mm_set1_ps(static_cast<float>(-c.imag())))) {}
+        imag_(_mm256_set_m128(_mm_set1_ps(static_cast<float>(c.imag())),
+                              _mm_set1_ps(static_cast<float>(-c.imag())))) {}
   __m256 times(__m256 p) const {
-    return _mm256_add_ps(_mm256_mul_ps(real_, p), _mm256_mul_ps(turned_, _mm256_permute2f128_ps(p, p, 1)));
+    return _mm256_add_ps(_mm256_mul_ps(real_, p), _mm256_mul_ps(imag_, _mm256_permute2f128_ps(p, p, 1)));
   }
 
  private:
-  __m256 real_, turned_;
+  __m256 real_, imag_;
 };
 
 /// Vertices that are filtered together: with their rings they stay in the second-level cache, and the rings still

@@ -32,8 +32,8 @@ const std::array<std::array<double, BorderLeaf::kPoints>, 8>& BorderLeaf::weight
         double product = 1.0;
         for (std::size_t o = 0; o < kPoints; ++o)
           if (o != p)
-            product *= static_cast<double>(static_cast<std::int64_t>(n) * kSolidQuanta - kPlaces[o]) /
-                       static_cast<double>(kPlaces[p] - kPlaces[o]);
+            product *= static_cast<double>(static_cast<std::int64_t>(n) * kSolidQuanta - kNodes[o]) /
+                       static_cast<double>(kNodes[p] - kNodes[o]);
         w[n][p] = product;
       }
     return w;
@@ -47,9 +47,9 @@ BorderLeaf::BorderLeaf(const BorderWinding& border, const Int3& corner) : border
   rows.reserve(kPoints * kPoints);
   for (std::size_t row = 0; row < kPoints * kPoints; ++row) {
     std::array<std::int64_t, kPoints> x;
-    for (std::size_t p = 0; p < kPoints; ++p) x[p] = corner[0] * kSolidQuanta + kPlaces[p];
-    rows.emplace_back(x, corner[1] * kSolidQuanta + kPlaces[row % kPoints],
-                      corner[2] * kSolidQuanta + kPlaces[row / kPoints]);
+    for (std::size_t p = 0; p < kPoints; ++p) x[p] = corner[0] * kSolidQuanta + kNodes[p];
+    rows.emplace_back(x, corner[1] * kSolidQuanta + kNodes[row % kPoints],
+                      corner[2] * kSolidQuanta + kNodes[row / kPoints]);
   }
   const Double3 middle = {corner[0] + 3.5, corner[1] + 3.5, corner[2] + 3.5};
   std::array<std::uint32_t, BorderWinding::kStack> stack;
@@ -103,18 +103,19 @@ void BorderLeaf::add_cluster(const BorderWinding::Cluster& c) {
     // First order: v . moment, and k, both against the slope of g.
     const double m0 = y * c.moment[6] - z * c.moment[3] + k0, m1 = y * c.moment[7] - z * c.moment[4] + k1,
                  m2 = y * c.moment[8] - z * c.moment[5] + k2;
-    const double beside = a[3] * y + a[4] * z, across = a[1] * y * y + a[2] * z * z + 2.0 * a[5] * y * z;
+    const double linear = a[3] * y + a[4] * z, across = a[1] * y * y + a[2] * z * z + 2.0 * a[5] * y * z;
     const double trace = a[0] + a[1] + a[2];
     const Lanes s = _mm256_sqrt_pd(x * x + (y * y + z * z));
     // 1 / g = d = s^2 + s x has the slope r t + s e_x, t = 2 + x / s.
     const Lanes part = s * (s + x), inverse = 1.0 / (s * part), g = inverse * s, one = inverse * part;
-    const Lanes t = 2.0 + x * one, ar = x * a[0] + beside, rar = x * (ar + beside) + across;
+    const Lanes t = 2.0 + x * one, ar = x * a[0] + linear, rar = x * (ar + linear) + across;
     const Lanes along = (x * m0 + (y * m1 + z * m2)) * t + s * m0;
-    const Lanes bend = t * (t * rar + 2.0 * s * ar) + s * s * a[0];
+    const Lanes quadratic = t * (t * rar + 2.0 * s * ar) + s * s * a[0];
     const Lanes curve = t * trace + one * (2.0 * ar - x * one * one * rar);
-    const Lanes turn = g * ((y * c.sum[2] - z * c.sum[1] + curl) - g * (along + curve - 2.0 * g * bend));
+    const Lanes winding =
+        g * ((y * c.sum[2] - z * c.sum[1] + curl) - g * (along + curve - 2.0 * g * quadratic));
     double* to = &smooth_[kPoints * row];
-    _mm256_storeu_pd(to, _mm256_loadu_pd(to) + turn);
+    _mm256_storeu_pd(to, _mm256_loadu_pd(to) + winding);
   }
 }
 
@@ -129,15 +130,15 @@ void BorderLeaf::add_edge(const Double3& middle, const Double3& edge, double cou
     const Lanes sa = _mm256_sqrt_pd(ax * ax + (ay * ay + az * az)),
                 sb = _mm256_sqrt_pd(bx * bx + (by * by + bz * bz));
     const Lanes da = sa * (sa + ax), db = sb * (sb + bx);
-    const Lanes turn = ((ay * wz - az * wy) * db + (by * wz - bz * wy) * da) / (da * db);
+    const Lanes winding = ((ay * wz - az * wy) * db + (by * wz - bz * wy) * da) / (da * db);
     double* to = &smooth_[kPoints * row];
-    _mm256_storeu_pd(to, _mm256_loadu_pd(to) + turn);
+    _mm256_storeu_pd(to, _mm256_loadu_pd(to) + winding);
   }
 }
 
 BorderLeaf::Lanes BorderLeaf::points_from(double x) const {
   Lanes out;
-  for (std::size_t p = 0; p < kPoints; ++p) out[p] = x - corner_[0] - place(p);
+  for (std::size_t p = 0; p < kPoints; ++p) out[p] = x - corner_[0] - node(p);
   return out;
 }
 

@@ -22,17 +22,17 @@ class BorderLeaf {
 
  private:
   static constexpr std::size_t kPoints = 4;
-  static constexpr std::array<std::int64_t, kPoints> kPlaces = {1091, 8850, 19822,
-                                                                27581};  ///< quanta from the corner
+  static constexpr std::array<std::int64_t, kPoints> kNodes = {1091, 8850, 19822,
+                                                               27581};  ///< quanta from the corner
   /// Lagrange's polynomials of the points at the eight nodes.
   static const std::array<std::array<double, kPoints>, 8>& weights();
 
   using Lanes [[gnu::vector_size(4 * sizeof(double))]] = double;
-  static constexpr double place(std::size_t point) {
-    return static_cast<double>(kPlaces[point]) / static_cast<double>(kSolidQuanta);
+  static constexpr double node(std::size_t point) {
+    return static_cast<double>(kNodes[point]) / static_cast<double>(kSolidQuanta);
   }
-  double row_y(std::size_t row) const { return corner_[1] + place(row % kPoints); }
-  double row_z(std::size_t row) const { return corner_[2] + place(row / kPoints); }
+  double row_y(std::size_t row) const { return corner_[1] + node(row % kPoints); }
+  double row_z(std::size_t row) const { return corner_[2] + node(row / kPoints); }
   /// x seen from the points of a row.
   Lanes points_from(double x) const;
   void add_cluster(const BorderWinding::Cluster& cluster);

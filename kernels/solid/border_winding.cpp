@@ -23,7 +23,7 @@ Double3 in_cells(const Long3& q) {
           static_cast<double>(q[2]) * kCellsPerQuantum};
 }
 
-std::uint64_t place(const BorderEdge& e) {
+std::uint64_t morton_of(const BorderEdge& e) {
   std::array<std::uint32_t, 3> cell{};
   for (std::size_t k = 0; k < 3; ++k)
     cell[k] =
@@ -36,7 +36,7 @@ std::uint64_t place(const BorderEdge& e) {
 BorderWinding::BorderWinding(std::vector<BorderEdge> edges) : edges_(std::move(edges)) {
   if (edges_.empty()) return;
   std::sort(edges_.begin(), edges_.end(), [](const BorderEdge& l, const BorderEdge& r) {
-    const std::uint64_t p = place(l), q = place(r);
+    const std::uint64_t p = morton_of(l), q = morton_of(r);
     return p != q ? p < q : l.a != r.a ? l.a < r.a : l.b < r.b;
   });
   clusters_.reserve(edges_.size());
@@ -105,11 +105,11 @@ double BorderWinding::at(const Int3& node) const {
       const double d = s * (s + q), g = 1.0 / d;
       const Double3 v = {0.0, -r[2], r[1]};
       const Double3 slope = ((r / s) * (2.0 * s + q) + Double3{s, 0.0, 0.0}) * (-g * g);
-      double turn = g * dot(v, c.sum);
-      turn += g * (c.moment[3 * 2 + 1] - c.moment[3 * 1 + 2]);
+      double winding = g * dot(v, c.sum);
+      winding += g * (c.moment[3 * 2 + 1] - c.moment[3 * 1 + 2]);
       for (std::size_t i = 0; i < 3; ++i)
-        for (std::size_t j = 0; j < 3; ++j) turn += v[i] * c.moment[3 * i + j] * slope[j];
-      sum += turn;
+        for (std::size_t j = 0; j < 3; ++j) winding += v[i] * c.moment[3 * i + j] * slope[j];
+      sum += winding;
     } else if (c.left != 0) {
       stack[top++] = c.left + 1;
       stack[top++] = c.left;
@@ -165,10 +165,10 @@ double BorderWinding::change(const Double3& x, double radius) const {
       continue;
     }
     if (free <= 0.0) return std::numeric_limits<double>::infinity();
-    const double bend = 2.0 * c.length / (free * free * free);
+    const double second_bound = 2.0 * c.length / (free * free * free);
     first += c.length / (free * free);
-    second += bend;
-    left_out += bend * c.radius;
+    second += second_bound;
+    left_out += second_bound * c.radius;
     slope = slope + cross(r, c.sum) / (s * s * s);
   }
   const double by_first = 2.0 * radius * first;

@@ -100,7 +100,7 @@ double OffsetSampler::mitred(const std::array<std::uint32_t, 3>& face, const Tri
                              double side, Double3& outward) const {
   double maximum = 0.0;
   Double3 normal;
-  const auto ask = [&](std::uint32_t vertex) {
+  const auto query = [&](std::uint32_t vertex) {
     for (const Double3& n : sheets_.at(vertex)) {
       const double along = side * dot(on.at, n);  // towards the foot
       if (along > maximum) maximum = along, normal = n;
@@ -108,9 +108,9 @@ double OffsetSampler::mitred(const std::array<std::uint32_t, 3>& face, const Tri
   };
   const auto corner = [&](int k) { return face[static_cast<std::size_t>(k)]; };
   if (on.corner >= 0) {
-    ask(corner(on.corner));
+    query(corner(on.corner));
   } else if (on.edge >= 0) {
-    ask(corner(on.edge)), ask(corner((on.edge + 1) % 3));
+    query(corner(on.edge)), query(corner((on.edge + 1) % 3));
   }
   if (!(maximum > away / layer_.mitre)) return maximum > 0.0 ? away / layer_.mitre : away;
   if (maximum >= away) return away;

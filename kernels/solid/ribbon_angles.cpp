@@ -96,8 +96,8 @@ void BoundaryStripRow<kVectors>::add(const BorderEdge& edge) {
                az = static_cast<double>(edge.a[2] - z_) * kCellsPerQuantum,
                by = static_cast<double>(edge.b[1] - y_) * kCellsPerQuantum,
                bz = static_cast<double>(edge.b[2] - z_) * kCellsPerQuantum;
-  const double p = ay * bz, q = az * by, area = p - q, beside = ay * by + az * bz;
-  if (area == 0.0 && beside <= 0.0) {  // the line meets the edge's shadow, or one of its ends
+  const double p = ay * bz, q = az * by, area = p - q, dot_ab = ay * by + az * bz;
+  if (area == 0.0 && dot_ab <= 0.0) {  // the line meets the edge's shadow, or one of its ends
     any_apart_ = true;
     for (std::size_t l = 0; l < kTargets; ++l) add_boundary_strip(edge, {quanta_[l], y_, z_}, apart_[l]);
     return;
@@ -113,7 +113,7 @@ void BoundaryStripRow<kVectors>::add(const BorderEdge& edge) {
   for (std::size_t v = 0; v < kVectors; ++v) {
     const Lanes x = ax - x_[v], y = bx - x_[v];
     const Lanes la = _mm256_sqrt_pd(x * x + qa), lb = _mm256_sqrt_pd(y * y + qb);
-    along[v] = la * lb + (x * y + beside) + x * lb + y * la;
+    along[v] = la * lb + (x * y + dot_ab) + x * lb + y * la;
     const Lanes size = along[v] < 0.0 ? -along[v] : along[v];
     const Lanes minimum = kMinAngle * size;
     across[v] = sign * (minimum > width ? minimum : width + 0.0 * minimum);

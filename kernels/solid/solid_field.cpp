@@ -341,8 +341,8 @@ Int3 SolidBlock::leaf(std::size_t slot) const {
           static_cast<int>(s / d[0] / d[1]) - 1};
 }
 
-SolidCrossing SolidBlock::place(const LatticeCrossing& crossing, const Float3& normal,
-                                std::uint8_t operand) const {
+SolidCrossing SolidBlock::local_crossing(const LatticeCrossing& crossing, const Float3& normal,
+                                         std::uint8_t operand) const {
   const Int3 n = {crossing.node[0] - origin[0], crossing.node[1] - origin[1], crossing.node[2] - origin[2]};
   const std::size_t at = slot({n[0] >> kLeafBits, n[1] >> kLeafBits, n[2] >> kLeafBits});
   SolidCrossing c;

@@ -56,7 +56,8 @@ struct SolidBlock {
   }
   Int3 leaf(std::size_t slot) const;
   /// \pre the crossing's node lies within nodes()
-  SolidCrossing place(const LatticeCrossing& crossing, const Float3& normal, std::uint8_t operand) const;
+  SolidCrossing local_crossing(const LatticeCrossing& crossing, const Float3& normal,
+                               std::uint8_t operand) const;
 };
 
 /// One solid of a combination.

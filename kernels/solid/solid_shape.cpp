@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kRootCells = 1e-9;  ///< how exact it is
 constexpr std::uint32_t kCrossingsPerLeaf = 256;
-constexpr double kBesideSurface = 2.0;  ///< cells: the ends of edges that cross it are nearer
+constexpr double kNearSurface = 2.0;  ///< cells: the ends of edges that cross it are nearer
 
 /// Value and direction of the part of a shape that decides.
 struct Part {
@@ -158,7 +158,7 @@ class Placed : public SolidShape {
   Double3 away(const Double3& p) const override {
     if constexpr (requires { form_.distance(p); }) {
       const Part part = form_.distance(inverse_.apply(p));
-      return placement_.turn(part.direction);  // a similarity turns normals as it turns lengths
+      return placement_.apply_linear(part.direction);  // a similarity turns normals as it turns lengths
     }
     return direction(p);
   }
@@ -306,8 +306,7 @@ Double3 ShapeSolid::membrane_normal(const Double3& cells) const {
 void ShapeSolid::find_crossings(const SolidBlock& block, const Int3& leaf, std::uint8_t operand,
                                 std::vector<SolidCrossing>& out) const {
   const Around cube(lattice_, leaf, 1);
-  const std::unique_ptr<SolidShape> here =
-      shape_->near(cube.middle, cube.radius, kBesideSurface * lattice_.h);
+  const std::unique_ptr<SolidShape> here = shape_->near(cube.middle, cube.radius, kNearSurface * lattice_.h);
   const SolidShape& shape = here ? *here : *shape_;
   std::array<bool, 9 * 9 * 9> inside;
   const auto at = [](int x, int y, int z) { return static_cast<std::size_t>(x + 9 * (y + 9 * z)); };
@@ -331,9 +330,9 @@ void ShapeSolid::find_crossings(const SolidBlock& block, const Int3& leaf, std::
           LatticeCrossing c;
           c.node = {leaf[0] * 8 + x, leaf[1] * 8 + y, leaf[2] * 8 + z};
           c.axis = static_cast<std::uint8_t>(axis);
-          c.turn = first ? std::int8_t{-1} : std::int8_t{1};
+          c.winding = first ? std::int8_t{-1} : std::int8_t{1};
           c.t = high;
-          out.push_back(block.place(c, narrow(unit_or_zero(shape.direction(world(p)))), operand));
+          out.push_back(block.local_crossing(c, narrow(unit_or_zero(shape.direction(world(p)))), operand));
         }
 }
 

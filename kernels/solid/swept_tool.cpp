@@ -145,8 +145,8 @@ SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, 
   const Double3 &a = segments_[segment].a, &b = segments_[segment].b;
   const Double3 delta = b - a, from_a = p - a;
   // Most lie too far aside.
-  const double beside = foot_on({from_a[0], from_a[1], 0.0}, {delta[0], delta[1], 0.0});
-  const double dx = from_a[0] - delta[0] * beside, dy = from_a[1] - delta[1] * beside;
+  const double lateral_foot = foot_on({from_a[0], from_a[1], 0.0}, {delta[0], delta[1], 0.0});
+  const double dx = from_a[0] - delta[0] * lateral_foot, dy = from_a[1] - delta[1] * lateral_foot;
   if (const double minimum =
           of_nose(tool_, std::sqrt(dx * dx + dy * dy), std::max(from_a[2], p[2] - b[2])) - rounding_;
       minimum >= below)
@@ -163,7 +163,7 @@ SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, 
   double low = 0.0, high = 1.0;
   Nearest best;
   best.value = std::numeric_limits<double>::infinity();
-  for (const double t : {around, beside, 0.0, 1.0}) {
+  for (const double t : {around, lateral_foot, 0.0, 1.0}) {
     const Nearest n = at(t);
     const double fall = dot(n.direction, delta), level = kLevel * length;
     const bool falls_on = fall > level && t < 1.0, falls_back = fall < -level && t > 0.0;
@@ -225,11 +225,11 @@ SweptTool::Nearest SweptTool::nearest(const Double3& p) const {
 bool SweptTool::cuts(const Double3& p, std::size_t segment, double below) const {
   const Double3& a = segments_[segment].a;
   const Double3 delta = segments_[segment].b - a, from_a = p - a;
-  const double beside = foot_on({from_a[0], from_a[1], 0.0}, {delta[0], delta[1], 0.0});
-  const double dx = from_a[0] - delta[0] * beside, dy = from_a[1] - delta[1] * beside;
+  const double lateral_foot = foot_on({from_a[0], from_a[1], 0.0}, {delta[0], delta[1], 0.0});
+  const double dx = from_a[0] - delta[0] * lateral_foot, dy = from_a[1] - delta[1] * lateral_foot;
   const double across = std::sqrt(dx * dx + dy * dy);
   if (of_nose(tool_, across, from_a[2] - std::min(0.0, delta[2])) - rounding_ >= below) return false;
-  const double above = from_a[2] - delta[2] * beside;
+  const double above = from_a[2] - delta[2] * lateral_foot;
   if (std::max(of_nose(tool_, across, above), above - tool_.length) < below) return true;
   return delta[2] != 0.0 && of_segment(p, segment, below).value < below;
 }
@@ -314,7 +314,7 @@ double SweptTool::value(const Double3& p) const {
 }
 
 Double3 SweptTool::direction(const Double3& p) const {
-  return placement_.turn(nearest(inverse_.apply(p)).direction);
+  return placement_.apply_linear(nearest(inverse_.apply(p)).direction);
 }
 
 bool SweptTool::bounds(Double3& low, Double3& high) const {

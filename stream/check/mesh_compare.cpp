@@ -160,7 +160,7 @@ CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, c
   const DeviationPair surface = cell.surfaces(options);
   const auto name_failed = [&](const MeshBlock& of, const DeviationReport& report,
                                const std::vector<float>& bound) {
-    if (failed == nullptr || report.faces_over == 0) return;
+    if (failed == nullptr || report.faces_exceeding == 0) return;
     for (std::size_t f = 0; f < bound.size(); ++f)
       if (!(static_cast<double>(bound[f]) <= options.tolerance))
         failed->push_back(

@@ -12,7 +12,7 @@
 namespace tessera {
 namespace {
 
-std::string place(const Double3& p) {
+std::string position_text(const Double3& p) {
   char text[120];
   std::snprintf(text, sizeof text, "(%.9g, %.9g, %.9g)", p[0], p[1], p[2]);
   return text;
@@ -25,13 +25,13 @@ std::string percent(double share) {
 }
 
 /// Share of the area in the bins above the tolerance.
-double share_over(const DeviationReport& r) {
-  double over = 0.0, all = 0.0;
+double share_exceeding(const DeviationReport& r) {
+  double exceeding = 0.0, all = 0.0;
   for (std::size_t i = 0; i < r.histogram.size(); ++i) {
     all += static_cast<double>(r.histogram[i]);
-    if (i >= kDeviationBins) over += static_cast<double>(r.histogram[i]);
+    if (i >= kDeviationBins) exceeding += static_cast<double>(r.histogram[i]);
   }
-  return all > 0.0 ? over / all : 0.0;
+  return all > 0.0 ? exceeding / all : 0.0;
 }
 
 nlohmann::json directed_json(const DeviationReport& r) {
@@ -97,13 +97,13 @@ std::string direction(const DeviationReport& r, double tolerance, double max_dis
   if (r.area == 0.0 && !r.beyond) return "nothing there";
   std::string text;
   if (r.beyond)
-    text = "beyond " + number_text(max_distance) + " at " + place(r.witness);
+    text = "beyond " + number_text(max_distance) + " at " + position_text(r.witness);
   else
     text = "at most " + bound_text(r.upper, 6) + " (found " + number_text(r.lower) + " at " +
-           place(r.witness) + ")";
+           position_text(r.witness) + ")";
   if (!r.beyond) text += ", rms " + number_text(r.rms());
-  const double over = share_over(r);
-  if (over > 0.0) text += ", " + percent(over) + " of it beyond " + number_text(tolerance);
+  const double exceeding = share_exceeding(r);
+  if (exceeding > 0.0) text += ", " + percent(exceeding) + " of it beyond " + number_text(tolerance);
   return text;
 }
 
@@ -126,7 +126,7 @@ std::string bars_text(const MeshComparison& c) {
 
 std::string sentence(const DeviationReport& r, const std::string& from, const std::string& to,
                      double tolerance, double max_distance) {
-  const std::string where = from + " at " + place(r.witness);
+  const std::string where = from + " at " + position_text(r.witness);
   if (r.beyond) return where + " is farther than " + number_text(max_distance) + " from the " + to;
   // More digits where six would say that the tolerance is kept.
   const auto beyond = [&](double value) {
@@ -153,7 +153,7 @@ bool MeshComparison::borders_proven() const {
 std::string MeshComparison::complaint(bool with_borders) const {
   const std::string start = "not proven within " + number_text(tolerance) + ": ";
   const bool none = cells_proven == 0 && there.surface.beyond && back.surface.beyond &&
-                    share_over(there.surface) == 1.0 && share_over(back.surface) == 1.0;
+                    share_exceeding(there.surface) == 1.0 && share_exceeding(back.surface) == 1.0;
   if (none)
     return start + "no part of the mesh is near the reference, is it of another place or in another unit?";
   if (!(there.surface.upper <= tolerance))

@@ -14,10 +14,10 @@ constexpr std::size_t kBuffer = std::size_t{1} << 16;
 }  // namespace
 
 LzfReader::LzfReader(const ReadFile& file, const LzfPosition& from, std::uint64_t end, bool release)
-    : file_(file), window_(file, from.packed, end, kBuffer, release), place_(from) {}
+    : file_(file), window_(file, from.packed, end, kBuffer, release), state_(from) {}
 
 std::uint64_t LzfReader::read(char* to, std::uint64_t bytes) {
-  LzfPosition& p = place_;
+  LzfPosition& p = state_;
   std::uint64_t done = 0;
   const auto put = [&](char c) {
     p.ring[p.unpacked++ % LzfPosition::kWindow] = c;
@@ -53,21 +53,21 @@ bool LzfReader::next_instruction() {
   };
   std::size_t used = 1;
   if (byte(0) < 32) {
-    place_.literals = byte(0) + 1;
+    state_.literals = byte(0) + 1;
   } else {
     const bool is_long = byte(0) >> 5 == 7;
     used = is_long ? 3 : 2;
     if (text.size() < used) return false;
-    place_.copies = (byte(0) >> 5) + (is_long ? byte(1) : 0) + 2;
-    place_.distance = ((byte(0) & 31u) << 8 | byte(used - 1)) + 1;
-    if (place_.distance > place_.unpacked) {
+    state_.copies = (byte(0) >> 5) + (is_long ? byte(1) : 0) + 2;
+    state_.distance = ((byte(0) & 31u) << 8 | byte(used - 1)) + 1;
+    if (state_.distance > state_.unpacked) {
       throw InputError(
-          file_.path().string() + ": byte " + std::to_string(place_.packed) +
+          file_.path().string() + ": byte " + std::to_string(state_.packed) +
           ": the compressed points refer to what is before their beginning; the file is damaged");
     }
   }
   window_.skip(used);
-  place_.packed += used;
+  state_.packed += used;
   return true;
 }
 

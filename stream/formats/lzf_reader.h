@@ -26,7 +26,7 @@ class LzfReader {
   /// \param end  file offset behind the stream  \pre from.packed <= end <= file.size(); `file` outlives this
   LzfReader(const ReadFile& file, const LzfPosition& from, std::uint64_t end, bool release);
 
-  const LzfPosition& place() const { return place_; }
+  const LzfPosition& state() const { return state_; }
   /// Unpacks up to `bytes`, to nowhere if `to` is null; fewer where the stream ends, be it in an instruction.
   /// \throws InputError naming file and byte of an instruction that copies from before the beginning
   std::uint64_t read(char* to, std::uint64_t bytes);
@@ -36,7 +36,7 @@ class LzfReader {
 
   const ReadFile& file_;
   ByteWindow window_;
-  LzfPosition place_;
+  LzfPosition state_;
 };
 
 }  // namespace tessera

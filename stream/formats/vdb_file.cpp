@@ -31,7 +31,7 @@ std::size_t child_of(const Int3& at, int bits) {
   const int mask = (1 << bits) - 1;
   return static_cast<std::size_t>((at[0] & mask) << (2 * bits) | (at[1] & mask) << bits | (at[2] & mask));
 }
-Int3 place_of_child(std::size_t child, int bits) {
+Int3 child_origin(std::size_t child, int bits) {
   const int c = static_cast<int>(child), mask = (1 << bits) - 1;
   return {c >> (2 * bits) & mask, c >> bits & mask, c & mask};
 }
@@ -44,7 +44,7 @@ class Writer {
     order_.resize(file_.origins.size());
     std::iota(order_.begin(), order_.end(), std::uint32_t{0});
     std::sort(order_.begin(), order_.end(), [&](std::uint32_t l, std::uint32_t r) {
-      return place(file_.origins[l]) < place(file_.origins[r]);
+      return sort_key(file_.origins[l]) < sort_key(file_.origins[r]);
     });
     const std::uint64_t offsets = head();
     const std::uint64_t grid = out_.size();
@@ -52,8 +52,8 @@ class Writer {
     topology();
     const std::uint64_t values = out_.size();
     for (const std::uint32_t leaf : order_) buffer(leaf);
-    const std::array<std::uint64_t, 3> places = {grid, values, out_.size()};
-    out_.patch(offsets, places.data(), sizeof places);
+    const std::array<std::uint64_t, 3> sections = {grid, values, out_.size()};
+    out_.patch(offsets, sections.data(), sizeof sections);
     out_.patch(count_at_, &active_, sizeof active_);
     const std::uint64_t bytes = out_.size();
     out_.finish();
@@ -61,8 +61,8 @@ class Writer {
   }
 
  private:
-  using Place = std::tuple<Int3, std::size_t, std::size_t>;
-  static Place place(const Int3& origin) {
+  using SortKey = std::tuple<Int3, std::size_t, std::size_t>;
+  static SortKey sort_key(const Int3& origin) {
     return {shifted(origin, kRootShift), child_of(shifted(origin, kUpperShift), kUpperBits),
             child_of(shifted(origin, kLeafBits), kLowerBits)};
   }
@@ -186,7 +186,7 @@ class Writer {
     bool any_plus = false, any_minus = false;
     for (std::size_t c = 0; c < size; ++c) {
       if (children[c / 64] >> (c % 64) & 1) continue;
-      const Int3 in = place_of_child(c, bits);
+      const Int3 in = child_origin(c, bits);
       Int3 corner;
       for (std::size_t a = 0; a < 3; ++a) corner[a] = ((at[a] << bits) + in[a]) << shift;
       const bool outside = !file_.inside(corner);

@@ -97,19 +97,19 @@ class ImportRepairStage : public Stage {
       if (at == faces.end() || at->sorted != fix.face)
         throw std::logic_error("import: a fix names a face that its patch does not hold");
       auto& corners = block.faces[at->face];
-      const auto place = [&](std::uint32_t n) {
+      const auto corner_of = [&](std::uint32_t n) {
         return number(corners[0]) == n   ? std::size_t{0}
                : number(corners[1]) == n ? std::size_t{1}
                                          : std::size_t{2};
       };
       if (fix.slot >= 3) {
-        const std::size_t i = place(fix.face[fix.slot - 3]);
-        const std::size_t j = place(fix.face[(fix.slot - 2) % 3]);
+        const std::size_t i = corner_of(fix.face[fix.slot - 3]);
+        const std::size_t j = corner_of(fix.face[(fix.slot - 2) % 3]);
         const std::size_t edge = (i + 1) % 3 == j ? i : j;
         block.face_flags[at->face] = static_cast<std::uint8_t>(block.face_flags[at->face] | 1u << edge);
         continue;
       }
-      const std::size_t corner = place(fix.face[fix.slot]);
+      const std::size_t corner = corner_of(fix.face[fix.slot]);
       const std::uint32_t old = corners[corner];
       const auto [it, fresh] = copies.try_emplace(vertex_copy_key(fix.face[fix.slot], fix.copy), 0);
       if (fresh) {

@@ -219,19 +219,20 @@ class ImportVerticesStage : public Stage {
     }
     std::sort(bricks.begin(), bricks.end());
     bricks.erase(std::unique(bricks.begin(), bricks.end()), bricks.end());
-    const auto place = [&](std::size_t i, std::size_t last) {
+    const auto brick_index = [&](std::size_t i, std::size_t last) {
       if (last < bricks.size() && bricks[last] == brick[i]) return last;
       return static_cast<std::size_t>(std::lower_bound(bricks.begin(), bricks.end(), brick[i]) -
                                       bricks.begin());
     };
     first.assign(bricks.size() + 1, 0);
     std::size_t last = 0;
-    for (std::size_t i = 0; i < dealt.size(); ++i) ++first[(last = place(i, last)) + 1];
+    for (std::size_t i = 0; i < dealt.size(); ++i) ++first[(last = brick_index(i, last)) + 1];
     std::partial_sum(first.begin(), first.end(), first.begin());
     std::vector<std::uint64_t> order(dealt.size());
     std::vector<std::uint32_t> next(first.begin(), first.end());
     for (std::size_t i = 0; i < dealt.size(); ++i)
-      order[next[last = place(i, last)]++] = std::uint64_t{leading_bits(dealt[i].position[0])} << 32 | i;
+      order[next[last = brick_index(i, last)]++] =
+          std::uint64_t{leading_bits(dealt[i].position[0])} << 32 | i;
     // -0 and 0 are equal; of vertices at one place the colour of largest value stays.
     const auto before = [&](std::uint64_t a, std::uint64_t b) {
       const auto& va = dealt[static_cast<std::uint32_t>(a)];

@@ -7,7 +7,7 @@
 namespace tessera {
 namespace {
 
-struct Place {
+struct CodedPatch {
   std::uint64_t code;  ///< Morton code of the shifted brick
   std::size_t patch;
 };
@@ -17,18 +17,18 @@ class Cutter {
   Cutter(const MeshStore& store, const MeshBlocking& blocking, std::span<const std::uint64_t> weight)
       : patches_(store.patches()), blocking_(blocking), weight_(weight) {}
 
-  /// \param places  bricks below one node  \param bits  width of the codes below it
-  void cut(std::span<const Place> places, int bits) {
-    if (places.empty()) return;
+  /// \param coded  bricks below one node  \param bits  width of the codes below it
+  void cut(std::span<const CodedPatch> coded, int bits) {
+    if (coded.empty()) return;
     MeshBlockCut block;
-    for (const Place& p : places) {
+    for (const CodedPatch& p : coded) {
       block.faces += patches_[p.patch].faces;
       if (!weight_.empty()) block.weight += weight_[p.patch];
     }
     if (bits == 0 || (block.faces <= blocking_.max_faces && block.weight <= blocking_.max_weight)) {
-      for (const Place& p : places) block.patches.push_back(p.patch);
+      for (const CodedPatch& p : coded) block.patches.push_back(p.patch);
       std::sort(block.patches.begin(), block.patches.end());
-      const Int3 corner = brick_of_key(places.front().code >> bits << bits);
+      const Int3 corner = brick_of_key(coded.front().code >> bits << bits);
       for (std::size_t a = 0; a < 3; ++a) {
         block.first_brick[a] = corner[a] - blocking_.shift[a];
         // The lowest bit of a code is of x.
@@ -38,13 +38,13 @@ class Cutter {
       return;
     }
     bits -= blocking_.halves ? 1 : 3;
-    while (!places.empty()) {
-      const std::uint64_t node = places.front().code >> bits;
-      const auto end =
-          std::find_if(places.begin(), places.end(), [&](const Place& p) { return p.code >> bits != node; });
-      const auto count = static_cast<std::size_t>(end - places.begin());
-      cut(places.first(count), bits);
-      places = places.subspan(count);
+    while (!coded.empty()) {
+      const std::uint64_t node = coded.front().code >> bits;
+      const auto end = std::find_if(coded.begin(), coded.end(),
+                                    [&](const CodedPatch& p) { return p.code >> bits != node; });
+      const auto count = static_cast<std::size_t>(end - coded.begin());
+      cut(coded.first(count), bits);
+      coded = coded.subspan(count);
     }
   }
 
@@ -68,16 +68,17 @@ std::uint64_t MeshBlockCut::brick_of(const Lattice& lattice, const Double3& a, c
 
 std::vector<MeshBlockCut> make_blocks(const MeshStore& store, const MeshBlocking& blocking,
                                       std::span<const std::uint64_t> weight) {
-  std::vector<Place> places;
+  std::vector<CodedPatch> coded;
   for (std::size_t p = 0; p < store.patches().size(); ++p) {
     const Int3 b = brick_of_key(store.patches()[p].key);
-    places.push_back(
+    coded.push_back(
         {brick_key({b[0] + blocking.shift[0], b[1] + blocking.shift[1], b[2] + blocking.shift[2]}), p});
   }
-  std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) { return a.code < b.code; });
+  std::sort(coded.begin(), coded.end(),
+            [](const CodedPatch& a, const CodedPatch& b) { return a.code < b.code; });
   Cutter cutter(store, blocking, weight);
   constexpr int kRootBits = 3 * (kMaxCellBits - 1);  // holds every brick with any shift
-  cutter.cut(places, kRootBits);
+  cutter.cut(coded, kRootBits);
   return std::move(cutter.blocks);
 }
 

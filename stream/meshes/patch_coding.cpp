@@ -79,7 +79,7 @@ class Input {
 };
 
 /// Coordinate of `cells` beyond the brick's corner as make_mesh_block computes it.
-double place(const MeshStoreInfo& info, int axis, int brick, double cells) {
+double coordinate(const MeshStoreInfo& info, int axis, int brick, double cells) {
   const double world = info.lattice.world(axis, brick * double{kBrickCells} + cells);
   return info.double_positions ? world : double{static_cast<float>(world)};
 }
@@ -102,7 +102,7 @@ bool put_fractions_of(const MeshBlock& block, std::size_t v, const MeshStoreInfo
     const int axis = static_cast<int>(a);
     const double node = name.in_brick[a];
     if (name.axis != MeshName::kCentre && name.axis != axis) {
-      if (place(info, axis, name.brick[a], node) != block.position[v][a]) return false;
+      if (coordinate(info, axis, name.brick[a], node) != block.position[v][a]) return false;
       continue;
     }
     const double cells = block.position[v][a] / info.lattice.h -
@@ -110,7 +110,7 @@ bool put_fractions_of(const MeshBlock& block, std::size_t v, const MeshStoreInfo
                          node;
     const double quanta = std::floor(cells * scale + 0.5);
     if (!(quanta >= 0.0 && quanta < scale)) return false;
-    if (place(info, axis, name.brick[a], node + quanta / scale) != block.position[v][a]) return false;
+    if (coordinate(info, axis, name.brick[a], node + quanta / scale) != block.position[v][a]) return false;
     const auto value = static_cast<std::uint64_t>(quanta);
     for (int b = 0; b < bytes; ++b) out.push_back(static_cast<char>(value >> 8 * b));
   }
@@ -195,7 +195,7 @@ void take_positions(Input& in, const MeshStoreInfo& info, MeshBlock& block) {
         if (!in.bytes(&value, static_cast<std::size_t>(kind) & 7u)) return;
         cells += value * scale;
       }
-      block.position[v][a] = place(info, axis, name.brick[a], cells);
+      block.position[v][a] = coordinate(info, axis, name.brick[a], cells);
     }
   }
 }

@@ -10,7 +10,7 @@ namespace tessera::html {
 namespace {
 
 /// Embeddings, overrides and isolates of the direction of writing, as UTF-8.
-bool turns_direction(std::string_view three) {
+bool is_bidi_control(std::string_view three) {
   return three.size() == 3 && three[0] == '\xe2' &&
          ((three[1] == '\x80' && three[2] >= '\xaa' && three[2] <= '\xae') ||
           (three[1] == '\x81' && three[2] >= '\xa6' && three[2] <= '\xa9'));
@@ -33,7 +33,7 @@ std::string escape(std::string_view text) {
       safe += "&quot;";
     } else if (c == '\'') {
       safe += "&#39;";
-    } else if (turns_direction(text.substr(i, 3))) {
+    } else if (is_bidi_control(text.substr(i, 3))) {
       safe += kUnknown;
       i += 2;
     } else if ((static_cast<unsigned char>(c) < 0x20 && c != '\n') || c == 0x7f) {

@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 constexpr std::uint64_t kMaxVertices = 3 * kMaxViewFaces;
-constexpr std::string_view kPlace = "<!--tessera:data-->";
+constexpr std::string_view kPlaceholder = "<!--tessera:data-->";
 constexpr std::string_view kViewBegin =
     "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
     "<meta name=\"generator\" content=\"tessera view\">\n";
@@ -40,10 +40,10 @@ struct Bundle {
 
 Bundle read_bundle(const fs::path& path) {
   const std::string page = read_text(path);
-  const std::size_t at = page.find(kPlace);
+  const std::size_t at = page.find(kPlaceholder);
   if (!page.starts_with(kViewBegin) || at == std::string::npos)
     throw InputError(path.string() + ": is no viewer of Tessera: run tools/viewer/build again");
-  return {page.substr(0, at), page.substr(at + kPlace.size())};
+  return {page.substr(0, at), page.substr(at + kPlaceholder.size())};
 }
 
 /// JSON inside of a page: no name of a file ends its element.

@@ -10,7 +10,7 @@ namespace {
 
 constexpr PackedKind kMultipoleKind = {"TSMULTI4", "a multipole file"};
 
-struct Place {
+struct BrickSlot {
   Section leaves;
   std::uint64_t file = 0;
 };
@@ -42,7 +42,7 @@ void MultipoleFileWriter::brick(const std::vector<Multipole>& leaves) {
 
 struct MultipoleStore::Impl {
   std::vector<PackedFile> files;
-  std::vector<Place> places;  ///< per brick of the summary
+  std::vector<BrickSlot> slots;  ///< per brick of the summary
   std::unique_ptr<MultipoleTree> far;
 
   std::int64_t find(const Int3& brick) const {
@@ -71,7 +71,7 @@ MultipoleStore::MultipoleStore(const std::filesystem::path& work) : impl_(std::m
         impl_->files.emplace_back(path, kMultipoleKind, sizeof(MultipoleFileWriter::Entry));
     for (const auto& e : file.table<MultipoleFileWriter::Entry>()) {
       bricks.push_back(e.whole);
-      impl_->places.push_back({e.leaves, impl_->files.size() - 1});
+      impl_->slots.push_back({e.leaves, impl_->files.size() - 1});
     }
   }
   impl_->far = std::make_unique<MultipoleTree>(std::move(bricks), std::vector<Dipole>{}, kBrickBits);
@@ -88,8 +88,8 @@ MultipoleTree MultipoleStore::near(const PointBlock& points) const {
   std::sort(bricks.begin(), bricks.end());  // the summary is in key order
   std::vector<Multipole> leaves;
   for (const std::size_t b : bricks) {
-    const Place& place = impl_->places[b];
-    const std::vector<Multipole> own = impl_->files[place.file].load<Multipole>(place.leaves);
+    const BrickSlot& slot = impl_->slots[b];
+    const std::vector<Multipole> own = impl_->files[slot.file].load<Multipole>(slot.leaves);
     leaves.insert(leaves.end(), own.begin(), own.end());
   }
   std::vector<Dipole> dipoles = make_dipoles(points);
@@ -106,7 +106,7 @@ MultipoleTree MultipoleStore::near(const PointBlock& points) const {
 
 std::uint64_t MultipoleStore::near_bytes(const Int3& origin, const Int3& cells) const {
   std::uint64_t bytes = 0;
-  impl_->for_each_near(origin, cells, [&](std::size_t b) { bytes += impl_->places[b].leaves.bytes; });
+  impl_->for_each_near(origin, cells, [&](std::size_t b) { bytes += impl_->slots[b].leaves.bytes; });
   return kCopies * bytes;
 }
 

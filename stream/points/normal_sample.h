@@ -20,9 +20,9 @@ class NormalSampler {
  public:
   /// \param p  in quanta   \param n  not zero, finite
   void add(const Double3& p, const Float3& n) {
-    const Double3 turned = LayeredSampler::turn(p);
+    const Double3 rotated = LayeredSampler::rotate(p);
     std::array<std::int64_t, 3> cell{};
-    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] / kCell));
+    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(rotated[a] / kCell));
     if (cell != last_cell_ || entries_.empty()) enter(cell);
     if (last_hash_ > threshold_) return;
     push(p, n);

@@ -113,17 +113,17 @@ class LayeredSampler {
   LayeredSampler(double coarsest, const Limits& limits);
   /// \pre coordinates below 2^50 cells of the first layer
   void add(const Double3& p) {
-    const Double3 turned = turn(p);
+    const Double3 rotated = rotate(p);
     // Powers of two lie between the sizes: cells of one lie in those of the other to the last bit.
-    const CellSampler::CellIndex around = cell_of(turned, per_second_);
+    const CellSampler::CellIndex around = cell_of(rotated, per_second_);
     if (around != around_) enter(around);
-    layers_[0].add(turned, coarsest_hash_);
-    layers_[1].add(turned, around_hash_);
+    layers_[0].add(rotated, coarsest_hash_);
+    layers_[1].add(rotated, around_hash_);
     const std::uint64_t of_class = CellSampler::class_of(around_hash_);
     if (of_class > last_class_) return;
-    CellSampler::CellIndex cell = cell_of(turned, per_finest_);
+    CellSampler::CellIndex cell = cell_of(rotated, per_finest_);
     for (std::size_t k = kLayers; k-- > 2;) {
-      layers_[k].add(turned, cell, of_class);
+      layers_[k].add(rotated, cell, of_class);
       for (std::int64_t& c : cell) c >>= kRatioBits;
     }
   }
@@ -132,7 +132,7 @@ class LayeredSampler {
   void merge(const std::filesystem::path& file);
   std::vector<CellSampler>& layers() { return layers_; }
   /// The rotation of the quaternion (1, 2, 3, 5): every axis has a part of every other.
-  static Double3 turn(const Double3& p) {
+  static Double3 rotate(const Double3& p) {
     constexpr double kUnit = 1.0 / 39.0;
     return {(-29.0 * p[0] + 2.0 * p[1] + 26.0 * p[2]) * kUnit,
             (22.0 * p[0] - 19.0 * p[1] + 26.0 * p[2]) * kUnit,
@@ -145,9 +145,10 @@ class LayeredSampler {
   }
 
  private:
-  static CellSampler::CellIndex cell_of(const Double3& turned, double per_unit) {
+  static CellSampler::CellIndex cell_of(const Double3& rotated, double per_unit) {
     CellSampler::CellIndex cell{};
-    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] * per_unit));
+    for (std::size_t a = 0; a < 3; ++a)
+      cell[a] = static_cast<std::int64_t>(std::floor(rotated[a] * per_unit));
     return cell;
   }
   void enter(CellSampler::CellIndex around);

@@ -155,7 +155,7 @@ class Plane {
  public:
   Plane(std::vector<std::unique_ptr<PointFile>> files, const CrsOptions& options, bool inspect,
         std::vector<std::string>& notes)
-      : files_(std::move(files)), options_(options), told_(notes) {
+      : files_(std::move(files)), options_(options), notes_(notes) {
     std::optional<Crs> given;
     if (!options.crs.empty()) given = user_crs(options.crs, "--crs");
     for (const auto& f : files_) from_.push_back(given ? *given : f->info().crs);
@@ -185,8 +185,8 @@ class Plane {
     for (const auto& f : files_)
       others += f->info().crs.known() && !is_same_crs(f->info().crs, given) ? 1 : 0;
     if (others > 0)
-      told_.push_back(std::to_string(others) + (others == 1 ? " file names" : " files name") +
-                      " another coordinate system than " + label(given) + ", which --crs overrules");
+      notes_.push_back(std::to_string(others) + (others == 1 ? " file names" : " files name") +
+                       " another coordinate system than " + label(given) + ", which --crs overrules");
   }
 
   [[noreturn]] void refuse(std::size_t i, const std::string& what, const Crs& crs) const {
@@ -235,9 +235,9 @@ class Plane {
     for (const Crs& s : from_)
       if (!is_same_crs(s, *to_)) ++sources[label(s)];
     for (const auto& [name, n] : sources)
-      told_.push_back(std::to_string(n) + (n == 1 ? " file" : " files") + " in " + name +
-                      (n == 1 ? " is" : " are") + " projected to " + label(*to_) +
-                      "; heights keep their datum");
+      notes_.push_back(std::to_string(n) + (n == 1 ? " file" : " files") + " in " + name +
+                       (n == 1 ? " is" : " are") + " projected to " + label(*to_) +
+                       "; heights keep their datum");
   }
 
   /// Nothing where no file is in degrees.
@@ -266,7 +266,7 @@ class Plane {
 
   std::vector<std::unique_ptr<PointFile>> files_;
   CrsOptions options_;
-  std::vector<std::string>& told_;
+  std::vector<std::string>& notes_;
   std::vector<Crs> from_;
   std::optional<Crs> to_;
 };

@@ -78,11 +78,11 @@ void UnpackedWriter::add(std::uint32_t file, const PositionGrid& grid, const Poi
                   (chunk.sensor.empty() ? 0u : kSensors) | (chunk.echo.empty() ? 0u : kEchoes) |
                   (chunk.rgba.empty() ? 0u : kColours) | (chunk.intensity.empty() ? 0u : kIntensities);
   if (steps)
-    block.places =
+    block.geometry =
         out_.append({bytes_of(steps_[0]), bytes_of(steps_[1]), bytes_of(steps_[2]), bytes_of(chunk.nx),
                      bytes_of(chunk.ny), bytes_of(chunk.nz), bytes_of(chunk.sensor), bytes_of(chunk.echo)});
   else
-    block.places =
+    block.geometry =
         out_.append({bytes_of(chunk.x), bytes_of(chunk.y), bytes_of(chunk.z), bytes_of(chunk.nx),
                      bytes_of(chunk.ny), bytes_of(chunk.nz), bytes_of(chunk.sensor), bytes_of(chunk.echo)});
   block.colours = out_.append({bytes_of(chunk.rgba), bytes_of(chunk.intensity)});
@@ -92,7 +92,7 @@ void UnpackedWriter::add(std::uint32_t file, const PositionGrid& grid, const Poi
 std::uint64_t UnpackedWriter::finish(const ReadCounts& counts) {
   UnpackedBlock warnings;
   warnings.content = kWarnings;
-  warnings.places = out_.append(bytes_of(joined_lines(counts.warnings)));
+  warnings.geometry = out_.append(bytes_of(joined_lines(counts.warnings)));
   blocks_.push_back(warnings);
   const Dispositions dispositions = {counts.points,       counts.withheld, counts.empty,
                                      counts.missing,      counts.surplus,  counts.other_class,
@@ -115,7 +115,7 @@ UnpackedFile::UnpackedFile(const std::filesystem::path& path)
   counts_.outside = dispositions.outside;
   counts_.thinned = dispositions.thinned;
   if (blocks_.empty() || blocks_.back().content != kWarnings) file_.damaged(0, "it ends before its warnings");
-  split(file_.load<char>(blocks_.back().places), counts_.warnings);
+  split(file_.load<char>(blocks_.back().geometry), counts_.warnings);
   blocks_.pop_back();
 }
 
@@ -132,7 +132,7 @@ void UnpackedFile::read(const UnpackedBlock& block, bool colours, const Position
   if ((block.content & kSteps) != 0) {
     std::array<std::vector<std::int32_t>, 3> steps;
     for (auto& s : steps) s.resize(block.points);
-    file_.read(block.places,
+    file_.read(block.geometry,
                {buffer_of(steps[0]), buffer_of(steps[1]), buffer_of(steps[2]), buffer_of(chunk.nx),
                 buffer_of(chunk.ny), buffer_of(chunk.nz), buffer_of(chunk.sensor), buffer_of(chunk.echo)});
     from_steps(steps[0], grid.step[0], grid.shift[0], chunk.x);
@@ -140,12 +140,12 @@ void UnpackedFile::read(const UnpackedBlock& block, bool colours, const Position
     from_steps(steps[2], grid.step[2], grid.shift[2], chunk.z);
   } else {
     chunk.x.resize(block.points), chunk.y.resize(block.points), chunk.z.resize(block.points);
-    file_.read(block.places,
+    file_.read(block.geometry,
                {buffer_of(chunk.x), buffer_of(chunk.y), buffer_of(chunk.z), buffer_of(chunk.nx),
                 buffer_of(chunk.ny), buffer_of(chunk.nz), buffer_of(chunk.sensor), buffer_of(chunk.echo)});
   }
   if (colours) file_.read(block.colours, {buffer_of(chunk.rgba), buffer_of(chunk.intensity)});
-  file_.release(block.places);
+  file_.release(block.geometry);
 }
 
 ReadCounts read_unpacked(const std::filesystem::path& path, bool colours,

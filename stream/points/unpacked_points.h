@@ -15,8 +15,8 @@ namespace tessera {
 
 /// A chunk of points as it was handed on.
 struct UnpackedBlock {
-  Section places;   ///< positions, normals, sensors, classes and returns
-  Section colours;  ///< colours, intensities
+  Section geometry;  ///< positions, normals, sensors, classes and returns
+  Section colours;   ///< colours, intensities
   std::uint32_t file = 0;
   std::uint32_t points = 0;
   std::uint32_t content = 0;

@@ -119,8 +119,8 @@ JobStatus job_status(const fs::path& path, const JobFinder& find_job) {
   for (const StageEntry& entry : job.stages) {
     StageStatus stage;
     stage.name = entry.name;
-    if (const auto forecast = forecast.find(entry.name); forecast != forecast.end())
-      stage.forecast_seconds = forecast->second;
+    if (const auto seconds = forecast.find(entry.name); seconds != forecast.end())
+      stage.forecast_seconds = seconds->second;
     StageRecords records;
     stage.complete = follows && find_complete(journal, entry.name, basis, records);
     if (follows) {

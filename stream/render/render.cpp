@@ -144,9 +144,9 @@ std::string short_number(double value) {
 void add_captions(Image& image, const std::vector<PictureView>& views, const std::vector<ViewSpec>& specs,
                   const std::string& title) {
   const double cap = std::clamp(image.height / 85.0, 7.0, 22.0);
-  const auto room = static_cast<double>(image.width) - 3.0 * cap;
+  const auto available = static_cast<double>(image.width) - 3.0 * cap;
   std::string text = title;
-  while (text.size() > 4 && caption_width(text, cap) > room) text.pop_back();
+  while (text.size() > 4 && caption_width(text, cap) > available) text.pop_back();
   draw_caption(image, 1.2 * cap, 2.2 * cap, cap, text);
   for (std::size_t i = 0; i < views.size(); ++i) {
     const PictureView& v = views[i];
@@ -350,10 +350,10 @@ RenderReport render(const RenderOptions& options) {
   std::uint64_t work = 0;
   if (options.memory_bytes != 0) {
     // Bands that are not held are drawn from further readings of what is in the picture.
-    const std::uint64_t room = options.memory_bytes - fixed;
-    if (room < pixels.bytes() + kMinWorkBytes)
-      pixels.at_once = std::clamp<std::size_t>((room - kMinWorkBytes) / pixels.band, 1, pixels.bands);
-    work = room - pixels.bytes();
+    const std::uint64_t available = options.memory_bytes - fixed;
+    if (available < pixels.bytes() + kMinWorkBytes)
+      pixels.at_once = std::clamp<std::size_t>((available - kMinWorkBytes) / pixels.band, 1, pixels.bands);
+    work = available - pixels.bytes();
   }
 
   Image sheet;

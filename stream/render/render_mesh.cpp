@@ -264,9 +264,9 @@ void MeshItem::find_borders(const RenderOptions& options, RenderReport& report) 
   const std::uint64_t budget =
       memory_bytes_ == 0 ? kUnlimited : memory_bytes_ - std::min(memory_bytes_, resident);
   // Half for joining vertices where the format does not share them, the other half for the edges then.
-  const std::uint64_t table_room = soup() ? budget / 2 : budget;
+  const std::uint64_t table_budget = soup() ? budget / 2 : budget;
   const std::uint64_t table = edge_table_bytes(vertex_count_, face_count_);
-  if (options.borders != "on" && table > table_room) {
+  if (options.borders != "on" && table > table_budget) {
     report.notices.push_back(path_.string() + ": border edges are not drawn; their table takes " +
                              format_bytes(table) +
                              "; raise --memory, or give --borders on for several passes");
@@ -281,7 +281,7 @@ void MeshItem::find_borders(const RenderOptions& options, RenderReport& report) 
       });
     };
     borders_ =
-        find_border_edges(faces, vertices, face_count_, std::max(table_room, kMinTable), kMaxBorderEdges);
+        find_border_edges(faces, vertices, face_count_, std::max(table_budget, kMinTable), kMaxBorderEdges);
     border_ends_ = edge_ends(mesh, borders_.border);
     non_manifold_ends_ = edge_ends(mesh, borders_.non_manifold);
   });

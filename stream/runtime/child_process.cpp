@@ -33,14 +33,14 @@ std::string task_argument(std::int64_t task) {
 /// Reads the child's stderr until it ends; passes a stop signal on, once.
 std::string watch(pid_t child, int pipe) {
   std::string text;
-  bool told = false;
+  bool forwarded = false;
   char buffer[1024];
   for (;;) {
     pollfd entry = {pipe, POLLIN, 0};
     const int ready = ::poll(&entry, 1, kStopCheckMs);
-    if (!told && stop_signal() != 0) {
+    if (!forwarded && stop_signal() != 0) {
       ::kill(child, stop_signal());
-      told = true;
+      forwarded = true;
     }
     if (ready <= 0) continue;
     const ssize_t got = ::read(pipe, buffer, sizeof buffer);

@@ -32,7 +32,7 @@ struct Asides {
     return aside_path(committed_path(state, name), name == kOutputName ? "" : writer);
   }
   bool is_local(const std::string& name) const {
-    return !scratch.empty() && name != kOutputName && !name.starts_with(kBesideName);
+    return !scratch.empty() && name != kOutputName && !name.starts_with(kSidecarName);
   }
   /// Where the task writes it.
   fs::path made(const std::string& name) const {
@@ -158,8 +158,8 @@ fs::path aside_path(const fs::path& final_path, const std::string& writer) {
 
 fs::path committed_path(const JobState& state, const std::string& name) {
   if (name == kOutputName) return state.output;
-  if (name.starts_with(kBesideName))
-    return state.output.parent_path() / name.substr(std::strlen(kBesideName));
+  if (name.starts_with(kSidecarName))
+    return state.output.parent_path() / name.substr(std::strlen(kSidecarName));
   return state.work / name;
 }
 

@@ -386,9 +386,9 @@ void check_until(const JobState& state, const JobDescription& job) {
   throw UsageError(fmt::format("--until {}: no such stage, there are {}", state.run.until, listed(names)));
 }
 
-std::vector<fs::path> beside_paths(const JobState& state, const JobDescription& job, bool results) {
+std::vector<fs::path> sidecar_paths(const JobState& state, const JobDescription& job, bool results) {
   std::vector<fs::path> paths;
-  for (const SidecarOutput& b : job.beside)
+  for (const SidecarOutput& b : job.sidecars)
     if (b.is_result || !results) paths.push_back(b.path(state.output));
   return paths;
 }
@@ -416,7 +416,7 @@ void check_job_writes(const JobState& state, const JobDescription& job, bool res
   }
   if (!state.run.log.empty()) writes.push_back({fs::absolute(state.run.log), "--log", Existing::kAppend});
   if (!plans)
-    for (const SidecarOutput& b : job.beside) {
+    for (const SidecarOutput& b : job.sidecars) {
       const fs::path path = b.path(state.output);
       writes.push_back({path, b.option, own(path)});
     }
@@ -459,7 +459,7 @@ Prepared prepare(JobState& state, const JobDescription& job) {
   check_job_writes(state, job, WorkDir::holds(state.work, s.identity));
   require_not_queued(state.work);
   if (nlohmann::json report;
-      job.only_stages == 0 && output_is_done(state, s.identity, beside_paths(state, job, true), report)) {
+      job.only_stages == 0 && output_is_done(state, s.identity, sidecar_paths(state, job, true), report)) {
     WorkDir::remove_discarded(state.work);
     s.done = std::move(report);
   }
@@ -509,7 +509,7 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   if (!work.created()) progress.say(fmt::format("going on with {}", state.work.string()));
   std::optional<Driver> driver;
   const auto report_now = [&] {
-    return make_report(state, identity, driver->done(), beside_paths(state, job, false),
+    return make_report(state, identity, driver->done(), sidecar_paths(state, job, false),
                        {cap_text, seconds_since(start), cpu_seconds(),
                         peak_resident_bytes() + driver->child_peak_bytes(), driver->resumed_stages()});
   };

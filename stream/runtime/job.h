@@ -46,8 +46,8 @@ struct JobDescription {
   std::size_t only_stages = 0;
   /// Adds what the report says of the whole job, from its `stages`; may be empty
   std::function<void(nlohmann::json&)> summarise;
-  std::vector<SidecarOutput> beside = {};  ///< files that stages write beside the output
-  JobPage page = {};                       ///< may be empty
+  std::vector<SidecarOutput> sidecars = {};  ///< files that stages write beside the output
+  JobPage page = {};                         ///< may be empty
   /// By what is known before the first stage, under the cap of the state. A cap below what stages that are still to come
   /// need for sure is refused at once; what they are likely to need decides which cap is named then.
   std::function<std::vector<StageNeed>(const JobState&)> needs = {};

@@ -56,12 +56,12 @@ std::string cost_text(const nlohmann::json& report) {
 
 void write_reports(const JobState& state, const JobDescription& job, nlohmann::json& report,
                    std::chrono::steady_clock::time_point start) {
-  for (const SidecarOutput& b : job.beside) {
+  for (const SidecarOutput& b : job.sidecars) {
     const fs::path path = b.path(state.output);
     if (!b.text || path.empty()) continue;
     if (const std::string text = b.text(report); !text.empty()) {
       write_durably(path, text);
-      add_beside(report, path);
+      add_sidecar(report, path);
     } else {
       fs::remove(path);  // that of an earlier run (--force) is not of this output
     }

@@ -14,7 +14,7 @@
 
 namespace tessera {
 
-/// A committed file: name relative to the work directory, kOutputName for the job's output, or after kBesideName.
+/// A committed file: name relative to the work directory, kOutputName for the job's output, or after kSidecarName.
 struct FileRecord {
   std::string name;
   std::uint64_t bytes = 0;
@@ -24,7 +24,7 @@ struct FileRecord {
 
 inline constexpr const char* kOutputName = "@output";  ///< name of the job's output in TaskContext::create()
 /// Begins the names of files of an output that is more than one: "@beside/tiles/0.glb" lies in the output's folder.
-inline constexpr const char* kBesideName = "@beside/";
+inline constexpr const char* kSidecarName = "@beside/";
 inline constexpr std::int64_t kFinishTask = -1;  ///< TaskRecord::task of a stage's finish()
 
 /// One committed task.

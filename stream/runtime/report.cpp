@@ -51,7 +51,7 @@ nlohmann::json earlier_report(const JobState& state) {
 }
 
 /// What it says of a file beside the output.
-nlohmann::json described_beside(const nlohmann::json& report, const fs::path& file) {
+nlohmann::json described_sidecar(const nlohmann::json& report, const fs::path& file) {
   if (report.is_object())
     for (const nlohmann::json& entry : report.value("beside", nlohmann::json::array()))
       if (entry.is_object() && entry.value("path", "") == json_text(file)) return entry;
@@ -71,7 +71,7 @@ nlohmann::json result_of(const nlohmann::json& report, const std::string& stage)
 }
 
 nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
-                           const std::vector<StageRecords>& done, const std::vector<fs::path>& beside,
+                           const std::vector<StageRecords>& done, const std::vector<fs::path>& sidecars,
                            const RunFigures& figures) {
   nlohmann::json stages = nlohmann::json::array();
   nlohmann::json warnings = nlohmann::json::array();
@@ -92,7 +92,7 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
     stages.push_back(std::move(stage));
   }
   nlohmann::json others = nlohmann::json::array();
-  for (const fs::path& path : beside)
+  for (const fs::path& path : sidecars)
     if (fs::exists(path)) others.push_back(describe_file(path));
   return {{"schema", kReportSchema},
           {"tool", "tessera"},
@@ -120,7 +120,7 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
           {"beside", std::move(others)}};
 }
 
-void add_beside(nlohmann::json& report, const fs::path& file) {
+void add_sidecar(nlohmann::json& report, const fs::path& file) {
   nlohmann::json others = nlohmann::json::array();
   for (const nlohmann::json& entry : report.at("beside"))
     if (entry.at("path") != json_text(file)) others.push_back(entry);
@@ -146,7 +146,7 @@ bool is_own_earlier_file(const JobState& state, const fs::path& file) {
   if (!report.is_object()) return false;
   const nlohmann::json output = report.value("output", nlohmann::json());
   if (!output.is_object() || output.value("path", "") != json_text(state.output)) return false;
-  return file == report_path(state) || stands(file, described_beside(report, file));
+  return file == report_path(state) || stands(file, described_sidecar(report, file));
 }
 
 bool output_is_done(const JobState& state, const nlohmann::json& identity,
@@ -156,7 +156,7 @@ bool output_is_done(const JobState& state, const nlohmann::json& identity,
   if (report.is_object() && report.value("job", "") == job_hash(identity) &&
       stands(state.output, report.value("output", nlohmann::json()))) {
     return std::all_of(results.begin(), results.end(),
-                       [&](const fs::path& file) { return stands(file, described_beside(report, file)); });
+                       [&](const fs::path& file) { return stands(file, described_sidecar(report, file)); });
   }
   throw UsageError(
       fmt::format("{}: is there already and not the result of this very command: give --force to "

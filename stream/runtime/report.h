@@ -32,10 +32,10 @@ nlohmann::json warnings_of(const nlohmann::json& entry);
 /// stages were committed has refused {code, meaning, message}, and of the output the path alone.
 nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
                            const std::vector<StageRecords>& done,
-                           const std::vector<std::filesystem::path>& beside, const RunFigures& figures);
+                           const std::vector<std::filesystem::path>& sidecars, const RunFigures& figures);
 
 /// Adds a file to what stands beside the output; once, whatever is known of it.
-void add_beside(nlohmann::json& report, const std::filesystem::path& file);
+void add_sidecar(nlohmann::json& report, const std::filesystem::path& file);
 
 /// What a stage reported; null where it did not run.
 nlohmann::json result_of(const nlohmann::json& report, const std::string& stage);

@@ -10,17 +10,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const fuzz::MemoryFile file(fuzz::text_of(data + 1, size - 1));
   switch (data[0] % 3) {
     case 0:
-      fuzz::told([&] {
+      fuzz::accepted([&] {
         const std::string text = read_edit_text(file.path());
         const EditScript script = parse_edit(text, "the edit");
         pose_of(script, script.handles);
       });
       break;
     case 1:
-      fuzz::told([&] { read_poses(file.path()); });
+      fuzz::accepted([&] { read_poses(file.path()); });
       break;
     default:
-      fuzz::told([&] { with_controls("", file.path()); });
+      fuzz::accepted([&] { with_controls("", file.path()); });
       break;
   }
   return 0;

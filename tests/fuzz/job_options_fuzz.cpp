@@ -29,7 +29,7 @@ template <class Options>
 void try_table(const std::string& text) {
   Options options;
   const OptionTable table = option_table(options);
-  const bool took = fuzz::told([&] {
+  const bool took = fuzz::accepted([&] {
     if (text.starts_with('{')) {
       const nlohmann::json values = nlohmann::json::parse(text, nullptr, false);
       if (values.is_discarded()) throw UsageError("no JSON");
@@ -46,7 +46,7 @@ void try_table(const std::string& text) {
   Options again;
   read_table_text(option_table(again), table_text(table));
   fuzz::require(table_text(option_table(again)) == table_text(table), "a table's text reads back as itself");
-  if constexpr (requires { options.validate(); }) fuzz::told([&] { options.validate(); });
+  if constexpr (requires { options.validate(); }) fuzz::accepted([&] { options.validate(); });
 }
 
 }  // namespace

@@ -38,13 +38,13 @@ void right_checksums(std::string& bytes) {
 
 void read_all(const std::string& bytes) {
   const fuzz::MemoryFile file(bytes);
-  fuzz::told([&] {
+  fuzz::accepted([&] {
     const PackedTables<Entry> tables({file.path()}, kKind);
     for (const Entry& entry : tables.entries()) {
       if (entry.section.bytes > bytes.size())
         continue;  // stores allocate by the counts of their tables: asked below
-      fuzz::told([&] { tables.file_of(entry).load<char>(entry.section); });
-      fuzz::told([&] {
+      fuzz::accepted([&] { tables.file_of(entry).load<char>(entry.section); });
+      fuzz::accepted([&] {
         SectionReader reader(tables.file_of(entry), entry.section);
         char part[7];
         while (reader.left() > 0) reader.next(part, std::min<std::uint64_t>(sizeof part, reader.left()));

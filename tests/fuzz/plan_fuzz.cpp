@@ -7,7 +7,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tessera;
   const fuzz::MemoryFile file(fuzz::text_of(data, size));
-  fuzz::told([&] {
+  fuzz::accepted([&] {
     const Plan plan = Plan::load(file.path());
     const fuzz::MemoryFile copy(
         plan.to_json().dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));

@@ -5,7 +5,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tessera;
   const fuzz::MemoryFile file(fuzz::text_of(data, size));
-  fuzz::told([&] {
+  fuzz::accepted([&] {
     const ClipPolygon polygon = ClipPolygon::from_text(ClipPolygon::text_of_file(file.path()));
     const auto& low = polygon.min();
     const auto& high = polygon.max();

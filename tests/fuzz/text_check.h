@@ -13,7 +13,7 @@ namespace tessera::fuzz {
 /// True if `work` ended well, false if it threw what the user is told: InputError or UsageError. Anything else escapes,
 /// and the fuzzer reports it.
 template <class Work>
-bool told(Work&& work) {
+bool accepted(Work&& work) {
   try {
     work();
     return true;

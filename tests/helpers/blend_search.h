@@ -15,17 +15,17 @@ inline std::vector<BlendCurve> search_blends(const MeshBlock& block, double radi
       curvature_tensors(block, std::vector<std::uint8_t>(block.key.size(), 1), radius);
   constexpr std::uint32_t kNone = 0xffffffffu;
   std::vector<BandVertex> band;
-  std::vector<std::uint32_t> place(curvatures.size(), kNone);
+  std::vector<std::uint32_t> slot(curvatures.size(), kNone);
   for (std::size_t v = 0; v < curvatures.size(); ++v) {
     if (!is_in_band(curvatures[v].across, curvatures[v].minimum, options)) continue;
-    place[v] = static_cast<std::uint32_t>(band.size());
+    slot[v] = static_cast<std::uint32_t>(band.size());
     band.push_back(
         {block.key[v], block.position[v], curvatures[v].normal, curvatures[v].along, curvatures[v].across});
   }
   std::vector<std::pair<std::uint32_t, std::uint32_t>> links;
   for (const auto& f : block.faces)
     for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t a = place[f[k]], b = place[f[(k + 1) % 3]];
+      const std::uint32_t a = slot[f[k]], b = slot[f[(k + 1) % 3]];
       if (a != kNone && b != kNone) links.push_back({a, b});
     }
   return trace_bands(band, links, options, step);

@@ -35,7 +35,7 @@ double distance_to_segment(const Double3& p, const Double3& a, const Double3& b)
 
 Double3 ExactScan::to_cells(const Double3& p) const {
   Double3 q;
-  for (std::size_t k = 0; k < 3; ++k) q[k] = dot(turn[k], p) / h + origin[k];
+  for (std::size_t k = 0; k < 3; ++k) q[k] = dot(matrix[k], p) / h + origin[k];
   return q;
 }
 
@@ -43,15 +43,15 @@ Double3 ExactScan::to_scene(const Double3& p) const {
   const Double3 q = (p - origin) * h;
   Double3 s{};
   for (std::size_t k = 0; k < 3; ++k)
-    for (std::size_t c = 0; c < 3; ++c) s[c] += turn[k][c] * q[k];
+    for (std::size_t c = 0; c < 3; ++c) s[c] += matrix[k][c] * q[k];
   return s;
 }
 
-ExactScan make_exact_scan(const std::string& scene, double h, int turned, const Double3& shift) {
+ExactScan make_exact_scan(const std::string& scene, double h, int pose, const Double3& shift) {
   ExactScan scan;
   scan.scene = synth::make_scene({scene, 0, 0});
   scan.h = h;
-  scan.turn = rotation(turned);
+  scan.matrix = rotation(pose);
   const synth::Box3 box = scan.scene->bounds();
   Double3 low = {1e9, 1e9, 1e9}, high = {-1e9, -1e9, -1e9};
   for (int c = 0; c < 8; ++c) {
@@ -76,7 +76,7 @@ ExactScan make_exact_scan(const std::string& scene, double h, int turned, const 
       Sample sample;
       sample.p = scan.to_cells({s.x[i], s.y[i], s.z[i]});
       const Double3 n = {s.nx[i], s.ny[i], s.nz[i]};
-      for (std::size_t k = 0; k < 3; ++k) sample.n[k] = dot(scan.turn[k], n);
+      for (std::size_t k = 0; k < 3; ++k) sample.n[k] = dot(scan.matrix[k], n);
       scan.samples.push_back(sample);
     }
   }

@@ -15,7 +15,7 @@ namespace tessera::test {
 /// A scene on the lattice: p_cells = turn p_scene / h + origin.
 struct ExactScan {
   std::unique_ptr<synth::Scene> scene;
-  std::array<Double3, 3> turn = {Double3{1, 0, 0}, Double3{0, 1, 0}, Double3{0, 0, 1}};  ///< rows
+  std::array<Double3, 3> matrix = {Double3{1, 0, 0}, Double3{0, 1, 0}, Double3{0, 0, 1}};  ///< rows
   Double3 origin = {0, 0, 0};
   double h = 1.0;
   Samples samples;
@@ -28,9 +28,9 @@ struct ExactScan {
 inline constexpr int kScanOrigin = 64;
 
 /// \param h       scene units; the samples lie 1 / spacings apart in it
-/// \param turned  0 = along the axes, else one of many rotations
+/// \param pose  0 = along the axes, else one of many rotations
 /// \param shift   of the scene's origin relative to a node, cells
-ExactScan make_exact_scan(const std::string& scene, double h, int turned, const Double3& shift);
+ExactScan make_exact_scan(const std::string& scene, double h, int pose, const Double3& shift);
 
 /// Distances in cells.
 struct FeatureErrors {

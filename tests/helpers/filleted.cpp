@@ -14,10 +14,10 @@ struct ProfilePoint {
   double x, y, nx, ny;
 };
 ProfilePoint profile_at(const Swept& s, double u) {
-  const double turn = s.turn_deg * kPi / 180.0, half = 0.5 * turn * s.radius;
+  const double arc_angle = s.arc_deg * kPi / 180.0, half = 0.5 * arc_angle * s.radius;
   const double sign = s.convex ? 1.0 : -1.0;
   const double inside = std::clamp(u, -half, half);
-  const double angle = s.radius > 0.0 ? inside / s.radius : u < 0.0 ? -0.5 * turn : 0.5 * turn;
+  const double angle = s.radius > 0.0 ? inside / s.radius : u < 0.0 ? -0.5 * arc_angle : 0.5 * arc_angle;
   const SinCos a = sin_cos(angle);
   const double beyond = u - inside;
   return {s.radius * a.sin + beyond * a.cos, sign * (s.radius * (a.cos - 1.0) - beyond * a.sin), sign * a.sin,
@@ -31,9 +31,9 @@ double random_in(std::uint64_t seed, std::uint64_t stream, std::uint64_t index) 
 }  // namespace
 
 MeshBlock swept_block(const Swept& s) {
-  const double turn = s.turn_deg * kPi / 180.0;
-  const double wide = turn * s.radius + 2.0 * s.flank;
-  const double length = s.closed ? 2.0 * kPi * s.bend : s.length;
+  const double arc_angle = s.arc_deg * kPi / 180.0;
+  const double wide = arc_angle * s.radius + 2.0 * s.flank;
+  const double length = s.closed ? 2.0 * kPi * s.sweep_radius : s.length;
   const int columns = 2 * static_cast<int>(0.5 * wide / s.edge), rows = static_cast<int>(length / s.edge);
   std::vector<Double3> position;
   for (int j = 0; j <= rows - (s.closed ? 1 : 0); ++j)
@@ -50,10 +50,10 @@ MeshBlock swept_block(const Swept& s) {
           s.noise > 0.0 ? s.noise * gaussian(random_bits(s.seed, 2, index), random_bits(s.seed, 3, index))
                         : 0.0;
       const double x = p.x + off * p.nx, z = p.y + off * p.ny;
-      if (s.bend > 0.0) {
-        const SinCos a = sin_cos(v / s.bend);
+      if (s.sweep_radius > 0.0) {
+        const SinCos a = sin_cos(v / s.sweep_radius);
         // x grows inwards, so that x, z and the way along are right-handed as they are on the straight one.
-        position.push_back({(s.bend - x) * a.cos, (s.bend - x) * a.sin, z});
+        position.push_back({(s.sweep_radius - x) * a.cos, (s.sweep_radius - x) * a.sin, z});
       } else {
         position.push_back({x, v, z});
       }
@@ -73,7 +73,7 @@ MeshBlock swept_block(const Swept& s) {
         faces.push_back({at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)});
       }
     }
-  if (s.bend > 0.0)
+  if (s.sweep_radius > 0.0)
     for (auto& f : faces) std::swap(f[1], f[2]);
   return make_block(position, faces);
 }

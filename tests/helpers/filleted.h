@@ -9,10 +9,11 @@ namespace tessera::test {
 struct Swept {
   double radius = 3.0;  ///< of the arc; 0: sharp
   bool convex = true;
-  double turn_deg = 90.0;
+  double arc_deg = 90.0;
   double flank = 12.0;   ///< length of each
   double length = 40.0;  ///< of the sweep, along its spine
-  double bend = 0.0;  ///< radius of the circle that it is swept along, to the middle of the arc; 0: straight
+  double sweep_radius =
+      0.0;  ///< radius of the circle that it is swept along, to the middle of the arc; 0: straight
   bool closed = false;  ///< all around the circle; `length` does not count
   double edge = 1.0;    ///< about, of the triangles
   double jitter = 0.3;  ///< of it, along the surface: vertices stay on it

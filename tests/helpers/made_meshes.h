@@ -68,9 +68,9 @@ inline WholeMesh made_part(const std::set<std::array<int, 3>>& cubes, int n, dou
   for (const auto& cube : cubes)
     for (std::size_t axis = 0; axis < 3; ++axis)
       for (const int sign : {-1, 1}) {
-        auto beside = cube;
-        beside[axis] += sign;
-        if (cubes.count(beside) != 0) continue;
+        auto adjacent = cube;
+        adjacent[axis] += sign;
+        if (cubes.count(adjacent) != 0) continue;
         const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
         const auto corner = [&](int i, int j) {
           std::array<int, 3> p = {cube[0] * n, cube[1] * n, cube[2] * n};

@@ -56,11 +56,12 @@ json half_space(const Double3& d, double at) {
 
 /// Turns about a centre, and moves: no point within `radius` of it goes farther than `maximum`.
 json motion(Random& random, const Double3& centre, double radius, double maximum) {
-  const double turn = random.unit(), degrees = std::min(40.0, turn * maximum / radius * 180.0 / 3.14159265);
+  const double rotation = random.unit(),
+               degrees = std::min(40.0, rotation * maximum / radius * 180.0 / 3.14159265);
   json steps = json::array();
   steps.push_back(
       {{"rotate", {{"axis", list(direction(random))}, {"angle", degrees}, {"centre", list(centre)}}}});
-  steps.push_back({{"move", list(direction(random) * ((1.0 - turn) * maximum))}});
+  steps.push_back({{"move", list(direction(random) * ((1.0 - rotation) * maximum))}});
   return steps;
 }
 
@@ -169,7 +170,7 @@ json random_edit(Points points, std::uint64_t seed) {
   return edit;
 }
 
-FlippedFaces reversed_faces(Points before, Points after, Faces faces, double minimum) {
+FlippedFaces flipped_faces(Points before, Points after, Faces faces, double minimum) {
   FlippedFaces out;
   for (std::size_t v = 0; v < after.size(); ++v)
     if (!std::isfinite(dot(after[v], after[v])) && std::isfinite(dot(before[v], before[v]))) ++out.not_finite;
@@ -179,7 +180,7 @@ FlippedFaces reversed_faces(Points before, Points after, Faces faces, double min
     return normal;
   };
   const std::vector<Eigen::Vector3d> was = normals(before), is = normals(after);
-  const std::vector<Matrix> turn =
+  const std::vector<Matrix> rotation =
       spread(before.size(), faces, Matrix(Matrix::Zero()), kRings, [&](std::size_t j) {
         Matrix sum = Matrix::Zero();
         for (std::size_t k = 0; k < 3; ++k) {
@@ -194,9 +195,9 @@ FlippedFaces reversed_faces(Points before, Points after, Faces faces, double min
     for (std::size_t k = 0; k < 3; ++k)
       longest = std::max(longest, norm(before[f[k]] - before[f[(k + 1) % 3]]));
     if (!(was[j].norm() > minimum * longest) || before[f[0]] == after[f[0]]) continue;
-    const Matrix here = turn[f[0]] + turn[f[1]] + turn[f[2]];
+    const Matrix here = rotation[f[0]] + rotation[f[1]] + rotation[f[2]];
     if ((nearest_rotation(here) * was[j]).dot(is[j]) >= 0.0) continue;
-    ++(was[j].norm() < kThin * longest * longest ? out.thin : out.over);
+    ++(was[j].norm() < kThin * longest * longest ? out.thin : out.count);
   }
   return out;
 }

@@ -18,13 +18,13 @@ namespace tessera::test {
 nlohmann::json random_edit(std::span<const Double3> points, std::uint64_t seed);
 
 struct FlippedFaces {
-  std::size_t over = 0;  ///< against how the surface around turns: the rotation that fits three rings best
-  std::size_t thin = 0;  ///< the same of faces ten times as long as high, whose corners bend out of line
+  std::size_t count = 0;  ///< against how the surface around turns: the rotation that fits three rings best
+  std::size_t thin = 0;   ///< the same of faces ten times as long as high, whose corners bend out of line
   std::size_t not_finite = 0;
 };
 
 /// Faces without area before, or thinner than `minimum`, say nothing and are left out.
-FlippedFaces reversed_faces(std::span<const Double3> before, std::span<const Double3> after,
-                            std::span<const std::array<std::uint64_t, 3>> faces, double minimum);
+FlippedFaces flipped_faces(std::span<const Double3> before, std::span<const Double3> after,
+                           std::span<const std::array<std::uint64_t, 3>> faces, double minimum);
 
 }  // namespace tessera::test

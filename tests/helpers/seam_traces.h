@@ -151,7 +151,7 @@ inline std::vector<SeamTrace> seam_traces(const std::filesystem::path& work) {
   const double brick = lattice.h * kBrickCells;
 
   // An edge to either side, and as far as later passes mend beside a seam.
-  constexpr double kBeside = 1.0, kMended = 6.0;
+  constexpr double kNearSeam = 1.0, kMended = 6.0;
   constexpr double kAcross = 0.5;  // planes that the surface all but lies in are no seams of it
   std::vector<std::vector<MeshBlockCut>> blocks;
   std::vector<std::vector<SeamBand>> bands;
@@ -160,8 +160,9 @@ inline std::vector<SeamTrace> seam_traces(const std::filesystem::path& work) {
     blocks.push_back(remesh_blocks(in, reference, options, sizing, pass));
     const std::string name =
         "pass " + std::to_string(pass + 1) + " (" + std::to_string(blocks.back().size()) + " blocks)";
-    bands.push_back({{name + ", beside seams", kBeside}, {name + ", six edges to either side", kMended}});
-    if (pass > 0) bands.back().emplace_back(name + ", beside seams where the pass before left some", kBeside);
+    bands.push_back({{name + ", beside seams", kNearSeam}, {name + ", six edges to either side", kMended}});
+    if (pass > 0)
+      bands.back().emplace_back(name + ", beside seams where the pass before left some", kNearSeam);
   }
   for (std::size_t patch = 0; patch < mesh.patches().size(); ++patch) {
     const Int3 here = brick_of_key(mesh.patches()[patch].key);

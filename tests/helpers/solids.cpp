@@ -20,8 +20,8 @@ std::array<Double3, 2> frame(const Double3& n) {
 
 struct Axes {
   Double3 u = {1, 0, 0}, v = {0, 1, 0}, w = {0, 0, 1};
-  explicit Axes(bool turned) {
-    if (!turned) return;
+  explicit Axes(bool rotated) {
+    if (!rotated) return;
     u = unit(Double3{0.8, 0.47, -0.31});
     v = unit(cross(Double3{0.2, -0.1, 0.9}, u));
     w = cross(u, v);
@@ -102,25 +102,25 @@ double Solid::normal_error(const Double3& p, const Double3& n, double near) cons
   return best;
 }
 
-Solid make_box(const Double3& centre, const Double3& half, bool turned) {
+Solid make_box(const Double3& centre, const Double3& half, bool rotated) {
   Solid solid;
-  add_box_faces(centre, half, Axes(turned), solid.faces);
+  add_box_faces(centre, half, Axes(rotated), solid.faces);
   solid.join = all;
   return solid;
 }
 
-Solid make_bored_block(const Double3& centre, const Double3& half, double bore, bool turned) {
+Solid make_bored_block(const Double3& centre, const Double3& half, double bore, bool rotated) {
   Solid solid;
-  const Axes axes(turned);
+  const Axes axes(rotated);
   add_box_faces(centre, half, axes, solid.faces);
   solid.faces.push_back({along(centre, axes.u, 0.1), axes.w, -bore});
   solid.join = all;
   return solid;
 }
 
-Solid make_fandisk(const Double3& centre, double size, bool turned) {
+Solid make_fandisk(const Double3& centre, double size, bool rotated) {
   Solid solid;
-  const Axes axes(turned);
+  const Axes axes(rotated);
   add_box_faces(centre, {size, 0.8 * size, 0.6 * size}, axes, solid.faces);  // 0..5
   // A roof plane that meets the top at 30 degrees, a flank of a large cylinder.
   solid.faces.push_back(
@@ -137,9 +137,9 @@ Solid make_fandisk(const Double3& centre, double size, bool turned) {
   return solid;
 }
 
-Solid make_slab(const Double3& centre, double thickness, bool gap, bool turned) {
+Solid make_slab(const Double3& centre, double thickness, bool gap, bool rotated) {
   Solid solid;
-  const Axes axes(turned);
+  const Axes axes(rotated);
   const double side = gap ? -1.0 : 1.0;
   solid.faces.push_back({along(centre, axes.w, 0.5 * thickness), along({0, 0, 0}, axes.w, side), 0});
   solid.faces.push_back({along(centre, axes.w, -0.5 * thickness), along({0, 0, 0}, axes.w, -side), 0});
@@ -149,9 +149,9 @@ Solid make_slab(const Double3& centre, double thickness, bool gap, bool turned) 
   return solid;
 }
 
-Solid make_step(const Double3& centre, double height, bool turned) {
+Solid make_step(const Double3& centre, double height, bool rotated) {
   Solid solid;
-  const Axes axes(turned);
+  const Axes axes(rotated);
   solid.faces.push_back({along(centre, axes.w, -0.5 * height), axes.w, 0});
   solid.faces.push_back({along(centre, axes.w, 0.5 * height), axes.w, 0});
   solid.faces.push_back({centre, axes.u, 0});

@@ -30,14 +30,14 @@ struct Solid {
 };
 
 /// Box of half sizes `half` about `centre`, turned by the rotation that takes the axes to (u, v, w).
-Solid make_box(const Double3& centre, const Double3& half, bool turned);
+Solid make_box(const Double3& centre, const Double3& half, bool rotated);
 /// Box with a bore of the given radius along its w axis.
-Solid make_bored_block(const Double3& centre, const Double3& half, double bore, bool turned);
+Solid make_bored_block(const Double3& centre, const Double3& half, double bore, bool rotated);
 /// In the manner of the fandisk: shallow and steep creases, a curved flank, a concave step.
-Solid make_fandisk(const Double3& centre, double size, bool turned);
+Solid make_fandisk(const Double3& centre, double size, bool rotated);
 /// Two parallel faces: a plate of the given thickness, or (`gap`) the slot between two half spaces.
-Solid make_slab(const Double3& centre, double thickness, bool gap, bool turned);
+Solid make_slab(const Double3& centre, double thickness, bool gap, bool rotated);
 /// A step of the given height between two parallel planes.
-Solid make_step(const Double3& centre, double height, bool turned);
+Solid make_step(const Double3& centre, double height, bool rotated);
 
 }  // namespace tessera::test

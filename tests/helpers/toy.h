@@ -30,8 +30,8 @@ class Toy {
     return shell(environment + " " TESSERA_TOY_JOB " task " + work().string() + " " + stage + " " + k);
   }
   /// The same beside a shell command that begins once this one has done a task; $first is its process.
-  Outcome run_beside(const std::string& arguments, const std::string& environment,
-                     const std::string& then) const {
+  Outcome run_alongside(const std::string& arguments, const std::string& environment,
+                        const std::string& then) const {
     return shell("exec env " + command(arguments, environment) +
                  " & first=$!; for i in $(seq 3000); do [ -n \"$(ls " + (work() / "journal").string() +
                  " 2>/dev/null)\" ] && break; sleep 0.01; done; " + then);

@@ -14,7 +14,7 @@ bool is_stage(const std::string& path) {
   return under(path, "stream/stages") || stem_of(path).ends_with("_stage");
 }
 
-std::string place(const Source& s, std::size_t line) {
+std::string location(const Source& s, std::size_t line) {
   return s.path + ":" + std::to_string(line + 1);
 }
 
@@ -99,7 +99,7 @@ Findings check_kernel_words(const Sources& sources, const std::map<std::string, 
         if (allowed.count(s.path + " " + word) == 1) {
           used.insert(s.path + " " + word);
         } else {
-          out.push_back(place(s, i) + ": " + word + " has no place in " + folder_of(s.path));
+          out.push_back(location(s, i) + ": " + word + " has no place in " + folder_of(s.path));
         }
       }
     }
@@ -120,7 +120,7 @@ Findings check_heavy_headers(const Sources& sources, const std::set<std::string>
     for (std::size_t i = 0; i < s.lines.size(); ++i)
       for (const std::string heavy : kHeavy)
         if (s.lines[i].starts_with("#include " + heavy) && allowed.count(s.path + " " + heavy) == 0)
-          out.push_back(place(s, i) + ": every reader pays for " + heavy + "...: include it in the .cpp");
+          out.push_back(location(s, i) + ": every reader pays for " + heavy + "...: include it in the .cpp");
   }
   return out;
 }

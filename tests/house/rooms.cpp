@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kMaxStems = 25;
 
 /// Rooms of kernels/: what each may use besides itself, octree and solvers.
-const std::map<std::string, std::set<std::string>> kKernelRooms = {
+const std::map<std::string, std::set<std::string>> kKernelFolders = {
     {"mesh", {}},
     {"points", {}},
     {"picture", {}},
@@ -62,8 +62,9 @@ bool allowed(const std::string& from, const std::string& to) {
   const auto floor = kFloors.find(floor_of(from));
   if (floor == kFloors.end() || floor->second.count(floor_of(to)) == 0) return false;
   if (under(from, "kernels") && under(to, "kernels")) {
-    const auto room = kKernelRooms.find(from.substr(std::string("kernels/").size()));
-    return room != kKernelRooms.end() && room->second.count(to.substr(std::string("kernels/").size())) == 1;
+    const auto entry = kKernelFolders.find(from.substr(std::string("kernels/").size()));
+    return entry != kKernelFolders.end() &&
+           entry->second.count(to.substr(std::string("kernels/").size())) == 1;
   }
   if (under(from, "stream") && under(to, "stream"))
     return height(from) >= 0 && height(to) >= 0 && height(to) <= height(from);
@@ -72,7 +73,7 @@ bool allowed(const std::string& from, const std::string& to) {
 
 bool known(const std::string& folder) {
   if (folder.starts_with("kernels/"))
-    return kKernelRooms.count(folder.substr(std::string("kernels/").size())) == 1;
+    return kKernelFolders.count(folder.substr(std::string("kernels/").size())) == 1;
   if (folder.starts_with("stream/")) return height(folder) >= 0;
   return folder != "kernels" && folder != "stream";
 }

@@ -70,9 +70,9 @@ TEST_CASE("small matrix: the least eigenvalue without rotations is that of the r
     std::array<double, 6> m{};
     for (int p = 0; p < 6; ++p) {  // a cloud, leaning
       const Double3 at = {next() + 0.3 * next(), next(), flat * next()};
-      const Double3 turned = {0.6 * at[0] - 0.8 * at[2], at[1], 0.8 * at[0] + 0.6 * at[2]};
-      m[0] += turned[0] * turned[0], m[1] += turned[0] * turned[1], m[2] += turned[0] * turned[2];
-      m[3] += turned[1] * turned[1], m[4] += turned[1] * turned[2], m[5] += turned[2] * turned[2];
+      const Double3 rotated = {0.6 * at[0] - 0.8 * at[2], at[1], 0.8 * at[0] + 0.6 * at[2]};
+      m[0] += rotated[0] * rotated[0], m[1] += rotated[0] * rotated[1], m[2] += rotated[0] * rotated[2];
+      m[3] += rotated[1] * rotated[1], m[4] += rotated[1] * rotated[2], m[5] += rotated[2] * rotated[2];
     }
     Double3 values;
     std::array<Double3, 3> vectors;

@@ -107,21 +107,21 @@ TEST_CASE("caps: what tasks allocate is reserved", "[memory]") {
   const std::string layer = TESSERA_ALLOCATION_LAYER;
   for (const Words& words : jobs(files)) {
     CAPTURE(words);
-    const std::string told = files.at("allocations.txt");
-    ::setenv("TESSERA_ALLOCATIONS", told.c_str(), 1);
-    std::filesystem::remove(told);
+    const std::string log_path = files.at("allocations.txt");
+    ::setenv("TESSERA_ALLOCATIONS", log_path.c_str(), 1);
+    std::filesystem::remove(log_path);
     const CommandResult done = files.with(words, "1G", "LD_PRELOAD=" + layer);
     ::unsetenv("TESSERA_ALLOCATIONS");
     INFO(done.errors);
     REQUIRE(done.code == 0);
-    std::ifstream file(told);
+    std::ifstream file(log_path);
     std::string word;
-    std::int64_t beyond = 0, beside = 0, bytes = 0;  // of the command and of what it started
+    std::int64_t beyond = 0, unreserved = 0, bytes = 0;  // of the command and of what it started
     while (file >> word >> bytes)
-      (word == "beyond" ? beyond : beside) = std::max(word == "beyond" ? beyond : beside, bytes);
-    REQUIRE(beside > 0);
+      (word == "beyond" ? beyond : unreserved) = std::max(word == "beyond" ? beyond : unreserved, bytes);
+    REQUIRE(unreserved > 0);
     CHECK(beyond <= static_cast<std::int64_t>(kMiB));
-    CHECK(beside <= static_cast<std::int64_t>(kMiB));
+    CHECK(unreserved <= static_cast<std::int64_t>(kMiB));
   }
 }
 

@@ -139,15 +139,15 @@ TEST_CASE("decimate: faces that close holes stay marked, and where they meet the
   REQUIRE(tessera_command(words(in, out, {"--tolerance", "0.1"})).code == 0);
   const auto mesh = open_mesh_file(out);
   REQUIRE(mesh->has_synthetic());
-  std::vector<Double3> position;
+  std::vector<Double3> decimated;
   mesh->read_vertices([&](std::span<const Double3> p, std::span<const std::uint32_t>) {
-    position.insert(position.end(), p.begin(), p.end());
+    decimated.insert(decimated.end(), p.begin(), p.end());
   });
   double marked = 0.0, all = 0.0;
   std::size_t count = 0;
   mesh->read_flagged_faces([&](std::span<const MeshFace> f, std::span<const std::uint8_t> flags) {
     for (std::size_t k = 0; k < f.size(); ++k, ++count) {
-      const Double3 &a = position[f[k][0]], &b = position[f[k][1]], &c = position[f[k][2]];
+      const Double3 &a = decimated[f[k][0]], &b = decimated[f[k][1]], &c = decimated[f[k][2]];
       const double area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
       all += area;
       if (flags[k]) marked += area;

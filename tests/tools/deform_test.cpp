@@ -35,9 +35,9 @@ fs::path write_bar(const fs::path& path, int side) {
   const int around = side, along = 4 * side;
   for (int i = 0; i <= along; ++i)
     for (int j = 0; j < around; ++j) {
-      const double x = kLength * i / along, turn = 2.0 * 3.14159265358979 * j / around;
-      const double r = 1.0 + 0.01 * std::sin(20.0 * x) * std::cos(9.0 * turn);
-      mesh.points.push_back(wide(narrow(Double3{x, r * std::cos(turn), r * std::sin(turn)})));
+      const double x = kLength * i / along, angle = 2.0 * 3.14159265358979 * j / around;
+      const double r = 1.0 + 0.01 * std::sin(20.0 * x) * std::cos(9.0 * angle);
+      mesh.points.push_back(wide(narrow(Double3{x, r * std::cos(angle), r * std::sin(angle)})));
     }
   const auto at = [&](int i, int j) { return static_cast<std::uint64_t>(i * around + j % around); };
   for (int i = 0; i < along; ++i)
@@ -91,7 +91,7 @@ json report_of(const fs::path& out) {
   return json::parse(file_bytes(out.string() + ".report.json"));
 }
 
-const Placement kTurn = rotation({0, 0, 1}, 60.0).about({5, 0, 0});
+const Placement kRotation = rotation({0, 0, 1}, 60.0).about({5, 0, 0});
 
 /// Fixed vertices keep their bits but for those within a face of the support, those of the handle turn.
 void require_bent(const fs::path& in, const fs::path& out, double tolerance) {
@@ -101,7 +101,7 @@ void require_bent(const fs::path& in, const fs::path& out, double tolerance) {
   for (std::size_t v = 0; v < before.points.size(); ++v) {
     const Double3 p = before.points[v], q = after.points[v];
     if (p[0] < 1.5) CHECK(p == q);
-    if (p[0] > 8.2) CHECK(norm(q - kTurn.apply(p)) < tolerance);
+    if (p[0] > 8.2) CHECK(norm(q - kRotation.apply(p)) < tolerance);
   }
 }
 
@@ -275,7 +275,8 @@ TEST_CASE("deform: regions by paint and by creases", "[pipeline]") {
     const WholeMesh before = read_whole(in), after = read_whole(out);
     for (std::size_t v = 0; v < before.points.size(); ++v) {
       if (before.points[v][0] == 0.0) CHECK(norm(after.points[v] - before.points[v]) < 0.02);
-      if (before.points[v][0] == kLength) CHECK(norm(after.points[v] - kTurn.apply(before.points[v])) < 0.02);
+      if (before.points[v][0] == kLength)
+        CHECK(norm(after.points[v] - kRotation.apply(before.points[v])) < 0.02);
     }
   }
 }

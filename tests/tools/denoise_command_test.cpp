@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 namespace {
 
 /// Denoises the mesh with noise of a fifth of its edges on it. \returns how many times nearer to the truth it is
-double gain(const WholeMesh& clean, nlohmann::json& told) {
+double gain(const WholeMesh& clean, nlohmann::json& figures) {
   const TempFolder folder;
   const fs::path in = folder.path() / "noisy.ply", out = folder.path() / "denoised.ply";
   std::vector<std::array<std::uint32_t, 3>> faces;
@@ -51,7 +51,7 @@ double gain(const WholeMesh& clean, nlohmann::json& told) {
       sum += std::sqrt(truth.closest(p - clean.points[0], 1e300, ClosestFaces::kNone).square);
     return sum / static_cast<double>(mesh.points.size());
   };
-  told = nlohmann::json::parse(file_bytes(out.string() + ".report.json")).at("mesh");
+  figures = nlohmann::json::parse(file_bytes(out.string() + ".report.json")).at("mesh");
   return distance(noisy) / distance(read_whole(out));
 }
 

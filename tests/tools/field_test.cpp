@@ -48,13 +48,13 @@ double distance_to_box(const Double3& p) {
   Double3 beyond{};
   double deepest = -10.0;
   for (std::size_t k = 0; k < 3; ++k) {
-    const double over = std::fabs(p[k]) - kHalf[k];
-    beyond[k] = std::max(0.0, over);
-    deepest = std::max(deepest, over);
+    const double excess = std::fabs(p[k]) - kHalf[k];
+    beyond[k] = std::max(0.0, excess);
+    deepest = std::max(deepest, excess);
   }
   return deepest > 0.0 ? norm(beyond) : deepest;
 }
-Double3 place_of(const openvdb::FloatGrid& grid, const openvdb::Coord& at) {
+Double3 world_position(const openvdb::FloatGrid& grid, const openvdb::Coord& at) {
   const openvdb::Vec3d p = grid.indexToWorld(at);
   return {p[0], p[1], p[2]};
 }
@@ -101,7 +101,7 @@ TEST_CASE("field: OpenVDB finds the distances of a box, signs to the depth of it
   double worst = 0.0;
   std::size_t nodes = 0;
   for (auto at = grid->cbeginValueOn(); at; ++at) {
-    const double truth = distance_to_box(place_of(*grid, at.getCoord()));
+    const double truth = distance_to_box(world_position(*grid, at.getCoord()));
     worst = std::max(worst, std::fabs(truth - double{*at}));
     ++nodes;
   }
@@ -142,7 +142,7 @@ TEST_CASE("field: a full one has the distance of every node of the box", "[pipel
   double worst = 0.0, farthest = 0.0;
   openvdb::CoordBBox box_of_nodes = grid->evalActiveVoxelBoundingBox();
   for (auto at = grid->cbeginValueOn(); at; ++at) {
-    const double truth = distance_to_box(place_of(*grid, at.getCoord()));
+    const double truth = distance_to_box(world_position(*grid, at.getCoord()));
     worst = std::max(worst, std::fabs(truth - double{*at}));
     farthest = std::max(farthest, truth);
   }

@@ -131,7 +131,7 @@ TEST_CASE("merge: three at one place, the best by word", "[pipeline]") {
 TEST_CASE("merge: the more confident mesh stays where all of them tell how much they are", "[pipeline]") {
   const TempFolder folder;
   // Ascii PLY; `confidence` of every vertex, none where it is negative.
-  const auto told = [&](const char* name, const std::string& text, double confidence) {
+  const auto with_confidence = [&](const char* name, const std::string& text, double confidence) {
     const WholeMesh mesh = read_whole(folder.write("plain.off", text));
     std::string ply = "ply\nformat ascii 1.0\nelement vertex " + std::to_string(mesh.points.size()) +
                       "\nproperty float x\nproperty float y\nproperty float z\n";
@@ -160,8 +160,8 @@ TEST_CASE("merge: the more confident mesh stays where all of them tell how much 
                         {-1.0, 0.9, {}, true},  // not comparable: the finer one
                         {0.3, 0.9, {"--priority", "a"}, true}}) {
     CAPTURE(c.of_fine, c.of_coarse, c.fine_stays);
-    const std::string a = told("a.ply", fine, c.of_fine), b = told("b.ply", coarse, c.of_coarse),
-                      out = (folder / "o.ply").string();
+    const std::string a = with_confidence("a.ply", fine, c.of_fine),
+                      b = with_confidence("b.ply", coarse, c.of_coarse), out = (folder / "o.ply").string();
     std::vector<std::string> words = {a, b, "-o", out, "--force"};
     words.insert(words.end(), c.more.begin(), c.more.end());
     const CommandResult r = merge(words);

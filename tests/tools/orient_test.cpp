@@ -172,11 +172,11 @@ TEST_CASE("orient: the pose of an E57 scan tells the side of a shell that nothin
   const double height = inside ? 0.0 : 3.0;
   std::vector<std::vector<double>> local(3);
   for (int i = 0; i < 60000; ++i) {
-    const double z = 0.5 + (i + 0.5) / 120000.0, turn = 2.399963229728653 * i, r = std::sqrt(1.0 - z * z);
+    const double z = 0.5 + (i + 0.5) / 120000.0, angle = 2.399963229728653 * i, r = std::sqrt(1.0 - z * z);
     // What the quarter turn about x below undoes: y to z, z to -y.
-    local[0].push_back(r * std::cos(turn));
+    local[0].push_back(r * std::cos(angle));
     local[1].push_back(z - height);
-    local[2].push_back(-r * std::sin(turn));
+    local[2].push_back(-r * std::sin(angle));
   }
   E57TestScan scan;
   scan.fields = e57_doubles(kE57Cartesian, local);
@@ -213,9 +213,9 @@ std::string ball(const TempFolder& folder,
   bytes += "end_header\n";
   std::uint32_t chance = 1;
   for (std::uint32_t i = 0; i < kPoints; ++i) {
-    const double z = 1.0 - 2.0 * (i + 0.5) / kPoints, turn = 2.399963229728653 * i,
+    const double z = 1.0 - 2.0 * (i + 0.5) / kPoints, angle = 2.399963229728653 * i,
                  r = std::sqrt(1.0 - z * z);
-    const std::array<double, 3> d = {r * std::cos(turn), r * std::sin(turn), z};
+    const std::array<double, 3> d = {r * std::cos(angle), r * std::sin(angle), z};
     chance = chance * 1664525u + 1013904223u;
     const float f = factor(d, chance >> 8);
     for (const double v : d) {

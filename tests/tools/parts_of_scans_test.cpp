@@ -264,11 +264,11 @@ TEST_CASE(
   // The scanner's noise is told the better of both by the truth.
   const auto off = [&](const Made& made) {
     const auto mesh = folder.write("mesh.ply", made.mesh);
-    const auto told = folder / "check.json";
+    const auto report_path = folder / "check.json";
     REQUIRE(tessera_command({"check", mesh.string(), "--truth", ptx + ".truth.json", "--report",
-                             told.string(), "--force"})
+                             report_path.string(), "--force"})
                 .code == 0);
-    return nlohmann::json::parse(file_bytes(told));
+    return nlohmann::json::parse(file_bytes(report_path));
   };
   CHECK(off(grid).at("truth").at("vertices").at("mean_h").get<double>() <
         off(fitted).at("truth").at("vertices").at("mean_h").get<double>());

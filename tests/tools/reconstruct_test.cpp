@@ -156,7 +156,8 @@ TEST_CASE("reconstruct: the smallest cap that plan names does, less is refused b
   };
   // At once by what no scan is too small for, then by what the survey has found.
   std::uint64_t named = named_by(plan("60M"));
-  if (const CommandResult told = plan(std::to_string(named) + "M"); told.code != 0) named = named_by(told);
+  if (const CommandResult planned = plan(std::to_string(named) + "M"); planned.code != 0)
+    named = named_by(planned);
   named <<= 20;
   CHECK(plan(std::to_string(named - (2u << 20))).code ==
         4);  // the process itself is not the same to the byte

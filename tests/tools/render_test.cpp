@@ -37,9 +37,9 @@ Mesh sphere(std::uint64_t rings, std::uint64_t segments, std::uint64_t last_ring
   for (std::uint64_t r = 1; r <= rows; ++r) {
     for (std::uint64_t s = 0; s < segments; ++s) {
       const double polar = M_PI * static_cast<double>(r) / static_cast<double>(rings);
-      const double turn = 2.0 * M_PI * static_cast<double>(s) / static_cast<double>(segments);
-      mesh.vertices.push_back({centre[0] + std::sin(polar) * std::cos(turn),
-                               centre[1] + std::sin(polar) * std::sin(turn), centre[2] + std::cos(polar)});
+      const double azimuth = 2.0 * M_PI * static_cast<double>(s) / static_cast<double>(segments);
+      mesh.vertices.push_back({centre[0] + std::sin(polar) * std::cos(azimuth),
+                               centre[1] + std::sin(polar) * std::sin(azimuth), centre[2] + std::cos(polar)});
     }
   }
   const auto at = [&](std::uint64_t r, std::uint64_t s) { return 1 + (r - 1) * segments + s % segments; };

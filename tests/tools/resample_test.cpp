@@ -242,7 +242,7 @@ TEST_CASE("resample: blends by hand, and profiles", "[pipeline]") {
 TEST_CASE("resample: where there is no blend the mesh is written as it is", "[pipeline]") {
   const TempFolder folder;
   const fs::path out = folder.path() / "out.ply";
-  const fs::path in = write_block(folder.path() / "in.ply", swept_block({.radius = 80.0, .turn_deg = 20.0}));
+  const fs::path in = write_block(folder.path() / "in.ply", swept_block({.radius = 80.0, .arc_deg = 20.0}));
   const CommandResult r = tessera_command(words(in, out, {}));
   CHECK(r.code == 0);
   CHECK(report_of(out).at("search").at("tracks") == 0);

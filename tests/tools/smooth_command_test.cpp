@@ -208,11 +208,11 @@ TEST_CASE("smooth command: moves are told from where vertices were given, whatev
     }
   });
   REQUIRE(count > 3000);
-  const nlohmann::json told =
+  const nlohmann::json figures =
       nlohmann::json::parse(test::file_bytes(folder / "out.ply.report.json")).at("mesh");
   CHECK(std::sqrt(maximum) > 0.05);
-  CHECK(told.at("largest_move").get<double>() == Approx(std::sqrt(maximum)));
-  CHECK(told.at("rms_move").get<double>() == Approx(std::sqrt(squares / static_cast<double>(count))));
+  CHECK(figures.at("largest_move").get<double>() == Approx(std::sqrt(maximum)));
+  CHECK(figures.at("rms_move").get<double>() == Approx(std::sqrt(squares / static_cast<double>(count))));
 }
 
 TEST_CASE("smooth command: vertices keep their colours", "[pipeline]") {

@@ -19,11 +19,11 @@ using namespace tessera;
 using namespace tessera::test;
 namespace fs = std::filesystem;
 
-std::string box_text(const Double3& low, const Double3& high, const Placement& turn = {}) {
+std::string box_text(const Double3& low, const Double3& high, const Placement& placement = {}) {
   std::string text = "OFF\n8 12 0\n";
   for (int c = 0; c < 8; ++c) {
     const Double3 p =
-        turn.apply({c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]});
+        placement.apply({c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]});
     char line[96];
     std::snprintf(line, sizeof line, "%.17g %.17g %.17g\n", p[0], p[1], p[2]);
     text += line;
@@ -75,10 +75,10 @@ TEST_CASE("csg: rounded joints have their radius within a hundredth", "[pipeline
       0);
   CHECK(file_bytes(again) == bytes);
   const auto code_of = [&](const std::string& scene) {
-    const CommandResult told =
+    const CommandResult result =
         solid_command({"csg", folder.write("s.json", scene).string(), "-o", (folder / "x.ply").string()});
-    CHECK(std::count(told.errors.begin(), told.errors.end(), '\n') == 1);
-    return told.code;
+    CHECK(std::count(result.errors.begin(), result.errors.end(), '\n') == 1);
+    return result.code;
   };
   CHECK(code_of(R"({"union": [{"sphere": [0,0,0,1]}, {"mesh": "a.ply"}], "blend": 1})") == 3);
   CHECK(code_of(R"({"union": [{"sphere": [0,0,0,1]}, {"sphere": [1,0,0,1]}], "blend": 0})") == 3);
@@ -98,9 +98,9 @@ TEST_CASE("csg: rounded joints have their radius within a hundredth", "[pipeline
 
 TEST_CASE("resurface: a mitred offset of a cube is a cube, a limit cuts its corners", "[pipeline]") {
   const TempFolder folder;
-  const Placement turn = rotation(unit(Double3{1, 2, 3}), 33.0);
+  const Placement placement = rotation(unit(Double3{1, 2, 3}), 33.0);
   const std::string out = (folder / "o.ply").string(),
-                    box = folder.write("box.off", box_text({-1, -1, -1}, {1, 1, 1}, turn)).string();
+                    box = folder.write("box.off", box_text({-1, -1, -1}, {1, 1, 1}, placement)).string();
   const std::vector<std::string> words = {"resurface", box,   "-o",        out,     "--resolution", "0.05",
                                           "--offset",  "0.3", "--corners", "mitre", "--force"};
   REQUIRE(solid_command(words).code == 0);
@@ -108,7 +108,7 @@ TEST_CASE("resurface: a mitred offset of a cube is a cube, a limit cuts its corn
   CHECK(is_closed(mesh));
   CHECK(volume(mesh) == Approx(2.6 * 2.6 * 2.6).epsilon(1e-3));
   for (int c = 0; c < 8; ++c) {
-    const Double3 corner = turn.apply({c & 1 ? 1.3 : -1.3, c & 2 ? 1.3 : -1.3, c & 4 ? 1.3 : -1.3});
+    const Double3 corner = placement.apply({c & 1 ? 1.3 : -1.3, c & 2 ? 1.3 : -1.3, c & 4 ? 1.3 : -1.3});
     double nearest = 1.0;
     for (const Double3& p : mesh.points) nearest = std::min(nearest, norm(p - corner));
     CHECK(nearest < 0.02 * 0.05);
@@ -126,7 +126,7 @@ TEST_CASE("resurface: a mitred offset of a cube is a cube, a limit cuts its corn
   CHECK(is_closed(cut));
   double farthest = 0.0, edges = 1.0;
   for (const Double3& p : cut.points) {
-    const Double3 local = turn.inverse().apply(p);
+    const Double3 local = placement.inverse().apply(p);
     Double3 beyond;
     for (std::size_t k = 0; k < 3; ++k) beyond[k] = std::max(0.0, std::fabs(local[k]) - 1.0);
     farthest = std::max(farthest, norm(beyond));

@@ -129,8 +129,8 @@ TEST_CASE("resurface: what cannot work is told", "[pipeline]") {
   CHECK(open.code == 5);
   CHECK(open.errors.find("without an inside") != std::string::npos);
   // Told before its surface is computed.
-  const auto told = nlohmann::json::parse(file_bytes(out + ".report.json"));
-  CHECK(told.at("stages").back().at("name") == "lines");
+  const auto reported = nlohmann::json::parse(file_bytes(out + ".report.json"));
+  CHECK(reported.at("stages").back().at("name") == "lines");
   CHECK_FALSE(fs::exists(out));
   const std::string tetra = folder
                                 .write("t.off",
@@ -346,7 +346,7 @@ TEST_CASE("csg: scenes with any bytes changed are read or told", "[property]") {
       R"( "rotate": [0, 1, 0, 30]}, {"mill": {"bull": [2, 0.5], "length": 9, "path": "p.txt"}, "translate": [1, 2, 3]}]},)"
       R"( {"halfspace": [0,0,0, 0,0,1], "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0]}]})";
   Random random(11);
-  std::size_t read = 0, told = 0;
+  std::size_t read = 0, reported = 0;
   for (int round = 0; round < 4000; ++round) {
     std::string text = scene;
     for (std::uint64_t changes = random.below(3) + 1; changes > 0; --changes) {
@@ -364,11 +364,11 @@ TEST_CASE("csg: scenes with any bytes changed are read or told", "[property]") {
       csg_model(options);
       ++read;
     } catch (const InputError&) {
-      ++told;
+      ++reported;
     }
   }
   CHECK(read > 30);
-  CHECK(told > 1000);
+  CHECK(reported > 1000);
 }
 
 TEST_CASE("csg: scenes that make no sense are told", "[pipeline]") {

@@ -337,10 +337,10 @@ TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is n
           "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "site";
-  const auto frame = [&](const std::string& crs, const std::string& beside = "in.ply.prj") {
+  const auto frame = [&](const std::string& crs, const std::string& sidecar = "in.ply.prj") {
     fs::remove(folder.path() / "in.prj");
     spill(in.string() + ".prj", "");
-    spill(folder.path() / beside, crs);
+    spill(folder.path() / sidecar, crs);
     fs::remove_all(out);
     const CommandResult r = tessera_command({"tiles", in.string(), "-o", out.string(), "--progress", "none"});
     INFO(r.errors);

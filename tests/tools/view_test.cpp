@@ -128,7 +128,8 @@ class Served {
   int port() const { return url_.size() > 17 ? std::stoi(url_.substr(17)) : 0; }
 
   /// The whole answer to a request as it is typed.
-  std::string ask(const std::string& path, std::string host = {}, const std::string& method = "GET") const {
+  std::string request(const std::string& path, std::string host = {},
+                      const std::string& method = "GET") const {
     const int s = ::socket(AF_INET, SOCK_STREAM, 0);
     sockaddr_in at{};
     at.sin_family = AF_INET;
@@ -147,7 +148,7 @@ class Served {
     return answer;
   }
   int code(const std::string& path, const std::string& host = {}, const std::string& method = "GET") const {
-    const std::string answer = ask(path, host, method);
+    const std::string answer = request(path, host, method);
     return answer.size() > 12 ? std::stoi(answer.substr(9, 3)) : 0;
   }
   /// \returns the exit code, or 128 + signal
@@ -252,9 +253,9 @@ TEST_CASE("view: distances to a reference, with sign and scale", "[pipeline]") {
   const fs::path page = folder / "page.html";
   const std::string plane =
       folder.write("plane.off", "OFF 4 2 0\n0 0 0\n8 0 0\n0 8 0\n8 8 0\n3 0 1 2\n3 2 1 3\n").string();
-  const std::string bent =
+  const std::string curved =
       folder.write("bent.off", "OFF 4 2 0\n1 1 0.25\n7 1 -0.5\n1 7 0\n7 7 6\n3 0 1 2\n3 2 1 3\n").string();
-  REQUIRE(tessera_command(view(folder, {bent, "-o", page.string(), "--deviation", plane, "--signed",
+  REQUIRE(tessera_command(view(folder, {curved, "-o", page.string(), "--deviation", plane, "--signed",
                                         "--tolerance", "0.4"}))
               .code == 0);
   const std::string text = file_bytes(page);
@@ -347,13 +348,13 @@ TEST_CASE("view: the server gives page and tiles to this machine, and nothing el
   const TempFolder folder;
   Served served(view(folder, {site(folder).string(), "--temp", folder.path().string()}));
   REQUIRE(served.url().starts_with("http://127.0.0.1:"));
-  const std::string page = served.ask("/");
+  const std::string page = served.request("/");
   CHECK(page.find("200 OK") != std::string::npos);
   CHECK(page.find("\"url\":\"site/tileset.json\"") != std::string::npos);
-  CHECK(served.ask("/site/tiles/a%20b.glb?v=1").ends_with("\r\n\r\nglTF of a"));
-  CHECK(served.ask("/site/tileset.json", "localhost:" + std::to_string(served.port()))
+  CHECK(served.request("/site/tiles/a%20b.glb?v=1").ends_with("\r\n\r\nglTF of a"));
+  CHECK(served.request("/site/tileset.json", "localhost:" + std::to_string(served.port()))
             .find("application/json") != std::string::npos);
-  CHECK(served.ask("/", {}, "HEAD").ends_with("\r\n\r\n"));
+  CHECK(served.request("/", {}, "HEAD").ends_with("\r\n\r\n"));
   for (const char* path :
        {"/site/../secret.json", "/site/%2e%2e/secret.json", "/site/..%2fsecret.json",
         "/site/%2e%2e%2fsecret.json", "/../secret.json", "/site//../secret.json", "/site/link.json",
@@ -361,7 +362,7 @@ TEST_CASE("view: the server gives page and tiles to this machine, and nothing el
         "//etc/passwd", "/site//etc/hostname.json"}) {
     CAPTURE(path);
     CHECK(served.code(path) == 404);
-    CHECK(served.ask(path).find("secret") == std::string::npos);
+    CHECK(served.request(path).find("secret") == std::string::npos);
   }
   CHECK(served.code("/", "evil.example:" + std::to_string(served.port())) == 403);
   CHECK(served.code("/site/tileset.json", "evil.example") == 403);
@@ -381,7 +382,7 @@ TEST_CASE("view: Ctrl-C ends the server, a port may be chosen, a taken one is to
   const std::string mesh = folder.write("coin.ply", kCoin).string();
   Served first(view(folder, {mesh}));
   REQUIRE(first.port() > 0);
-  CHECK(first.ask("/").find("mesh-positions") != std::string::npos);
+  CHECK(first.request("/").find("mesh-positions") != std::string::npos);
   CHECK(first.code("/site/tileset.json") == 404);
   refused(2, view(folder, {mesh, "--port", std::to_string(first.port())}));
   CHECK(first.stop(SIGINT) == 0);

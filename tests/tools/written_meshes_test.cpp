@@ -102,7 +102,7 @@ Input put(const fs::path& path, WholeMesh mesh, double far) {
 }
 
 /// Two boxes and how they stand: an edit that lifts the upper third.
-fs::path edit_beside(const Input& in) {
+fs::path write_edit(const Input& in) {
   Double3 low = in.mesh.points.at(in.mesh.faces.at(0)[0]), high = low;
   for (const MeshFace& f : in.mesh.faces)
     for (const std::uint64_t v : f)
@@ -126,7 +126,7 @@ fs::path edit_beside(const Input& in) {
 }
 
 /// Two overlapping parts, the second one noisy.
-std::pair<fs::path, fs::path> parts_beside(const Input& in) {
+std::pair<fs::path, fs::path> write_parts(const Input& in) {
   double low = 1e300, high = -1e300;
   for (const Double3& p : in.mesh.points)
     if (std::isfinite(p[0])) low = std::min(low, p[0]), high = std::max(high, p[0]);
@@ -150,7 +150,7 @@ std::pair<fs::path, fs::path> parts_beside(const Input& in) {
 }
 
 /// Points on the faces with their normals.
-fs::path points_beside(const Input& in, std::size_t count) {
+fs::path write_points(const Input& in, std::size_t count) {
   test::Random random(9);
   std::string text;
   double area = 0.0;
@@ -248,19 +248,19 @@ std::vector<Command> commands(std::size_t scan_points) {
                    false, false, false, true});
   all.push_back({"merge",
                  [](const Input& in, const fs::path& out) {
-                   const auto [left, right] = parts_beside(in);
+                   const auto [left, right] = write_parts(in);
                    return Words{"merge", left.string(), right.string(), "-o", out.string()};
                  },
                  false, false, false, true});
   all.push_back({"deform",
                  [](const Input& in, const fs::path& out) {
-                   return Words{"deform", in.path.string(), edit_beside(in).string(), "-o", out.string()};
+                   return Words{"deform", in.path.string(), write_edit(in).string(), "-o", out.string()};
                  },
                  true, false, false, true});
   for (const Words& how : {Words{}, Words{"--tolerance", "*0.003"}, Words{"--holes", "close"}})
     all.push_back({"reconstruct " + list(how),
                    [=](const Input& in, const fs::path& out) {
-                     Words w = {"reconstruct",  points_beside(in, scan_points).string(),
+                     Words w = {"reconstruct",  write_points(in, scan_points).string(),
                                 "-o",           out.string(),
                                 "--columns",    "x,y,z,nx,ny,nz",
                                 "--resolution", number(in.size / 64)};
@@ -282,7 +282,7 @@ bool is_of_floats(const fs::path& path) {
 struct Tally {
   std::size_t runs = 0;                        ///< command x mesh x coordinates x format
   std::size_t passed = 0;                      ///< sound, and as near as it says
-  std::size_t told = 0;                        ///< not sound, of an input that is not, and the report says so
+  std::size_t reported = 0;                    ///< not sound, of an input that is not, and the report says so
   std::size_t as_they_were = 0;                ///< defects of the input, in faces written as they are
   std::map<std::string, std::size_t> refused;  ///< by the first words on stderr
 };
@@ -298,7 +298,7 @@ std::string reason(const test::CommandResult& result) {
 }
 
 void print(const Tally& t, const std::string& name) {
-  std::cout << name << ": " << t.runs << " runs, " << t.passed << " passed, " << t.told << " told, "
+  std::cout << name << ": " << t.runs << " runs, " << t.passed << " passed, " << t.reported << " told, "
             << t.as_they_were << " as they were\n";
   for (const auto& [why, times] : t.refused) std::cout << "  refused " << times << " times, " << why << "\n";
   std::cout << std::flush;
@@ -372,8 +372,8 @@ std::string fault(const Command& command, const Input& in, const fs::path& out, 
     words.emplace_back("--no-html");
   const test::CommandResult result = test::tessera_command(words);
   if (result.code != 0) {
-    const bool told = (result.code == 5 || result.code == 6) && !result.errors.empty();
-    if (told && (command.may_refuse || (result.code == 6 && is_of_floats(out)))) {
+    const bool reported = (result.code == 5 || result.code == 6) && !result.errors.empty();
+    if (reported && (command.may_refuse || (result.code == 6 && is_of_floats(out)))) {
       tally.refused[reason(result)] += 1;
       return "";
     }
@@ -387,16 +387,16 @@ std::string fault(const Command& command, const Input& in, const fs::path& out, 
   } else {
     // Or it says why not, of a mesh that was not sound, or that floats cannot hold.
     const std::string said = result.errors + (fs::exists(report) ? test::file_bytes(report) : "");
-    const bool told =
+    const bool reported =
         (!in.sound || is_of_floats(out)) && (said.find("check --strict") != std::string::npos ||
                                              said.find("floats of 32 bits") != std::string::npos);
-    if (!told) return list(defects);
-    tally.told += 1;
+    if (!reported) return list(defects);
+    tally.reported += 1;
   }
   if (!command.bounded && !command.moves) return "";
-  const json told = json::parse(test::file_bytes(report));
+  const json reported = json::parse(test::file_bytes(report));
   if (command.bounded) {
-    const json& maximum = told.at("certificate").at("certified_max");
+    const json& maximum = reported.at("certificate").at("certified_max");
     if (!maximum.is_number()) return "";
     const Surface was(in.mesh), is(test::read_whole(out));
     if (was.faces.empty() || is.faces.empty()) return "";
@@ -407,7 +407,7 @@ std::string fault(const Command& command, const Input& in, const fs::path& out, 
   } else {
     const Surface was(in.mesh), is(test::read_whole(out));
     const double found = std::max(sampled(was, is, samples), sampled(is, was, samples)),
-                 maximum = told.at("mesh").at("largest_move").get<double>();
+                 maximum = reported.at("mesh").at("largest_move").get<double>();
     // A face moves with its corners. Faces that the import takes away or turns have none: they have no area.
     if (found > maximum + 1e-6 * in.size + rounding(was))
       return "moved " + number(found) + ", told at most " + number(maximum);
@@ -520,10 +520,10 @@ TEST_CASE("written meshes: what every command writes of real meshes is sound and
   const test::TempFolder folder;
   const std::vector<Command> all = commands(100'000);
   const char* only = std::getenv("TESSERA_TEST_MESHES");  // part of a name: to look at one
-  const char* place_text = std::getenv("TESSERA_TEST_FAR");
+  const char* offset_text = std::getenv("TESSERA_TEST_FAR");
   std::vector<fs::path> paths;
-  for (const char* place : {"meshes", "dirty"})
-    for (const auto& entry : fs::directory_iterator(test::kSharedData / place)) {
+  for (const char* subfolder : {"meshes", "dirty"})
+    for (const auto& entry : fs::directory_iterator(test::kSharedData / subfolder)) {
       const std::string extension = entry.path().extension().string();
       if (extension != ".ply" && extension != ".obj" && extension != ".stl" && extension != ".off") continue;
       if (only == nullptr || entry.path().filename().string().find(only) != std::string::npos)
@@ -534,7 +534,7 @@ TEST_CASE("written meshes: what every command writes of real meshes is sound and
     const WholeMesh mesh = test::read_whole(path);
     if (mesh.faces.empty()) continue;
     for (const double far : {0.0, 1e5, 5e6}) {
-      if (place_text != nullptr && std::strtod(place_text, nullptr) != far) continue;
+      if (offset_text != nullptr && std::strtod(offset_text, nullptr) != far) continue;
       const Input in = put(folder / (path.stem().string() + ".ply"), mesh, far);
       CAPTURE(path, far);
       Tally tally;

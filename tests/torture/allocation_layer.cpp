@@ -15,7 +15,7 @@
 
 namespace {
 
-std::atomic<std::int64_t> alive{0}, base{0}, reserved{0}, beyond{0}, beside{0};
+std::atomic<std::int64_t> alive{0}, base{0}, reserved{0}, beyond{0}, unreserved{0};
 
 void raise(std::atomic<std::int64_t>& maximum, std::int64_t value) {
   std::int64_t seen = maximum.load(std::memory_order_relaxed);
@@ -31,7 +31,7 @@ void* note(void* p) {
   if (allowed > 0)
     raise(beyond, now - base.load() - allowed);
   else
-    raise(beside, bytes);
+    raise(unreserved, bytes);
   return p;
 }
 void drop(void* p) {
@@ -84,7 +84,8 @@ bool ready() {
 __attribute__((destructor)) void tell() {
   const char* path = std::getenv("TESSERA_ALLOCATIONS");
   if (path == nullptr) return;
-  const long long maximum[2] = {static_cast<long long>(beyond.load()), static_cast<long long>(beside.load())};
+  const long long maximum[2] = {static_cast<long long>(beyond.load()),
+                                static_cast<long long>(unreserved.load())};
   if (std::FILE* file = std::fopen(path, "a")) {
     std::fprintf(file, "beyond %lld\nbeside %lld\n", maximum[0], maximum[1]);
     std::fclose(file);

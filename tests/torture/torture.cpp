@@ -166,9 +166,9 @@ class Torture {
     const Job job = random_job(random);
     const Golden& golden = golden_of(job);
     if (!golden.wrong.empty()) return golden.wrong;
-    const fs::path place = folder_ / ("round" + std::to_string(number));
-    fs::create_directories(place);
-    const fs::path output = place / job.output;
+    const fs::path directory = folder_ / ("round" + std::to_string(number));
+    fs::create_directories(directory);
+    const fs::path output = directory / job.output;
     Words words = with_output(job, output);
     for (const std::string& w : random_run(random, job)) words.push_back(w);
     what_ = joined(words);
@@ -177,7 +177,7 @@ class Torture {
     for (std::uint64_t k = 0; k < hurts && !done; ++k) {
       const Fault fault = random_fault(random, golden.seconds);
       what_ += "\n    " + fault.text();
-      const Ended ended = run(programs_, words, place / "log", fault);
+      const Ended ended = run(programs_, words, directory / "log", fault);
       what_ += ": " + std::to_string(ended.code);
       ++tally_[fault.name()][ended.code];
       const bool killed = fault.kind == Fault::kKill && ended.code == 128 + SIGKILL;
@@ -196,7 +196,7 @@ class Torture {
     }
     Ended last;
     if (!done) {
-      last = run(programs_, words, place / "log", {});
+      last = run(programs_, words, directory / "log", {});
       what_ += "\n    again: " + std::to_string(last.code);
       if (forced && last.code != 0) {
         // Damage may be found and told instead of mended: then the job begins anew. Of a job.json whose bits
@@ -204,18 +204,18 @@ class Torture {
         ++tally_["damage"][last.code];
         if (last.code < 2 || last.code > 4) return "damage ends in another exit code\n" + last.errors;
         words.push_back("--force");
-        last = run(programs_, words, place / "log", {});
+        last = run(programs_, words, directory / "log", {});
         what_ += "\n    with --force: " + std::to_string(last.code);
       }
     }
     if (last.code != 0) return "does not end well\n" + last.errors;
     if (bytes_of(output) != golden.bytes) return "other bytes than an undisturbed run";
-    for (const auto& entry : fs::directory_iterator(place)) {
+    for (const auto& entry : fs::directory_iterator(directory)) {
       const std::string name = entry.path().filename().string();
       if (name != "log" && (!name.starts_with(job.output) || name.find(".tessera") != std::string::npos))
         return "left behind: " + name;
     }
-    fs::remove_all(place);
+    fs::remove_all(directory);
     return {};
   }
 
@@ -368,16 +368,16 @@ class Torture {
     const auto found = golden_.find(key);
     if (found != golden_.end()) return found->second;
     Golden& out = golden_[key];
-    const fs::path place = folder_ / ("golden" + std::to_string(golden_.size()));
-    fs::create_directories(place);
-    const Words words = with_output(job, place / job.output);
+    const fs::path directory = folder_ / ("golden" + std::to_string(golden_.size()));
+    fs::create_directories(directory);
+    const Words words = with_output(job, directory / job.output);
     what_ = joined(words);
-    const Ended ended = run(programs_, words, place / "log", {});
+    const Ended ended = run(programs_, words, directory / "log", {});
     if (ended.code != 0)
       out.wrong = "undisturbed it ends with " + std::to_string(ended.code) + "\n" + ended.errors;
-    out.bytes = bytes_of(place / job.output);
+    out.bytes = bytes_of(directory / job.output);
     out.seconds = ended.seconds;
-    fs::remove_all(place);
+    fs::remove_all(directory);
     return out;
   }
 

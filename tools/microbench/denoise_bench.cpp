@@ -123,7 +123,7 @@ int main(int argc, char** argv) {
     options.noise = number("given") * edge;
     double seconds = 1e300;
     MeshBlock now;
-    for (int round = 0; round < static_cast<int>(number("repeat")); ++round) {
+    for (int trial = 0; trial < static_cast<int>(number("repeat")); ++trial) {
       now = mesh;
       const double start = thread_seconds();
       for (const SmoothRound& round : smooth_rounds(options))

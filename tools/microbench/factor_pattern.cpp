@@ -40,13 +40,13 @@ struct Patterns {
 };
 
 Patterns patterns(const SparseMatrix& a, const std::vector<std::int32_t>& order) {
-  std::vector<std::int32_t> place(order.size());
-  for (std::size_t k = 0; k < order.size(); ++k) place[order[k]] = static_cast<std::int32_t>(k);
+  std::vector<std::int32_t> position(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) position[order[k]] = static_cast<std::int32_t>(k);
   Patterns p;
   p.matrix.resize(order.size());
   for (std::int32_t i = 0; i < a.rows; ++i)
     for (std::int32_t e = a.start[i]; e < a.start[i + 1]; ++e)
-      if (place[a.column[e]] <= place[i]) p.matrix[place[a.column[e]]].insert(place[i]);
+      if (position[a.column[e]] <= position[i]) p.matrix[position[a.column[e]]].insert(position[i]);
   p.factor = p.matrix;
   for (std::size_t j = 0; j < p.factor.size(); ++j) {
     const auto next = std::next(p.factor[j].begin());

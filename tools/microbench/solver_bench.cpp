@@ -236,8 +236,8 @@ json in_child(const Settings& s, const Run& run, const System& system) {
     close(channel[0]);
     const std::uint64_t before = status_bytes("VmRSS");
     std::ofstream("/proc/self/clear_refs") << 5;  // restart the high-water mark
-    const rlim_t room = status_bytes("VmSize") + s.memory;
-    const rlimit limit{room, room};
+    const rlim_t address_space = status_bytes("VmSize") + s.memory;
+    const rlimit limit{address_space, address_space};
     setrlimit(RLIMIT_AS, &limit);
     const itimerval limit_s{{0, 0}, {s.seconds, 0}};
     setitimer(ITIMER_PROF, &limit_s, nullptr);

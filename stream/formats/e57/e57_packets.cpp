@@ -101,7 +101,7 @@ E57Section::E57Section(E57Pages& pages, std::uint64_t physical, std::uint32_t st
   }
 }
 
-E57Section::Place E57Section::find(std::size_t column, std::uint64_t at) const {
+E57Section::Position E57Section::find(std::size_t column, std::uint64_t at) const {
   const std::size_t step = 1 + columns_.size();
   std::size_t low = 0;
   std::size_t high = marks_.size() / step;
@@ -142,13 +142,13 @@ const E57Packets::Packet& E57Packets::get(std::uint64_t at) {
 
 void E57Cursor::read(E57Packets& packets, std::uint64_t at, char* to, std::size_t bytes) {
   while (bytes > 0) {
-    const E57Packets::Packet& packet = packets.get(place_.packet);
+    const E57Packets::Packet& packet = packets.get(position_.packet);
     const std::string_view piece = packet.data ? packet.piece(stream_) : std::string_view();
-    if (at >= place_.before + piece.size()) {
-      place_ = {packet.next, place_.before + piece.size()};
+    if (at >= position_.before + piece.size()) {
+      position_ = {packet.next, position_.before + piece.size()};
       continue;
     }
-    const std::string_view rest = piece.substr(static_cast<std::size_t>(at - place_.before));
+    const std::string_view rest = piece.substr(static_cast<std::size_t>(at - position_.before));
     const std::size_t n = std::min(bytes, rest.size());
     std::memcpy(to, rest.data(), n);
     to += n;

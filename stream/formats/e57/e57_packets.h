@@ -36,12 +36,12 @@ class E57Section {
   std::uint32_t streams() const { return streams_; }
 
   /// A packet and the bytes that a column has before it.
-  struct Place {
+  struct Position {
     std::uint64_t packet = 0;
     std::uint64_t before = 0;
   };
   /// The last mark before byte `at` of a column.
-  Place find(std::size_t column, std::uint64_t at) const;
+  Position find(std::size_t column, std::uint64_t at) const;
 
  private:
   std::uint32_t streams_;
@@ -80,14 +80,14 @@ class E57Cursor {
  public:
   /// \param at  first byte of the column that will be read
   E57Cursor(const E57Section& section, std::size_t column, std::uint64_t at)
-      : stream_(section.columns()[column].stream), place_(section.find(column, at)) {}
+      : stream_(section.columns()[column].stream), position_(section.find(column, at)) {}
   /// Bytes [at, at + bytes) of the column.
   /// \pre the section has so many; `at` is where the last call ended, or a byte before: two values may share one
   void read(E57Packets& packets, std::uint64_t at, char* to, std::size_t bytes);
 
  private:
   std::uint32_t stream_;
-  E57Section::Place place_;  ///< where the last byte came from
+  E57Section::Position position_;  ///< where the last byte came from
 };
 
 }  // namespace tessera

@@ -18,18 +18,18 @@ class PointwiseItems {
   /// \pre  schema has been parsed, or made by schema_for
   explicit PointwiseItems(const Schema& schema) {
     std::size_t at = 0;
-    const auto place = [&](const Item& item, auto& version_1, auto& version_2, auto... sizes) {
+    const auto construct = [&](const Item& item, auto& version_1, auto& version_2, auto... sizes) {
       if (item.version == 1)
         version_1.emplace(at, sizes...);
       else
         version_2.emplace(at, sizes...);
     };
     for (const Item& item : schema.items) {
-      if (item.type == ItemType::kPoint10) place(item, point_1_, point_2_);
-      if (item.type == ItemType::kGpsTime11) place(item, gps_1_, gps_2_);
-      if (item.type == ItemType::kRgb12) place(item, rgb_1_, rgb_2_);
+      if (item.type == ItemType::kPoint10) construct(item, point_1_, point_2_);
+      if (item.type == ItemType::kGpsTime11) construct(item, gps_1_, gps_2_);
+      if (item.type == ItemType::kRgb12) construct(item, rgb_1_, rgb_2_);
       if (item.type == ItemType::kWavePacket13) wave_.emplace(at);
-      if (item.type == ItemType::kBytes) place(item, bytes_1_, bytes_2_, std::size_t{item.bytes});
+      if (item.type == ItemType::kBytes) construct(item, bytes_1_, bytes_2_, std::size_t{item.bytes});
       at += item.bytes;
     }
   }

@@ -58,14 +58,14 @@ class IntegerCoder {
     const unsigned k = length_;
     if (k == 0) return coder.bit(zero_or_one_, difference & 1u);
     if (k == 32) return minimum;
-    const std::uint32_t place = sign < 0 ? difference + ((1u << k) - 1) : difference - 1;
+    const std::uint32_t offset = sign < 0 ? difference + ((1u << k) - 1) : difference - 1;
     std::uint32_t found;
     if (k <= kModelled) {
-      found = coder.symbol(values_[k], place);
+      found = coder.symbol(values_[k], offset);
     } else {
       const unsigned low = k - kModelled;
-      found = coder.symbol(values_[k], place >> low) << low;
-      found |= coder.raw(low, place & ((1u << low) - 1));
+      found = coder.symbol(values_[k], offset >> low) << low;
+      found |= coder.raw(low, offset & ((1u << low) - 1));
     }
     return found >> (k - 1) != 0 ? found + 1 : found - ((1u << k) - 1);
   }

@@ -208,20 +208,20 @@ class Point14Coder {
   static void code_rest(std::array<Layer<Coder>, kPoint14Layers>& layers, Channel& c, unsigned changed,
                         const Point14& now) {
     Point14& last = c.last;
-    const unsigned place = (last.number == 1 ? 2u : 0u) | (last.number >= last.of ? 1u : 0u);
+    const unsigned return_kind = (last.number == 1 ? 2u : 0u) | (last.number >= last.of ? 1u : 0u);
     const unsigned new_time = changed & kTimeChanged ? 1 : 0;
     const auto byte = [](Layer<Coder>& layer, SymbolModel& model, std::uint8_t& value, std::uint8_t actual) {
       if (!layer.on) return;
       layer.changed |= value != actual;
       value = static_cast<std::uint8_t>(layer.coder.symbol(model, actual));
     };
-    byte(layers[kKind], c.kinds[(last.kind & 31u) << 1 | (place == 3 ? 1u : 0u)], last.kind, now.kind);
+    byte(layers[kKind], c.kinds[(last.kind & 31u) << 1 | (return_kind == 3 ? 1u : 0u)], last.kind, now.kind);
     byte(layers[kFlags], c.flags[last.flags], last.flags, now.flags);
     if (Layer<Coder>& layer = layers[kIntensity]; layer.on) {
       layer.changed |= last.intensity != now.intensity;
-      std::uint16_t& like = c.intensities[place << 1 | new_time];
+      std::uint16_t& like = c.intensities[return_kind << 1 | new_time];
       like = last.intensity =
-          static_cast<std::uint16_t>(c.intensity.code(layer.coder, like, now.intensity, place));
+          static_cast<std::uint16_t>(c.intensity.code(layer.coder, like, now.intensity, return_kind));
     }
     if (Layer<Coder>& layer = layers[kAngle]; layer.on && (changed & kAngleChanged)) {
       layer.changed = true;

@@ -132,7 +132,7 @@ class Pruner : public nlohmann::json_sax<json> {
     // That they are there is all that is asked of these.
     if (k == "targets" || k == "uri") {
       keep_key(k);
-      place(nullptr);
+      insert(nullptr);
       drop_ = true;
       return true;
     }
@@ -154,7 +154,7 @@ class Pruner : public nlohmann::json_sax<json> {
   }
   bool value(json v) {
     if (skipped_ > 0) return true;
-    if (!std::exchange(drop_, false)) place(std::move(v));
+    if (!std::exchange(drop_, false)) insert(std::move(v));
     return true;
   }
   bool open(json v) {
@@ -164,7 +164,7 @@ class Pruner : public nlohmann::json_sax<json> {
       return true;
     }
     names_.push_back(open_.empty() || open_.back()->is_array() ? "" : key_);
-    open_.push_back(place(std::move(v)));
+    open_.push_back(insert(std::move(v)));
     return true;
   }
   bool close() {
@@ -177,7 +177,7 @@ class Pruner : public nlohmann::json_sax<json> {
     open_.pop_back();
     return true;
   }
-  json* place(json v) {
+  json* insert(json v) {
     if (++values_ > kMaxValues)
       fail("describes more than " + std::to_string(kMaxValues) +
            " values of meshes and nodes: join the meshes before exporting them");

@@ -12,7 +12,7 @@ void FaceBatch::check(std::uint64_t a, std::uint64_t b, std::uint64_t c) const {
   for (const std::uint64_t v : {a, b, c}) {
     if (v < vertices_) continue;
     const auto value = static_cast<std::int64_t>(v);
-    throw InputError(place_() + ": a face names vertex " +
+    throw InputError(location_() + ": a face names vertex " +
                      (value < 0 ? std::to_string(value) : std::to_string(v)) +
                      " (counted from 0), but there are " + std::to_string(vertices_) +
                      " vertices; see all such faces with tessera check");
@@ -21,7 +21,7 @@ void FaceBatch::check(std::uint64_t a, std::uint64_t b, std::uint64_t c) const {
 
 void FaceBatch::too_long() const {
   static_assert(kLongest == kMaxPolygonCorners);
-  throw InputError(place_() + ": a face has more than " + std::to_string(kMaxPolygonCorners) +
+  throw InputError(location_() + ": a face has more than " + std::to_string(kMaxPolygonCorners) +
                    " corners; divide it");
 }
 
@@ -32,7 +32,8 @@ void FaceBatch::fan() {
 void FaceBatch::end_other() {
   const std::size_t n = corners_.size();
   if (n < 3) {
-    if (!keep_bad_) throw InputError(place_() + ": a face has " + std::to_string(n) + " corners; remove it");
+    if (!keep_bad_)
+      throw InputError(location_() + ": a face has " + std::to_string(n) + " corners; remove it");
     if (n > 0) triangle(corners_[0], corners_[0], corners_[n - 1]);
     return;
   }

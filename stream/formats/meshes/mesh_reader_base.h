@@ -45,20 +45,20 @@ class VertexBatch {
 };
 
 /// Where an element lies in its file, for messages; made only when one is needed.
-using Place = std::function<std::string()>;
+using Location = std::function<std::string()>;
 
 /// Hands triangles on in batches; polygons are cut into triangles. Call flush() at the end.
 class FaceBatch {
  public:
   /// \param vertices  indices are below it, else InputError (or the face is kept, if options say so)
-  /// \param place     where the polygon at hand is, "file: line 12" or "file: byte 3456"
+  /// \param location     where the polygon at hand is, "file: line 12" or "file: byte 3456"
   /// \param polygons  of the reader; none in formats of triangles alone
-  FaceBatch(const FaceSink& sink, const MeshReadOptions& options, std::uint64_t vertices, Place place,
+  FaceBatch(const FaceSink& sink, const MeshReadOptions& options, std::uint64_t vertices, Location location,
             PolygonFaces* polygons = nullptr)
       : sink_(sink),
         keep_bad_(options.keep_bad_faces),
         vertices_(vertices),
-        place_(std::move(place)),
+        location_(std::move(location)),
         polygons_(polygons) {
     if (polygons_ != nullptr) polygons_->begin();
   }
@@ -100,7 +100,7 @@ class FaceBatch {
   const FaceSink& sink_;
   const bool keep_bad_;
   const std::uint64_t vertices_;
-  const Place place_;
+  const Location location_;
   PolygonFaces* polygons_;
   std::vector<MeshFace> faces_;
   std::vector<std::uint64_t> corners_;   ///< of the polygon at hand

@@ -99,7 +99,7 @@ class PlyMeshReader : public MeshReader {
     }
     std::vector<MeshFace> triangles;  // batches end where polygons end
     std::vector<std::uint8_t> flags;
-    const auto hand_over = [&] {
+    const auto flush_batch = [&] {
       sink(triangles, flags);
       triangles.clear();
       flags.clear();
@@ -111,10 +111,10 @@ class PlyMeshReader : public MeshReader {
         [&](const Values& values) {
           const bool flag = values[static_cast<std::size_t>(synthetic_)] != 0.0;
           flags.resize(triangles.size(), flag ? std::uint8_t{1} : std::uint8_t{0});
-          if (triangles.size() >= kFlaggedBatch) hand_over();
+          if (triangles.size() >= kFlaggedBatch) flush_batch();
         },
         true);
-    if (!triangles.empty()) hand_over();
+    if (!triangles.empty()) flush_batch();
   }
 
  private:

@@ -21,13 +21,13 @@ std::uint64_t hash_of(Double3 p) {
 }  // namespace
 
 RoundingCheck::RoundingCheck(const std::filesystem::path& temp, std::function<Double3(const Double3&)> round)
-    : round_(std::move(round)), positions_(temp, true, kCheckStoreBytes), places_(temp, kSortBytes) {}
+    : round_(std::move(round)), positions_(temp, true, kCheckStoreBytes), hashes_(temp, kSortBytes) {}
 
 void RoundingCheck::vertices(std::span<const Double3> positions) {
   positions_.append(positions);
   for (const Double3& p : positions)
     if (std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]))
-      places_.add({hash_of(round_(p)), hash_of(p)});
+      hashes_.add({hash_of(round_(p)), hash_of(p)});
 }
 
 void RoundingCheck::faces(std::span<const MeshFace> faces) {
@@ -41,10 +41,10 @@ void RoundingCheck::faces(std::span<const MeshFace> faces) {
 MeshRounding RoundingCheck::finish() {
   MeshRounding found;
   found.flattened_faces = flattened_;
-  Place last;
+  HashPair last;
   bool first = true;
-  places_.drain([&](std::span<const Place> batch) {
-    for (const Place& p : batch) {
+  hashes_.drain([&](std::span<const HashPair> batch) {
+    for (const HashPair& p : batch) {
       if (!first && p.rounded == last.rounded)
         ++(p.exact == last.exact ? found.joined_vertices : found.merged_vertices);
       last = p;
@@ -57,7 +57,7 @@ MeshRounding RoundingCheck::finish() {
 std::uint64_t RoundingCheck::bytes(std::uint64_t vertices) {
   constexpr std::uint64_t kMin = std::uint64_t{2} << 20;  // a few chunks of the store, runs of the sort
   return kMin + std::min(kCheckStoreBytes, vertices * sizeof(Double3)) +
-         std::min(kSortBytes, 2 * vertices * sizeof(Place));
+         std::min(kSortBytes, 2 * vertices * sizeof(HashPair));
 }
 
 }  // namespace tessera

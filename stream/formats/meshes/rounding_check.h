@@ -30,14 +30,14 @@ class RoundingCheck {
 
  private:
   /// A vertex by what rounding made of it, then by what it was. Hashes of 64 bits stand for both.
-  struct Place {
+  struct HashPair {
     std::uint64_t rounded = 0, exact = 0;
-    auto operator<=>(const Place&) const = default;
+    auto operator<=>(const HashPair&) const = default;
   };
 
   const std::function<Double3(const Double3&)> round_;
   VertexStore positions_;
-  ExternalSort<Place> places_;
+  ExternalSort<HashPair> hashes_;
   std::uint64_t flattened_ = 0;
 };
 

@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::uint64_t kHeaderSize = 84;
 constexpr std::uint64_t kFacetSize = 50;
-constexpr std::size_t kTitleBytes = 79;  // of our own files
+constexpr std::size_t kMaxTitle = 79;  // of our own files
 
 /// Binary files have zeros or other bytes that no text has in their header, their count or their first facets.
 bool is_text(std::string_view start) {
@@ -88,15 +88,15 @@ class StlMeshReader : public MeshReader {
       return facets;
     };
     const std::uint64_t capacity = size < kHeaderSize ? 0 : size - kHeaderSize;
-    const std::uint64_t fit = capacity / kFacetSize, over = capacity % kFacetSize;
+    const std::uint64_t fit = capacity / kFacetSize, rest = capacity % kFacetSize;
     constexpr std::uint64_t kNoCount = kHeaderSize - sizeof(std::uint32_t);
-    if (size >= kHeaderSize && over != 0 && count != fit && (size - kNoCount) % kFacetSize == 0 &&
+    if (size >= kHeaderSize && rest != 0 && count != fit && (size - kNoCount) % kFacetSize == 0 &&
         count != (size - kNoCount) / kFacetSize && all_plausible(kNoCount, (size - kNoCount) / kFacetSize)) {
       begin_ = kNoCount;
       warnings_.push_back("the header lacks its count of facets");
       return (size - kNoCount) / kFacetSize;
     }
-    if (size < kHeaderSize || (count > fit && (over != 0 || fit == 0))) {
+    if (size < kHeaderSize || (count > fit && (rest != 0 || fit == 0))) {
       throw InputError(file_.path().string() + ": byte " + std::to_string(size) +
                        ": the file ends before all " + std::to_string(count) + " facets of the header (" +
                        std::to_string(kHeaderSize + count * kFacetSize) +
@@ -105,7 +105,7 @@ class StlMeshReader : public MeshReader {
     if (count > fit) return says(fit);
     const std::uint64_t more = fit - count;
     if (more > 0 && all_plausible(kHeaderSize + count * kFacetSize, more)) return says(fit);
-    if (more > 0 || over > 0)
+    if (more > 0 || rest > 0)
       warnings_.push_back(std::to_string(capacity - count * kFacetSize) +
                           " bytes behind the last facet are left out");
     return count;
@@ -146,7 +146,7 @@ class StlMeshReader : public MeshReader {
     title = title.substr(0, title.find('\0'));
     for (std::size_t at = title.find("; "); at != std::string_view::npos; at = title.find("; ", at + 2)) {
       const std::string_view line = title.substr(at + 2);
-      if (title.size() >= kTitleBytes && line.find("; ") == std::string_view::npos) return;  // cut off
+      if (title.size() >= kMaxTitle && line.find("; ") == std::string_view::npos) return;  // cut off
       if (parse_triple(line, kStlOrigin, origin_)) header_.double_positions = true;
       parse_shift(line, header_.shift);
     }

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kHeaderBytes = 84;
 constexpr std::size_t kFacetBytes = 50;
-constexpr std::size_t kTitleRoom = 79;
+constexpr std::size_t kTitleBytes = 79;
 constexpr std::uint64_t kStoreBytes = std::uint64_t{64} << 20;  // 5.6 million vertices never touch the disk
 
 class StlMeshWriter : public MeshWriterBase {
@@ -31,7 +31,7 @@ class StlMeshWriter : public MeshWriterBase {
     std::vector<std::string> lines = comment_lines(header);
     if (header.shift != Double3{0, 0, 0}) std::rotate(lines.begin(), lines.end() - 1, lines.end());
     for (const std::string& line : lines) title += "; " + line;
-    std::memcpy(start, title.data(), std::min(title.size(), kTitleRoom));
+    std::memcpy(start, title.data(), std::min(title.size(), kTitleBytes));
     const auto count = static_cast<std::uint32_t>(header.faces);
     std::memcpy(start + 80, &count, sizeof count);
     file_.append(start, sizeof start);

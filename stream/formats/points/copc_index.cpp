@@ -111,16 +111,16 @@ class Hierarchy {
     return meet;
   }
 
-  void add(CopcChunk node, std::uint64_t at, const Page& place, std::uint64_t points) {
+  void add(CopcChunk node, std::uint64_t at, const Page& page, std::uint64_t points) {
     const auto edge =
-        std::lower_bound(chunks_.edges.begin(), chunks_.edges.end() - 1, place.at,
+        std::lower_bound(chunks_.edges.begin(), chunks_.edges.end() - 1, page.at,
                          [](const LazChunk& c, std::uint64_t begin) { return c.begin < begin; });
     node.chunk = static_cast<std::size_t>(edge - chunks_.edges.begin());
-    if (node.chunk == chunks_.size() || edge->begin != place.at ||
-        (edge + 1)->begin - place.at != place.bytes || chunks_.points_of(node.chunk) != points)
+    if (node.chunk == chunks_.size() || edge->begin != page.at || (edge + 1)->begin - page.at != page.bytes ||
+        chunks_.points_of(node.chunk) != points)
       fail_index(file_, at,
                  "says that node " + node.name + " has " + std::to_string(points) + " points in " +
-                     std::to_string(place.bytes) + " bytes from byte " + std::to_string(place.at) +
+                     std::to_string(page.bytes) + " bytes from byte " + std::to_string(page.at) +
                      " on, the chunk table says otherwise");
     found_.push_back(std::move(node));
   }

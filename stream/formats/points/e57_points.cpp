@@ -45,7 +45,7 @@ struct Motion {
   std::array<double, 9> rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< rows
   Double3 translation{};
 
-  Double3 turned(const Double3& p) const {
+  Double3 rotated(const Double3& p) const {
     const auto& r = rotation;
     return {r[0] * p[0] + r[1] * p[1] + r[2] * p[2], r[3] * p[0] + r[4] * p[1] + r[5] * p[2],
             r[6] * p[0] + r[7] * p[1] + r[8] * p[2]};
@@ -482,7 +482,7 @@ class E57Points final : public PointFile {
     for (std::size_t i = first; i < first + count; ++i) {
       if (invalid && invalid[i] != 0) continue;
       Double3 p = cartesian ? Double3{a[i], b[i], c[i]} : from_spherical(a[i], b[i], c[i]);
-      if (part.moved) p = part.motion.turned(p) + part.motion.translation;
+      if (part.moved) p = part.motion.rotated(p) + part.motion.translation;
       chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
       if (columns) columns->push_back(static_cast<std::uint32_t>(i));
       if (info_.attributes.normals && !columns) append_normal(part, block, i, chunk);
@@ -503,16 +503,16 @@ class E57Points final : public PointFile {
       constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
       return {kNan, kNan, kNan};
     }
-    const SinCos turn = sin_cos(azimuth);
+    const SinCos yaw = sin_cos(azimuth);
     const SinCos rise = sin_cos(elevation);
-    return {range * rise.cos * turn.cos, range * rise.cos * turn.sin, range * rise.sin};
+    return {range * rise.cos * yaw.cos, range * rise.cos * yaw.sin, range * rise.sin};
   }
 
   static void append_normal(const Part& part, Block& block, std::size_t i, PointChunk& chunk) {
     Double3 n{};
     if (part.normals())
       n = {block[E57Use::kNormalX][i], block[E57Use::kNormalY][i], block[E57Use::kNormalZ][i]};
-    if (part.moved) n = part.motion.turned(n);
+    if (part.moved) n = part.motion.rotated(n);
     chunk.nx.push_back(static_cast<float>(n[0]));
     chunk.ny.push_back(static_cast<float>(n[1]));
     chunk.nz.push_back(static_cast<float>(n[2]));

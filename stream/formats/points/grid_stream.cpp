@@ -48,8 +48,8 @@ void GridStream::emit(std::size_t at) {
   for (std::size_t l = first; l < lines_.size() && l <= at + kGridRadius; ++l) {
     const std::int64_t off = lines_[l].index - line.index;
     if (!lines_[l].whole || off < -kGridRadius || off > kGridRadius) continue;
-    const GridLine*& place = window[static_cast<std::size_t>(off + kGridRadius)];
-    if (!place || l == at) place = &lines_[l].grid;
+    const GridLine*& slot = window[static_cast<std::size_t>(off + kGridRadius)];
+    if (!slot || l == at) slot = &lines_[l].grid;
   }
   for (std::size_t i = 0; i < line.points.size(); ++i) {
     PointChunk& to = out_.chunk();

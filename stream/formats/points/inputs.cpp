@@ -56,7 +56,7 @@ std::string kinds_text(const std::map<std::string, std::size_t>& kinds) {
 
 /// What was found below a folder.
 struct Found {
-  std::map<std::string, std::size_t> taken, passed_over;  ///< by kind
+  std::map<std::string, std::size_t> taken, skipped;  ///< by kind
   std::size_t hidden = 0, folders = 0;
 
   std::size_t taken_count() const {
@@ -69,10 +69,9 @@ struct Found {
     std::string t =
         std::to_string(n) + (n == 1 ? " file" : " files") + " of points (" + kinds_text(taken) + ")";
     if (folders > 1) t += " in " + std::to_string(folders) + " folders";
-    if (!passed_over.empty()) t += "; passed over: " + kinds_text(passed_over);
-    if (hidden > 0)
-      t += (passed_over.empty() ? "; passed over: " : ", ") + std::to_string(hidden) + " hidden";
-    const auto is_text = [&](const char* kind) { return passed_over.count(kind) > 0; };
+    if (!skipped.empty()) t += "; passed over: " + kinds_text(skipped);
+    if (hidden > 0) t += (skipped.empty() ? "; passed over: " : ", ") + std::to_string(hidden) + " hidden";
+    const auto is_text = [&](const char* kind) { return skipped.count(kind) > 0; };
     if (is_text("txt") || is_text("dat") || is_text("neu")) t += " (text is read where its file is named)";
     return t;
   }
@@ -152,7 +151,7 @@ class Expansion {
             path.string() +
             ": the folder and those below it hold no file of points (ply, las, laz, e57, pcd, xyz, pts, "
             "ptx, csv, asc)" +
-            (last_.passed_over.empty() ? "" : "; there are " + kinds_text(last_.passed_over)));
+            (last_.skipped.empty() ? "" : "; there are " + kinds_text(last_.skipped)));
       }
     } else if (fs::exists(status) && describes_scan_folder(path)) {
       folder(path.parent_path().empty() ? fs::path(".") : path.parent_path());
@@ -188,7 +187,7 @@ class Expansion {
     if (paths_.size() + repeats_ == before) throw InputError(path.string() + ": the list names no file");
   }
 
-  InputList take() { return {std::move(paths_), std::move(told_)}; }
+  InputList take() { return {std::move(paths_), std::move(notes_)}; }
 
  private:
   void add(const fs::path& path) {
@@ -205,7 +204,7 @@ class Expansion {
     std::set<fs::path> open;
     walk(path, open, last_);
     const bool any = last_.taken_count() > 0;
-    if (any) told_.push_back(path.string() + ": " + last_.text());
+    if (any) notes_.push_back(path.string() + ": " + last_.text());
     return any;
   }
 
@@ -216,10 +215,10 @@ class Expansion {
       for (const fs::path& node : scan->nodes) add(node);
       found.taken["nodes of " + scan->kind] += scan->nodes.size();
       ++found.folders;
-      for (const std::string& w : scan->warnings) told_.push_back(w);
+      for (const std::string& w : scan->warnings) notes_.push_back(w);
       for (const fs::directory_entry& e : entries_of(folder))  // a scan beside its octree would count twice
         if (e.is_regular_file() && has_known_extension(e.path()))
-          ++found.passed_over[kind_of(e.path()) + " beside it"];
+          ++found.skipped[kind_of(e.path()) + " beside it"];
       return;
     }
     std::vector<fs::path> inner;
@@ -236,7 +235,7 @@ class Expansion {
         ++found.taken[kind_of(e.path())];
         ++taken;
       } else {
-        ++found.passed_over[kind_of(e.path())];
+        ++found.skipped[kind_of(e.path())];
       }
     }
     found.folders += taken > 0 ? 1 : 0;
@@ -258,7 +257,7 @@ class Expansion {
       add(f);
       ++found.taken[kind_of(f)];
     }
-    if (deep && !files.empty()) told_.push_back(path.string() + ": " + found.text());
+    if (deep && !files.empty()) notes_.push_back(path.string() + ": " + found.text());
     bool any = !files.empty();
     if (!any) {
       for (const fs::path& f : folders) any = (fs::is_directory(f) && folder(f)) || any;
@@ -267,7 +266,7 @@ class Expansion {
   }
 
   std::vector<fs::path> paths_;
-  std::vector<std::string> told_;
+  std::vector<std::string> notes_;
   std::set<fs::path> seen_;  ///< canonical
   std::size_t repeats_ = 0;
   Found last_;  ///< of the last folder

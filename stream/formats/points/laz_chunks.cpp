@@ -68,18 +68,18 @@ class ChunkFinder {
     std::int64_t at = number_at(begin_);
     begin_ += 8;
     if (at == -1) at = number_at(size - 8);
-    const auto place = static_cast<std::uint64_t>(at);
-    if (at < 0 || place < begin_ || place >= size)
-      return place >= size && at > 0 ? "is missing: it should begin at byte " + std::to_string(at) +
-                                           ", the file ends at " + std::to_string(size)
-                                     : "is missing: it was never written";
+    const auto offset = static_cast<std::uint64_t>(at);
+    if (at < 0 || offset < begin_ || offset >= size)
+      return offset >= size && at > 0 ? "is missing: it should begin at byte " + std::to_string(at) +
+                                            ", the file ends at " + std::to_string(size)
+                                      : "is missing: it was never written";
     try {
-      FileFeed feed(file_, place, size);
-      table = laz::read_chunk_table(feed, variable(), place - begin_);
+      FileFeed feed(file_, offset, size);
+      table = laz::read_chunk_table(feed, variable(), offset - begin_);
     } catch (const laz::Damage& e) {
       return std::string("is damaged: it ") + e.what();
     }
-    end_ = place;
+    end_ = offset;
     return "";
   }
 

@@ -454,8 +454,8 @@ class PcdPoints final : public PointFile {
               [](const PcdField* a, const PcdField* b) { return a->offset < b->offset; });
     std::uint64_t whole = records;  // of every field that is used
     for (const PcdField* f : used_) {
-      reader.read(nullptr, f->offset * records - reader.place().unpacked);
-      starts_.push_back(reader.place());
+      reader.read(nullptr, f->offset * records - reader.state().unpacked);
+      starts_.push_back(reader.state());
       const std::uint64_t found = reader.read(nullptr, f->bytes() * records);
       whole = std::min(whole, starts_.back().unpacked == f->offset * records ? found / f->bytes() : 0);
     }

@@ -240,9 +240,9 @@ class PlyPoints final : public PointFile {
     return v > 0.0 ? static_cast<std::uint16_t>(std::min(v, 65535.0) + 0.5) : std::uint16_t{0};
   }
   void append(const PlyValues& values, PointChunk& chunk) const {
-    PointValues places;
-    std::copy_n(values.begin(), places.size(), places.begin());
-    append_values(places, info_.attributes, layout_.colour_scale, chunk);
+    PointValues point_values;
+    std::copy_n(values.begin(), point_values.size(), point_values.begin());
+    append_values(point_values, info_.attributes, layout_.colour_scale, chunk);
     if (has_[kIntensity] && options_.intensities) chunk.intensity.push_back(intensity(values[kIntensity]));
   }
 

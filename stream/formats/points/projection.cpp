@@ -86,7 +86,7 @@ bool same_parameters(PJ_CONTEXT* context, const PJ* a, const PJ* b) {
   });
 }
 
-std::optional<bool> ask_proj(const Crs& a, const Crs& b) {
+std::optional<bool> query_proj(const Crs& a, const Crs& b) {
   if (proj().library == nullptr) return std::nullopt;
   const ProjContext context = proj_context();
   const ProjHandle one = horizontal_of(context.get(), a);
@@ -112,7 +112,7 @@ std::optional<bool> same_projection(const Crs& a, const Crs& b) {
   const auto at = remembered.find(both);
   if (at != remembered.end()) return at->second;
   if (remembered.size() >= kRemembered) remembered.clear();
-  return remembered[both] = ask_proj(a, b);
+  return remembered[both] = query_proj(a, b);
 }
 
 bool is_same_crs(const Crs& a, const Crs& b) {
@@ -159,8 +159,8 @@ Crs utm_zone(const Crs& geographic, double longitude, double latitude) {
         std::to_string(latitude) +
         ", is no longitude and latitude between 80 south and 84 north, where UTM zones are; name a "
         "system with --project EPSG:n");
-  const double turned = longitude - 360.0 * std::floor((longitude + 180.0) / 360.0);
-  const int zone = std::min(60, 1 + static_cast<int>(std::floor((turned + 180.0) / 6.0)));
+  const double wrapped = longitude - 360.0 * std::floor((longitude + 180.0) / 360.0);
+  const int zone = std::min(60, 1 + static_cast<int>(std::floor((wrapped + 180.0) / 6.0)));
   // Zones of other datums where EPSG has them: ETRS89, NAD83, NAD83(2011), GDA94, GDA2020.
   int code = (latitude < 0.0 ? 32700 : 32600) + zone;
   const int base = geographic.horizontal;

@@ -248,7 +248,7 @@ class TextPoints final : public PointFile {
       if (columns_.parse(dialect_.plain(line, buffer), dialect_.delimiter, values)) {
         append_values(values, info_.attributes, colour_scale_, out.chunk());
         out.added();
-      } else if (!passed_over(line)) {
+      } else if (!is_skipped(line)) {
         if (!reader.complete()) {
           counts.missing = 1;
           counts.warnings.push_back(reader.torn_line());
@@ -270,7 +270,7 @@ class TextPoints final : public PointFile {
   }
 
   /// Blank lines, comments, and the count lines of files that were put together of several.
-  bool passed_over(std::string_view line) const {
+  bool is_skipped(std::string_view line) const {
     std::uint64_t count = 0;
     return is_blank(line) || is_comment(line) || (counted_ && is_count(line, count));
   }
@@ -282,7 +282,7 @@ class TextPoints final : public PointFile {
     LineReader reader(file, layout_, layout_.data_begin, input_.size(), false);
     std::string_view line;
     for (std::size_t rows = 0; rows < kFirstRows && reader.next(line);) {
-      if (passed_over(line) || !(reader.complete() || rows == 0)) continue;
+      if (is_skipped(line) || !(reader.complete() || rows == 0)) continue;
       f(line);
       ++rows;
     }
@@ -305,7 +305,7 @@ class TextPoints final : public PointFile {
       std::string_view line;
       for (int i = 0; i < kSampleLines && reader.next(line); ++i) {
         const bool whole = reader.complete() || reader.line_offset() == layout_.data_begin;
-        if (whole && !passed_over(line)) plain(line);
+        if (whole && !is_skipped(line)) plain(line);
       }
     }
   }

@@ -70,7 +70,7 @@ class BaseStage : public SerialStage {
     remeshing.float_positions = false;
     remeshing.feature_angle_deg = kCreaseAngle;
     remeshing.find_creases = true;
-    remeshing.max_faces = base_room(store_.face_count(), options_.base_vertices);
+    remeshing.max_faces = base_capacity(store_.face_count(), options_.base_vertices);
     remeshing.first_key = std::uint64_t{1} << 63;
     remeshing.pause = [&] { context.check_stop(); };
     out["edge"] = remeshing.edge;

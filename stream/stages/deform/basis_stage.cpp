@@ -171,7 +171,7 @@ class BasisStage : public SerialStage {
     std::vector<EditRegion> regions = script_.regions;
     struct Named {
       std::uint64_t vertex;
-      std::size_t region, place;
+      std::size_t region, slot;
       bool operator<(const Named& o) const { return vertex < o.vertex; }
     };
     std::vector<Named> named;
@@ -188,7 +188,7 @@ class BasisStage : public SerialStage {
         [&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
           context.check_stop();
           for (; at < named.size() && named[at].vertex < first + batch.size(); ++at)
-            regions[named[at].region].points[named[at].place] = batch[named[at].vertex - first];
+            regions[named[at].region].points[named[at].slot] = batch[named[at].vertex - first];
           first += batch.size();
         });
     if (at < named.size())

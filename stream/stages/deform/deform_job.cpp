@@ -45,7 +45,7 @@ JobDescription deform_job(const DeformOptions& options) {
   options.validate();
   JobDescription job{"deform", {}, 0, summarise, {}, {}};
   if (options.mode != "prepare") {
-    job.beside = {carried_crs(), known_origin()};
+    job.sidecars = {carried_crs(), known_origin()};
     job.page = job_page();
   }
   if (options.mode != "apply") {

@@ -36,14 +36,14 @@ std::uint64_t columns(const EditScript& script) {
 
 }  // namespace
 
-std::uint64_t base_room(std::uint64_t faces, std::uint64_t base_vertices) {
+std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices) {
   return std::max(faces + faces / 2, 3 * base_vertices);
 }
 
 std::uint64_t base_stage_bytes(bool own, std::uint64_t faces, std::uint64_t block,
                                std::uint64_t base_vertices) {
   if (own) return 2 * block + kSlackBytes;
-  const std::uint64_t base_bytes = base_room(faces, base_vertices);
+  const std::uint64_t base_bytes = base_capacity(faces, base_vertices);
   return 3 * block +
          std::max(remesh_bytes(base_bytes, faces),
                   smooth_bytes(base_bytes / 2, base_bytes, base_low_pass().front())) +

@@ -12,7 +12,7 @@
 namespace tessera {
 
 /// Faces that splits may leave on the way to the base. \param faces  that decimation leaves
-std::uint64_t base_room(std::uint64_t faces, std::uint64_t base_vertices);
+std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices);
 /// \param block  bytes of all faces loaded
 std::uint64_t base_stage_bytes(bool own, std::uint64_t faces, std::uint64_t block,
                                std::uint64_t base_vertices);

@@ -93,7 +93,7 @@ class DeformWriteStage : public SerialStage {
   }
 
   /// Where floats are too coarse so far from zero, what moves is written in doubles though the mesh came in floats.
-  void place(MeshHeader& header, std::span<const Double3> base, bool stays) const {
+  void set_origin(MeshHeader& header, std::span<const Double3> base, bool stays) const {
     if (base.empty()) return;
     Double3 low = base[0], high = base[0];
     for (const Double3& p : base) {
@@ -127,10 +127,10 @@ class DeformWriteStage : public SerialStage {
     b.largest = 0.0;
     for (std::uint32_t i = 0; i < b.position.size(); ++i) {
       const NormalDisplacement& d = b.displaced.of[i];
-      const TangentRest* beside = nullptr;
-      if ((d.face & kHasTangent) != 0) beside = &*tangent++;
+      const TangentRest* residual = nullptr;
+      if ((d.face & kHasTangent) != 0) residual = &*tangent++;
       if (!finite(b.position[i])) continue;
-      const Double3 by = posed.decode(d, beside) - rest.decode(d, beside), from = b.position[i];
+      const Double3 by = posed.decode(d, residual) - rest.decode(d, residual), from = b.position[i];
       b.position[i] = from + by;
       if (mirrored) b.position[i][0] = -b.position[i][0];
       b.largest = std::max(b.largest, mirrored ? squared_distance(from, b.position[i]) : dot(by, by));
@@ -157,7 +157,7 @@ class DeformWriteStage : public SerialStage {
       header.vertices = n.vertices;
       header.faces = n.faces;
     }
-    place(header, basis.base.position, colours);
+    set_origin(header, basis.base.position, colours);
     header.synthetic = mesh.has_synthetic();
     if (colours) header.colour = true;
     const auto writer = create_mesh_file(output_, header);
@@ -246,8 +246,8 @@ class DeformWriteStage : public SerialStage {
       for (std::size_t k = 0; k < r.targets.size() && k < r.points.size() && encoder != nullptr; ++k) {
         TangentRest tangent;
         const NormalDisplacement d = encoder->encode(r.points[k], diagonal, tangent);
-        const TangentRest* beside = (d.face & kHasTangent) != 0 ? &tangent : nullptr;
-        const Double3 now = r.points[k] + (posed.decode(d, beside) - rest.decode(d, beside));
+        const TangentRest* residual = (d.face & kHasTangent) != 0 ? &tangent : nullptr;
+        const Double3 now = r.points[k] + (posed.decode(d, residual) - rest.decode(d, residual));
         const double was = squared_distance(r.points[k], r.targets[k]),
                      is = squared_distance(now, r.targets[k]);
         ++count;
@@ -288,9 +288,9 @@ class DeformWriteStage : public SerialStage {
           auto tangent = b.displaced.rest.begin();
           for (std::size_t i = 0; i < b.position.size(); ++i) {
             const NormalDisplacement& d = b.displaced.of[i];
-            const TangentRest* beside = (d.face & kHasTangent) != 0 ? &*tangent++ : nullptr;
+            const TangentRest* residual = (d.face & kHasTangent) != 0 ? &*tangent++ : nullptr;
             if (finite(b.position[i]))
-              b.largest = std::max(b.largest, squared_distance(rest.decode(d, beside), b.position[i]));
+              b.largest = std::max(b.largest, squared_distance(rest.decode(d, residual), b.position[i]));
           }
         },
         [&](DisplacedBatch& b) {

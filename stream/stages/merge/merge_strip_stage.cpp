@@ -23,7 +23,7 @@ constexpr double kClearCells =
     0.6;  ///< between the strip and faces that stay: an edge of the gap is about a cell
 constexpr double kOffCells =
     0.3;  ///< of the field at a vertex: farther away there is no surface, the field jumps
-constexpr double kBesideCells = 0.25;          ///< how far the strip may reach beyond where all meshes end
+constexpr double kLateralCells = 0.25;         ///< how far the strip may reach beyond where all meshes end
 constexpr std::uint64_t kPatchBytes = 24'000;  ///< per leaf, while it is extracted
 constexpr int kBrickLeaves = kBrickCells / kLeafCells;
 
@@ -167,7 +167,7 @@ class StripStage : public Stage {
       const MergeBlend::Value value = blend.at(p, kFieldCells * h);
       good[v] =
           value.share > 0.0 && std::fabs(value.distance) <= kOffCells * h &&
-          value.beside <= kBesideCells * h &&
+          value.lateral <= kLateralCells * h &&
           (stay.empty() || stay.closest(p, clear * clear, ClosestFaces::kNone).slot == ClosestFaces::kNone);
     }
     std::vector<std::uint8_t> keep(mesh.faces.size());

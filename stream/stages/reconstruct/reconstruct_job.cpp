@@ -201,19 +201,19 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
   job.page = job_page();
   job.needs = early_needs;
   if (options.normals != "given") {
-    job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
-    job.beside.push_back({uncertain_points_path, "the doubts of --normals"});
+    job.sidecars.push_back({uncertain_picture_path, "the picture of --normals"});
+    job.sidecars.push_back({uncertain_points_path, "the doubts of --normals"});
   }
-  job.beside.push_back({crs_sidecar_path, "the coordinate system beside -o", false, crs_text});
-  job.beside.push_back(known_origin());
+  job.sidecars.push_back({crs_sidecar_path, "the coordinate system beside -o", false, crs_text});
+  job.sidecars.push_back(known_origin());
   if (options.keep_raw) {
-    job.beside.push_back({raw_output_path, "--keep-raw", true});
+    job.sidecars.push_back({raw_output_path, "--keep-raw", true});
     const auto path = [](const std::filesystem::path& output) {
       return stl_shift_path(raw_output_path(output));
     };
-    job.beside.push_back({path, "the origin beside --keep-raw", false, [](const nlohmann::json& report) {
-                            return origin_text(result_of(report, "keep-raw"));
-                          }});
+    job.sidecars.push_back({path, "the origin beside --keep-raw", false, [](const nlohmann::json& report) {
+                              return origin_text(result_of(report, "keep-raw"));
+                            }});
   }
   return job;
 }

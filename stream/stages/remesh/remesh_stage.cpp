@@ -45,7 +45,7 @@ json to_json(const RemeshReport& r) {
           {"moves", r.moves},
           {"refused_by_fold", r.by_fold},
           {"refused_by_tolerance", r.by_tolerance},
-          {"refused_by_room", r.by_room}};
+          {"refused_by_room", r.by_capacity}};
 }
 
 /// Per face whether it lies within some rings of a face that an earlier pass could not settle.
@@ -76,7 +76,7 @@ std::vector<std::uint64_t> seam_keys(const MeshBlock& block) {
 
 /// Marks faces that the next pass need not look at: all but those at the seams of the block.
 void mark_done(MeshBlock& block, const std::vector<std::uint64_t>& seams, const RemeshReport& report) {
-  if (report.by_room > 0) return;  // not done at all
+  if (report.by_capacity > 0) return;  // not done at all
   std::vector<std::uint8_t> seam(block.key.size());
   for (std::size_t v = 0; v < seam.size(); ++v)
     seam[v] = std::binary_search(seams.begin(), seams.end(), block.key[v]);

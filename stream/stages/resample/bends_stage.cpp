@@ -145,7 +145,7 @@ class CurvaturesStage : public Stage {
                        all.vertices.end());
     std::sort(all.links.begin(), all.links.end());
     all.links.erase(std::unique(all.links.begin(), all.links.end()), all.links.end());
-    const auto place = [&](std::uint64_t key) {
+    const auto index_of = [&](std::uint64_t key) {
       return static_cast<std::uint32_t>(
           std::lower_bound(all.vertices.begin(), all.vertices.end(), key,
                            [](const BandVertex& v, std::uint64_t k) { return v.key < k; }) -
@@ -153,7 +153,7 @@ class CurvaturesStage : public Stage {
     };
     std::vector<std::pair<std::uint32_t, std::uint32_t>> links;
     links.reserve(all.links.size());
-    for (const auto& [a, b] : all.links) links.emplace_back(place(a), place(b));
+    for (const auto& [a, b] : all.links) links.emplace_back(index_of(a), index_of(b));
     in_bands = all.vertices.size();
     return trace_bands(all.vertices, links, band_, scale_.edge);
   }

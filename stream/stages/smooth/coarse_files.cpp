@@ -86,13 +86,13 @@ PatchLaplacians::PatchLaplacians(const std::vector<std::filesystem::path>& files
   for (const auto& path : files) {
     const PackedFile& file = files_.emplace_back(path, kLaplacianKind, sizeof(PatchLaplacianWriter::Entry));
     for (const auto& e : file.table<PatchLaplacianWriter::Entry>())
-      places_[e.patch] = {files_.size() - 1, e.laplacian};
+      slots_[e.patch] = {files_.size() - 1, e.laplacian};
   }
 }
 
 std::vector<Float3> PatchLaplacians::load(std::uint64_t patch) const {
-  const Place& place = places_.at(patch);
-  return files_[place.file].load<Float3>(place.laplacian);
+  const PatchSlot& slot = slots_.at(patch);
+  return files_[slot.file].load<Float3>(slot.laplacian);
 }
 
 TileState tile_state(const MeshStore& loaded, const MeshStore& store, const PatchLaplacians& laplacians,

@@ -85,16 +85,16 @@ class PatchLaplacians {
  public:
   /// \throws InputError for a damaged file
   explicit PatchLaplacians(const std::vector<std::filesystem::path>& files);
-  bool empty() const { return places_.empty(); }
+  bool empty() const { return slots_.empty(); }
   std::vector<Float3> load(std::uint64_t patch) const;
 
  private:
-  struct Place {
+  struct PatchSlot {
     std::size_t file;
     Section laplacian;
   };
   std::vector<PackedFile> files_;
-  std::map<std::uint64_t, Place> places_;
+  std::map<std::uint64_t, PatchSlot> slots_;
 };
 
 /// Where the vertices of a tile are in the middle of a step.

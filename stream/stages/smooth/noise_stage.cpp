@@ -36,8 +36,9 @@ class NoiseStage : public Stage {
       : name_(name), store_(std::move(mesh)), edge_(load_range(state.work, 0).edge(store_.face_count())) {
     std::vector<std::size_t> order(store_.patches().size());
     for (std::size_t p = 0; p < order.size(); ++p) order[p] = p;
-    const auto place = [&](std::size_t p) { return mix(store_.patches()[p].key); };
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return place(a) < place(b); });
+    const auto order_key = [&](std::size_t p) { return mix(store_.patches()[p].key); };
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return order_key(a) < order_key(b); });
     std::uint64_t vertices = 0;
     for (std::size_t i = 0; i < order.size() && vertices < kMaxVertices; ++i) {
       patches_.push_back(order[i]);

@@ -20,14 +20,14 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr double kBeside = 6.0;  ///< cells beyond the band from which faces matter: a leaf's halo
+constexpr double kHaloCells = 6.0;  ///< cells beyond the band from which faces matter: a leaf's halo
 constexpr const char* kLeafSuffix = ".lvl";
 constexpr std::size_t kPage = 256;  ///< leaves read at once
 
 class DistancesStage : public Stage {
  public:
   DistancesStage(const JobState& state, const SolidModel& model)
-      : band_(model.band), tiles_(state, model.band + kBeside, sizeof(Int3)) {}
+      : band_(model.band), tiles_(state, model.band + kHaloCells, sizeof(Int3)) {}
 
   std::string name() const override { return "distances"; }
   std::size_t task_count() const override { return tiles_.groups().size(); }
@@ -119,7 +119,7 @@ class GridStage : public SerialStage {
   std::uint64_t units() const override { return leaves_; }
   std::string unit_name() const override { return "leaves"; }
   std::uint64_t finish_bytes() const override {
-    return write_level_set_bytes(leaves_) + leaves_ * sizeof(Place) + 2 * sign_bytes_ +
+    return write_level_set_bytes(leaves_) + leaves_ * sizeof(LeafSlot) + 2 * sign_bytes_ +
            kPage * sizeof(LevelSetLeaf);
   }
 
@@ -127,8 +127,8 @@ class GridStage : public SerialStage {
     std::vector<ReadFile> open;
     open.reserve(files_.size());
     std::vector<Int3> origins;
-    std::vector<Place> places;
-    origins.reserve(leaves_), places.reserve(leaves_);
+    std::vector<LeafSlot> slots;
+    origins.reserve(leaves_), slots.reserve(leaves_);
     std::uint64_t nodes = 0;
     float farthest = 0.0f;
     for (const auto& path : files_) {
@@ -138,7 +138,7 @@ class GridStage : public SerialStage {
         context.check_stop();
         for (const LevelSetLeaf& leaf : page) {
           origins.push_back(leaf.origin);
-          places.push_back({static_cast<std::uint32_t>(open.size() - 1), at});
+          slots.push_back({static_cast<std::uint32_t>(open.size() - 1), at});
           at += sizeof(LevelSetLeaf);
           for (const std::uint64_t word : leaf.active)
             nodes += static_cast<std::uint64_t>(std::popcount(word));
@@ -157,7 +157,7 @@ class GridStage : public SerialStage {
         band_ > 0.0 ? static_cast<float>(band_) * static_cast<float>(plan_.lattice.h) : farthest;
     file.origins = origins;
     file.load = [&](std::size_t leaf, LevelSetLeaf& to) {
-      open[places[leaf].file].read_at(places[leaf].offset, &to, sizeof to);
+      open[slots[leaf].file].read_at(slots[leaf].offset, &to, sizeof to);
     };
     file.inside = [&](const Int3& node) {
       const LeafWords words = signs.at({node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits});
@@ -174,7 +174,7 @@ class GridStage : public SerialStage {
   std::vector<std::string> obsolete() const override { return {"solid/", "distances/"}; }
 
  private:
-  struct Place {
+  struct LeafSlot {
     std::uint32_t file;
     std::uint64_t offset;
   };

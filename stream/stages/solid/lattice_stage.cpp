@@ -113,7 +113,7 @@ std::string solid_import(std::size_t input) {
   return "mesh-" + std::to_string(input);
 }
 
-void place_block(const Placement& placement, MeshBlock& block) {
+void transform_block(const Placement& placement, MeshBlock& block) {
   if (placement.is_identity()) return;
   for (Double3& p : block.position) p = placement.apply(p);
   if (!(placement.determinant() < 0.0)) return;

@@ -124,7 +124,7 @@ class LinesStage : public Stage {
     for (std::size_t p = t.first; p < t.end; ++p) {
       context.check_stop();
       MeshBlock block = stores_[t.input].load({&p, 1});
-      place_block(placements_[t.input], block);
+      transform_block(placements_[t.input], block);
       const std::vector<Long3> corner = quantise_block(plan_.lattice, block);
       for (const auto& f : block.faces)
         cross({corner[f[0]], corner[f[1]], corner[f[2]]}, leaves, found, volume);

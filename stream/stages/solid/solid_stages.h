@@ -120,7 +120,7 @@ class SolidMeshWriter {
 std::vector<LeafSigns> load_solid_signs(const std::filesystem::path& work);
 
 /// Moves a block to where it is put; faces of a mirror image are turned, so that they look outwards as before.
-void place_block(const Placement& placement, MeshBlock& block);
+void transform_block(const Placement& placement, MeshBlock& block);
 /// The smallest box around a box that is put elsewhere.
 MeshBox placed_box(const Placement& placement, const MeshBox& box);
 /// A block's vertices in quanta.

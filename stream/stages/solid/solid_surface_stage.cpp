@@ -203,7 +203,7 @@ class SolidSurfaceStage : public Stage {
       for (const std::size_t p : source.mesh.select(placed_box(placement.inverse(), box))) {
         context.check_stop();
         MeshBlock mesh = source.mesh.load({&p, 1});
-        place_block(placement, mesh);
+        transform_block(placement, mesh);
         const std::vector<Long3> corner = quantise_block(plan_.lattice, mesh);
         for (const auto& f : mesh.faces) {
           const QuantisedTriangle triangle = {corner[f[0]], corner[f[1]], corner[f[2]]};
@@ -213,7 +213,7 @@ class SolidSurfaceStage : public Stage {
           const Float3 normal = face_normal(mesh, f, triangle);  // turned outward with its root
           for (LatticeCrossing& c : found) {
             if (inside_out_[source.operand] != 0) c.winding = static_cast<std::int8_t>(-c.winding);
-            crossings.push_back(block.place(c, normal, static_cast<std::uint8_t>(source.operand)));
+            crossings.push_back(block.local_crossing(c, normal, static_cast<std::uint8_t>(source.operand)));
           }
         }
       }

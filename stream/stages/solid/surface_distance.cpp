@@ -19,8 +19,8 @@ constexpr std::size_t kStack = 128;
 double PatchTree::Box::square_to(const Double3& p) const {
   double sum = 0.0;
   for (std::size_t a = 0; a < 3; ++a) {
-    const double over = std::max({0.0, low[a] - p[a], p[a] - high[a]});
-    sum += over * over;
+    const double excess = std::max({0.0, low[a] - p[a], p[a] - high[a]});
+    sum += excess * excess;
   }
   return sum;
 }
@@ -82,7 +82,7 @@ SurfaceDistance::Patch& SurfaceDistance::patch(std::size_t number) {
 
 double SurfaceDistance::away(const Double3& p) {
   double best = std::numeric_limits<double>::infinity();
-  const auto ask = [&](std::size_t number) {
+  const auto query = [&](std::size_t number) {
     Patch& near = patch(number);
     const ClosestFaces::Hit hit = near.faces.closest(p - near.corner, best, near.hint);
     if (hit.slot == ClosestFaces::kNone || !(hit.square < best)) return;
@@ -92,7 +92,7 @@ double SurfaceDistance::away(const Double3& p) {
   };
   if (tree_.levels_[0].empty()) return best;
   const std::size_t first = last_patch_;
-  ask(first);
+  query(first);
   struct Entry {
     double bound;
     std::size_t level, index;
@@ -104,7 +104,7 @@ double SurfaceDistance::away(const Double3& p) {
     const Entry e = stack[--top];
     if (e.bound >= best) continue;
     if (e.level == 0) {
-      if (e.index != first) ask(e.index);
+      if (e.index != first) query(e.index);
       continue;
     }
     const std::vector<PatchTree::Box>& below = tree_.levels_[e.level - 1];

@@ -137,7 +137,7 @@ class CloseStage : public SerialStage {
         own = std::move(grown[i].cells);
         for (const Int3& c : grown[i].leaving) pending[brick_of_cell(c)].push_back(c);
       }
-      require_room(3 * leaves * sizeof(ClosingLeaf) + signs.size() * kBytesPerSigns);
+      require_memory(3 * leaves * sizeof(ClosingLeaf) + signs.size() * kBytesPerSigns);
       visits += round.size();
       ++rounds;
     }
@@ -169,7 +169,7 @@ class CloseStage : public SerialStage {
   SignMap let_flow(const ClosingMap& cells, SignMap field, const ClosingOptions& options,
                    TaskContext& context) const {
     SignMap region = flow_region(cells);
-    require_room((2 * region.size() + field.size()) * kBytesPerSigns);
+    require_memory((2 * region.size() + field.size()) * kBytesPerSigns);
     const std::vector<Int3> bricks = bricks_of(region);
     for (const Int3& brick : bricks) enter_local_signs(boundaries_->signs_around(brick), region);
     enter_field_signs(field, region);
@@ -207,7 +207,7 @@ class CloseStage : public SerialStage {
   static std::uint64_t brick_of_cell(const Int3& c) {
     return brick_key({c[0] >> kBrickBits, c[1] >> kBrickBits, c[2] >> kBrickBits});
   }
-  void require_room(std::uint64_t bytes) const {
+  void require_memory(std::uint64_t bytes) const {
     if (bytes <= set_limit(state_.run)) return;
     throw ResourceError("stage close: the surface that closes the holes takes " + format_bytes(bytes) +
                         " to list and a quarter of --memory " + format_bytes(state_.run.memory_bytes) +

@@ -114,7 +114,7 @@ struct LevelFieldMaker::BrickNodes {
   const std::function<bool(const Int3&, const Int3&)>& may_be;  ///< of a box, both ends among it
   Int3 corner;                                                  ///< of the brick, in nodes of the level
   int edge;                                                     ///< of the brick, in cells of the level
-  static constexpr int kBeside = 4;
+  static constexpr int kMargin = 4;
 
   bool operator()(const Int3& n) const {
     return wanted({n[0] - corner[0], n[1] - corner[1], n[2] - corner[2]});
@@ -124,8 +124,8 @@ struct LevelFieldMaker::BrickNodes {
     bool within = true;
     for (std::size_t a = 0; a < 3; ++a) {
       const int low = first[a] - corner[a], high = low + nodes - 1;
-      if (high < -kBeside || low > edge + kBeside) return true;
-      within = within && low >= kBeside && high <= edge - kBeside;
+      if (high < -kMargin || low > edge + kMargin) return true;
+      within = within && low >= kMargin && high <= edge - kMargin;
     }
     return within;
   }
@@ -173,27 +173,27 @@ std::unique_ptr<CoarserFits> LevelFieldMaker::coarser_fits(const PointBlock& aro
   };
   auto out = std::make_unique<CoarserFits>(
       CoarserFits{SparseNodes(points, [&](const Int3& leaf) { return requested(first_of(leaf)); }), {}});
-  const SparseNodes& places = out->places;
-  if (!places.any()) return nullptr;
+  const SparseNodes& sparse = out->sparse;
+  if (!sparse.any()) return nullptr;
   const Wanted above = [&](const Int3& node) {
     Int3 local;
     for (std::size_t a = 0; a < 3; ++a) {
-      local[a] = node[a] - places.origin()[a];
-      if (local[a] < -1 || local[a] > places.cells()[a] + 1) return false;
+      local[a] = node[a] - sparse.origin()[a];
+      if (local[a] < -1 || local[a] > sparse.cells()[a] + 1) return false;
     }
-    if (places.depth(local) < -kBoundaryMargin) return false;
+    if (sparse.depth(local) < -kBoundaryMargin) return false;
     for (int d = 0; d < 27; ++d)
       if (wanted({2 * node[0] + d % 3 - 1, 2 * node[1] + d / 3 % 3 - 1, 2 * node[2] + d / 9 - 1}))
         return true;
     return false;
   };
-  const PointBlock coarse = points_on(around, level + 1, places.origin(), places.cells());
+  const PointBlock coarse = points_on(around, level + 1, sparse.origin(), sparse.cells());
   const NodeFilter nodes = filter(coarse, above);
   std::map<Int3, LeafWords> known;  // a leaf is asked for twice
   const NodeFilter once = [&](const Int3& leaf) {
     const Int3 first = first_of(leaf);
     bool beyond = false;
-    for (std::size_t a = 0; a < 3; ++a) beyond = beyond || leaf[a] < -1 || leaf[a] > places.cells()[a] / 8;
+    for (std::size_t a = 0; a < 3; ++a) beyond = beyond || leaf[a] < -1 || leaf[a] > sparse.cells()[a] / 8;
     if (beyond || !requested(first)) return LeafWords{};
     const auto [at, fresh] = known.try_emplace(leaf);
     if (fresh) at->second = nodes(leaf);

@@ -123,7 +123,7 @@ class LoopsStage : public Stage {
       BoundaryMatcher boundaries;
       for (const EdgeRecord& r : records) boundaries.add(r);
       boundaries.finish();
-      const PatchRange& range = numbering_.patches[p];
+      const PatchSpan& range = numbering_.patches[p];
       for (HoleBoundary& boundary : short_boundary_loops(
                boundaries, range.first_vertex, range.first_vertex + range.kept_vertices, max_edges_))
         batches.add(std::move(boundary));
@@ -301,7 +301,7 @@ class LoopsStage : public Stage {
       // The last patch that begins at or before the vertex; those without vertices begin where the next does.
       const auto after =
           std::upper_bound(patches.begin(), patches.end(), need[i],
-                           [](std::uint64_t v, const PatchRange& p) { return v < p.first_vertex; });
+                           [](std::uint64_t v, const PatchSpan& p) { return v < p.first_vertex; });
       const auto p = static_cast<std::size_t>(after - patches.begin()) - 1;
       numbered.load_kept_vertices(p, local, rgba);
       const Int3 brick = brick_of_key(store_.patches()[p].key);

@@ -194,7 +194,7 @@ class WeldStage : public Stage {
       const auto [first, last] = store_.file_range(file);
       std::uint64_t offset = 0;
       for (std::size_t p = first; p < last; ++p) {
-        PatchRange& range = numbering.patches[p];
+        PatchSpan& range = numbering.patches[p];
         range.first_vertex = numbering.vertices;
         range.first_component = first_component_[p];
         range.foreign_offset = offset;
@@ -244,7 +244,7 @@ std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches) {
 
 std::uint64_t weld_finish_bytes(std::uint64_t patches, std::uint64_t components) {
   // Union-find, sizes and the kept flags; places of the patches; one file's links.
-  return components * 41 + patches * sizeof(PatchRange) + (64u << 20);
+  return components * 41 + patches * sizeof(PatchSpan) + (64u << 20);
 }
 
 std::uint64_t automatic_min_component(std::uint64_t faces) {
@@ -285,7 +285,7 @@ Numbering Numbering::load(const std::filesystem::path& path) {
   const PackedFile file(path, kNumberingKind, sizeof(Section), sizeof totals);
   std::memcpy(totals.data(), file.info().data(), sizeof totals);
   const auto sections = file.table<Section>();
-  return {file.load<PatchRange>(sections.at(0)), file.load<std::uint8_t>(sections.at(1)), totals[0],
+  return {file.load<PatchSpan>(sections.at(0)), file.load<std::uint8_t>(sections.at(1)), totals[0],
           totals[1]};
 }
 

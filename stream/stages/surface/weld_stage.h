@@ -14,17 +14,17 @@ struct VertexSlot {
 };
 
 /// What welding knows of one patch.
-struct PatchRange {
+struct PatchSpan {
   std::uint64_t first_vertex = 0;     ///< output index of its first kept vertex
   std::uint64_t first_component = 0;  ///< into Numbering::kept
-  std::uint64_t foreign_offset = 0;   ///< of its VertexPlaces among those of its patch file, bytes
+  std::uint64_t foreign_offset = 0;   ///< of its VertexSlots among those of its patch file, bytes
   std::uint32_t kept_vertices = 0;
   std::uint32_t kept_faces = 0;
 };
 
 /// The global summary that writing needs: 32 bytes a patch, one byte a patch component.
 struct Numbering {
-  std::vector<PatchRange> patches;
+  std::vector<PatchSpan> patches;
   std::vector<std::uint8_t> kept;  ///< per patch component
   std::uint64_t vertices = 0;
   std::uint64_t faces = 0;
@@ -37,7 +37,7 @@ inline constexpr const char* kNumberingFile = "weld/numbering.bin";  ///< in the
 
 /// Patch files of the job, in order.
 PatchStore open_patches(const std::filesystem::path& work);
-/// Weld file of one patch file, and its section of all VertexPlaces.
+/// Weld file of one patch file, and its section of all VertexSlots.
 std::string weld_file_name(std::size_t file);
 struct WeldFile {
   explicit WeldFile(const std::filesystem::path& path);

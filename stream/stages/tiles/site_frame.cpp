@@ -14,7 +14,7 @@ namespace {
 using Handle = ProjHandle;
 using Context = ProjContext;
 
-constexpr double kTold_m = 0.1;  ///< a misfit from here on is worth a warning
+constexpr double kReportedMisfit_m = 0.1;  ///< a misfit from here on is worth a warning
 
 /// What of a system is in the plane.
 Handle horizontal_of(PJ_CONTEXT* context, const PJ* crs) {
@@ -135,7 +135,7 @@ SiteFrame site_frame(const std::string& wkt, const Double3& origin, const Double
   frame.geocentric = true;
   for (std::size_t k = 0; k < 3; ++k) set_column(frame, k, axis[k]);
   set_column(frame, 3, middle);
-  if (frame.misfit_m > kTold_m)
+  if (frame.misfit_m > kReportedMisfit_m)
     frame.warning = "tiles are flat and the Earth is not: corners of the site lie up to " +
                     number_text(frame.misfit_m) + " m from their places, its middle is exact";
   return frame;

@@ -161,16 +161,16 @@ class GlbTile {
     for (const auto& f : tile_.faces) corners.insert(corners.end(), f.begin(), f.end());
     indices_.resize(corners.size());
     meshopt_optimizeVertexCacheStrip(indices_.data(), corners.data(), corners.size(), vertices_);
-    place_.resize(vertices_);
-    meshopt_optimizeVertexFetchRemap(place_.data(), indices_.data(), indices_.size(), vertices_);
-    for (std::uint32_t& v : indices_) v = place_[v];
+    remap_.resize(vertices_);
+    meshopt_optimizeVertexFetchRemap(remap_.data(), indices_.data(), indices_.size(), vertices_);
+    for (std::uint32_t& v : indices_) v = remap_[v];
   }
 
   /// \param of  a vertex of the tile -> its element, a multiple of 4 bytes
   template <class Of>
   auto in_order(const Of& of) const {
     std::vector<decltype(of(std::size_t{0}))> packed(vertices_);
-    for (std::size_t v = 0; v < vertices_; ++v) packed[place_[v]] = of(v);
+    for (std::size_t v = 0; v < vertices_; ++v) packed[remap_[v]] = of(v);
     return packed;
   }
 
@@ -266,7 +266,7 @@ class GlbTile {
   const TileMesh& tile_;
   std::size_t vertices_;
   std::vector<std::uint32_t> indices_;  ///< of vertices in their new order
-  std::vector<std::uint32_t> place_;    ///< of each vertex in it
+  std::vector<std::uint32_t> remap_;    ///< of each vertex in it
   Binary binary_;
   json attributes_, accessors_ = json::array();
   std::size_t triangles_ = 0;  ///< accessor

@@ -20,7 +20,7 @@ namespace {
 using json = nlohmann::json;
 
 /// Passes stay within the tolerance: a bound up to this times it is good enough, up to five quarters of that are told.
-constexpr double kToldScale = 1.04;
+constexpr double kReportedScale = 1.04;
 
 /// \param state  with the level's folder as its work directory
 bool is_there(const JobState& state, int level) {
@@ -58,7 +58,7 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
            if (!is_there(s, level)) return make_idle_stage("certify");
            CertifyRequest request;
            request.name = "certify";
-           request.scale = kToldScale * stores.tolerance_left(s);
+           request.scale = kReportedScale * stores.tolerance_left(s);
            request.tight = false;
            request.mesh = [=](const JobState& now) { return open_level(now.work.parent_path(), level); };
            request.reference = stores.full;

@@ -131,7 +131,7 @@ class TilesStage : public Stage {
       if (normals_) normals = tile_normals(block, store_.load_box(box_around(block)));
       const TileMesh tile = quantise_tile(block, grid_, std::move(normals));
       const std::string glb = tile_glb(tile);
-      DirectFile file(context.create(kBesideName + tile_file(level_, c)), std::size_t{1} << 18);
+      DirectFile file(context.create(kSidecarName + tile_file(level_, c)), std::size_t{1} << 18);
       file.write(glb.data(), glb.size());
       record.bytes = file.finish();
       record.vertices = tile.position.size();

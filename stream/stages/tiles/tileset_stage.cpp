@@ -54,7 +54,7 @@ class TilesetStage : public SerialStage {
     write_tilesets(tree, transform, level0_.diagonal(),
                    [&](const std::string& name, const std::string& text) {
                      context.check_stop();
-                     const fs::path aside = context.create(name.empty() ? kOutputName : kBesideName + name);
+                     const fs::path aside = context.create(name.empty() ? kOutputName : kSidecarName + name);
                      write_durably(aside, text);
                      json_bytes += text.size();
                      names.insert(name);

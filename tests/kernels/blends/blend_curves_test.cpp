@@ -27,7 +27,7 @@ TEST_CASE("blend tracks: a fillet is one track along its middle, as wide as it i
 
 TEST_CASE("blend tracks: a fillet around a ring closes, a box has twelve", "[unit]") {
   Swept s;
-  s.bend = 20.0;
+  s.sweep_radius = 20.0;
   s.closed = true;
   const std::vector<BlendCurve> ring = search_blends(swept_block(s), 4.5, 1.2);
   REQUIRE(ring.size() == 1);

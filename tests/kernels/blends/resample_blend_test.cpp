@@ -89,13 +89,13 @@ void check_stitched(const MeshBlock& block, const ResampledBlend& r) {
 TEST_CASE("resample blend: on an exact cylinder no normal jump varies beyond rounding", "[unit]") {
   Swept s;
   s.convex = GENERATE(true, false);
-  s.turn_deg = GENERATE(60.0, 90.0, 120.0);
-  CAPTURE(s.convex, s.turn_deg);
+  s.arc_deg = GENERATE(60.0, 90.0, 120.0);
+  CAPTURE(s.convex, s.arc_deg);
   const MeshBlock block = swept_block(s);
   const ResampledBlend r = resample_only(block, exact_options());
   check_stitched(block, r);
   CHECK(r.report.radius == Approx(3.0).epsilon(1e-5));
-  CHECK(r.report.arc_angle == Approx(s.turn_deg * kPi / 180.0).epsilon(1e-3));
+  CHECK(r.report.arc_angle == Approx(s.arc_deg * kPi / 180.0).epsilon(1e-3));
   CHECK(r.report.distance <= 0.25);
   CHECK(r.report.before.across.variance > 1e-3);
   CHECK(r.report.after.across.edges > 30);
@@ -145,7 +145,7 @@ TEST_CASE("resample blend: noise goes from along and across, far below decimatio
 
 TEST_CASE("resample blend: around a ring the grid closes, ribs never cross", "[unit]") {
   Swept s;
-  s.bend = 20.0;
+  s.sweep_radius = 20.0;
   s.closed = true;
   s.convex = GENERATE(true, false);
   const MeshBlock block = swept_block(s);
@@ -203,7 +203,7 @@ TEST_CASE("resample blend: where it runs beside a hole the rest of it is resampl
 
 TEST_CASE("resample blend: the noise of normal jumps leaves out what the blend itself does", "[unit]") {
   Swept s;
-  s.bend = 20.0;
+  s.sweep_radius = 20.0;
   s.closed = true;
   s.convex = GENERATE(true, false);
   const ResampledBlend r = resample_only(swept_block(s), exact_options());

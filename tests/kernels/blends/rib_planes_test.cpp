@@ -11,16 +11,16 @@ using namespace tessera;
 
 namespace {
 
-/// A quarter of a circle of `bend` between two straight pieces, in the xy plane, steps of about `step`.
-RibPlanes bent(double bend, double step) {
+/// A quarter of a circle of `radius` between two straight pieces, in the xy plane, steps of about `step`.
+RibPlanes curved_planes(double radius, double step) {
   std::vector<Double3> spine, up;
   for (double x = -6.0; x < 0.0; x += step) spine.push_back({x, 0.0, 0.0});
-  const int n = std::max(2, static_cast<int>(0.5 * kPi * bend / step));
+  const int n = std::max(2, static_cast<int>(0.5 * kPi * radius / step));
   for (int i = 0; i < n; ++i) {
     const SinCos a = sin_cos(0.5 * kPi * i / n);
-    spine.push_back({bend * a.sin, bend * (1.0 - a.cos), 0.0});
+    spine.push_back({radius * a.sin, radius * (1.0 - a.cos), 0.0});
   }
-  for (double y = 0.0; y < 6.0; y += step) spine.push_back({bend, bend + y, 0.0});
+  for (double y = 0.0; y < 6.0; y += step) spine.push_back({radius, radius + y, 0.0});
   up.assign(spine.size(), {0.0, 0.0, 1.0});
   return planes_across(spine, up, false, 0, 0);
 }
@@ -48,13 +48,13 @@ TEST_CASE("rib planes: every point between two planes has one place, exact along
   REQUIRE(planes.size() == n);
   CHECK(planes.length() == Approx(2.0 * kPi * 10.0).epsilon(2e-3));
   const double radius = norm(Double3{planes[0].origin[0], planes[0].origin[1], 0.0});
-  for (const double turn : {0.01, 1.7, 3.3, 6.2}) {
-    const SinCos a = sin_cos(turn);
+  for (const double angle : {0.01, 1.7, 3.3, 6.2}) {
+    const SinCos a = sin_cos(angle);
     const auto at = planes.locate({8.5 * a.cos, 8.5 * a.sin, 1.25}, 0);
     const auto near =
         planes.locate({8.5 * a.cos, 8.5 * a.sin, 1.25}, static_cast<std::size_t>(at ? at->rib : 0));
     REQUIRE(near);
-    CHECK(near->rib == Approx(turn / (2.0 * kPi) * n).margin(1e-4));
+    CHECK(near->rib == Approx(angle / (2.0 * kPi) * n).margin(1e-4));
     CHECK(std::fabs(near->x) == Approx(radius - 8.5).margin(5e-5));
     CHECK(near->y == Approx(0.25));
   }
@@ -67,7 +67,7 @@ TEST_CASE("rib planes: every point between two planes has one place, exact along
 }
 
 TEST_CASE("rib planes: ribs that overlap in a bend are straightened by their end trajectories", "[unit]") {
-  RibPlanes planes = bent(1.0, 0.5);
+  RibPlanes planes = curved_planes(1.0, 0.5);
   const RibEnds ends = ends_at(planes, 1.6);
   REQUIRE(ribs_cross(planes, ends, 0.05));
   REQUIRE(straighten_ribs(planes, ends, 0.05));
@@ -86,7 +86,7 @@ TEST_CASE("rib planes: ribs that overlap in a bend are straightened by their end
 TEST_CASE(
     "rib planes: ribs that do not overlap are told so, and no filter helps ribs wider than a full circle",
     "[unit]") {
-  const RibPlanes planes = bent(4.0, 0.5);
+  const RibPlanes planes = curved_planes(4.0, 0.5);
   CHECK_FALSE(ribs_cross(planes, ends_at(planes, 1.6), 0.05));
   std::vector<Double3> ring, up;
   for (int i = 0; i < 24; ++i) {

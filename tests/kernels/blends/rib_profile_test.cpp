@@ -39,15 +39,15 @@ TEST_CASE("rib profile: points on it are at distance 0 and at their arc length",
   CHECK(p.arc_length() == Approx(3.0));
   CHECK(p.tangent_length() == Approx(2.0 * std::tan(0.75)));
   for (const double t : {0.0, 0.25, 0.7, 1.0}) {
-    const ProfilePosition at = place_beside(p, p.on_arc(t));
+    const ProfilePosition at = profile_position(p, p.on_arc(t));
     CHECK(std::fabs(at.distance) < 1e-14);
     CHECK(at.run == Approx((t - 0.5) * 3.0).margin(1e-12));
   }
-  const ProfilePosition left = place_beside(p, p.on_flank(0, p.tangent_length() + 1.0));
+  const ProfilePosition left = profile_position(p, p.on_flank(0, p.tangent_length() + 1.0));
   CHECK(left.zone == RibZone::kLeft);
   CHECK(left.run == Approx(-2.5));
   const Double2 n = p.arc_normal(0.3), on = p.on_arc(0.3);
-  CHECK(place_beside(p, {on[0] + 0.1 * n[0], on[1] + 0.1 * n[1]}).distance == Approx(0.1));
+  CHECK(profile_position(p, {on[0] + 0.1 * n[0], on[1] + 0.1 * n[1]}).distance == Approx(0.1));
 }
 
 TEST_CASE("rib profile: exact points give the exact profile, from a rough guess", "[unit]") {

@@ -90,9 +90,9 @@ TEST_CASE("certificate of a pair: says what the search of both directions says",
     const double tolerance = seed == 5 ? 0.2 : seed == 6 ? 0.3 : 0.02;
     const CertificateOptions options = options_for(tolerance);
     const DeviationPair pair = measure(a, b, tolerance);
-    const DeviationPair turned = measure(b, a, tolerance);
-    CHECK(turned.back.upper == pair.there.upper);
-    CHECK(turned.there.upper == pair.back.upper);
+    const DeviationPair swapped = measure(b, a, tolerance);
+    CHECK(swapped.back.upper == pair.there.upper);
+    CHECK(swapped.there.upper == pair.back.upper);
     const DeviationReport there = certify_deviation({a.position, a.faces}, nullptr,
                                                     ClosestFaces(b.position, b.faces, kOrigin), options);
     const DeviationReport back = certify_deviation({b.position, b.faces}, nullptr,
@@ -168,9 +168,9 @@ TEST_CASE("certificate of a pair: turned faces and folds change no bound", "[pro
   const Surface coarse = test::height_grid(kCoarse, 1.0, hills);
   Surface fine = test::height_grid(kFine, 1.0, hills);
   const DeviationPair plain = measure(coarse, fine, 0.02);
-  Surface turned = fine;
-  for (auto& f : turned.faces) std::swap(f[1], f[2]);
-  CHECK(measure(coarse, turned, 0.02).there.upper == Approx(plain.there.upper).epsilon(0.01));
+  Surface swapped = fine;
+  for (auto& f : swapped.faces) std::swap(f[1], f[2]);
+  CHECK(measure(coarse, swapped, 0.02).there.upper == Approx(plain.there.upper).epsilon(0.01));
   // Vertices moved sideways by more than a cell: the surface folds over itself.
   for (Double3& p : fine.position)
     if (p[0] > 0.05 && p[0] < 0.95 && p[1] > 0.05 && p[1] < 0.95)

@@ -69,8 +69,8 @@ TEST_CASE("closest face: needles across the axes are found as the slow way finds
     const Double3 at = {random.unit(), random.unit(), random.unit()};
     const Double3 direction = {random.in(-0.7, 0.7), random.in(-0.7, 0.7), random.in(-0.7, 0.7)};
     const double width = std::pow(10.0, random.in(-9.0, -2.0)), along = random.in(0.0, 1.0);
-    const Double3 beside = {random.in(-width, width), random.in(-width, width), random.in(-width, width)};
-    add(at, at + direction, i % 29 == 3 ? at + direction : at + direction * along + beside);
+    const Double3 lateral = {random.in(-width, width), random.in(-width, width), random.in(-width, width)};
+    add(at, at + direction, i % 29 == 3 ? at + direction : at + direction * along + lateral);
     for (int k = 0; k < 3; ++k) {
       const Double3 near = {random.unit(), random.unit(), random.unit()};
       add(near, near + Double3{0.01, 0.002, 0}, near + Double3{0, 0.01, 0.003});
@@ -98,7 +98,7 @@ TEST_CASE("certificate: parallel planes of unlike meshes are as far apart as the
   CHECK(r.lower == Approx(0.01));
   CHECK(r.rms() == Approx(0.01));
   CHECK(r.area == Approx(1.0));
-  CHECK(r.faces_over == 0);
+  CHECK(r.faces_exceeding == 0);
   CHECK_FALSE(r.beyond);
   CHECK(r.faces == a.faces.size());
 }
@@ -109,7 +109,7 @@ TEST_CASE("certificate: equal surfaces with other triangles are at distance zero
   for (const auto& [one, other] : {std::pair(&a, &b), std::pair(&b, &a)}) {
     const DeviationReport r = measure(*one, *other, 0.01, 0.01);
     CHECK(r.upper <= 0.01 * 1.1e-3);
-    CHECK(r.faces_over == 0);
+    CHECK(r.faces_exceeding == 0);
   }
 }
 
@@ -145,18 +145,18 @@ TEST_CASE("certificate: a step over the tolerance is found, with the place", "[u
   CHECK(r.lower == Approx(0.05));
   CHECK(r.witness[0] == Approx(0.5));
   CHECK(r.witness[1] == Approx(0.5));
-  CHECK(r.faces_over == 6);
+  CHECK(r.faces_exceeding == 6);
   const DeviationReport near = measure(a, b, 0.02, 0.02);
   CHECK(near.beyond);
   CHECK(std::isinf(near.upper));
-  CHECK(near.faces_over == 6);
+  CHECK(near.faces_exceeding == 6);
 }
 
 TEST_CASE("certificate: nothing to compare with is beyond, nothing to measure is zero", "[unit]") {
   const Surface a = test::height_grid(3, 1.0, flat);
   const DeviationReport none = measure(a, Surface{}, 0.1, 0.1);
   CHECK(none.beyond);
-  CHECK(none.faces_over == a.faces.size());
+  CHECK(none.faces_exceeding == a.faces.size());
   CHECK(none.histogram[kDeviationBins + 1] > 0);
   const DeviationReport empty = measure(Surface{}, a, 0.1, 0.1);
   CHECK(empty.upper == 0.0);

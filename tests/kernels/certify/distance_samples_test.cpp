@@ -100,12 +100,12 @@ TEST_CASE("distance samples: the histogram is that of the area, also beyond the 
   const DeviationReport r =
       certify_pair({two.position, two.faces}, {tilted.position, tilted.faces}, nullptr, kOrigin, options)
           .there;
-  double all = 0.0, over = 0.0;
+  double all = 0.0, exceeding = 0.0;
   for (std::size_t i = 0; i < r.histogram.size(); ++i) {
     all += static_cast<double>(r.histogram[i]);
-    if (i >= kDeviationBins) over += static_cast<double>(r.histogram[i]);
+    if (i >= kDeviationBins) exceeding += static_cast<double>(r.histogram[i]);
   }
-  CHECK(over / all == Approx(0.5).margin(0.02));
+  CHECK(exceeding / all == Approx(0.5).margin(0.02));
 }
 
 TEST_CASE("distance samples: points have equal shares of the area, and lie in the box", "[unit]") {

@@ -93,7 +93,7 @@ Surface moved(Surface s, const Double3& by) {
   return s;
 }
 
-Surface turned(Surface s) {
+Surface rotated(Surface s) {
   for (Double3& p : s.position)
     p = {0.8 * p[0] - 0.6 * p[1], 0.36 * p[0] + 0.48 * p[1] - 0.8 * p[2],
          0.48 * p[0] + 0.64 * p[1] + 0.6 * p[2]};
@@ -125,7 +125,7 @@ TEST_CASE("raster filter: what it settles stays within the tolerance, measured b
         a = test::sphere(3, 1.0), b = test::sphere(2, 1.0);
         break;
       case 2:
-        a = turned(cube(3)), b = noisy(turned(cube(4)), 0.02, random);
+        a = rotated(cube(3)), b = noisy(rotated(cube(4)), 0.02, random);
         break;
       case 3:
         b = noisy(test::height_grid(12, 1.0, hills), 0.03, random), a = noisy(b, 0.02, random);
@@ -210,7 +210,7 @@ TEST_CASE("raster filter: it settles what is near, on steep and closed surfaces 
   CHECK(share(test::sphere(4, 1.0), ball, 0.005) > 0.6);
   CHECK(share(ball, test::sphere(4, 1.0), 0.01) > 0.95);
   CHECK(share(noisy(ball, 0.003, random), ball, 0.01) > 0.9);
-  CHECK(share(turned(cube(8)), turned(cube(8)), 0.05) > 0.4);  // no pixel at a crease has one plane
+  CHECK(share(rotated(cube(8)), rotated(cube(8)), 0.05) > 0.4);  // no pixel at a crease has one plane
   CHECK(share(moved(hilly, {0, 0, 0.01}), hilly, 0.005) < 0.2);
 }
 

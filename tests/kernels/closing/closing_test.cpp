@@ -64,7 +64,7 @@ Closed close(const test::Samples& samples, const ClosingOptions& options, bool b
         {{leaf.origin[0] + 64, leaf.origin[1] + 64, leaf.origin[2] + 64}, leaf.valid(), leaf.inside});
   std::vector<Int3> data;
   for (const Dipole& d : tree.dipoles()) data.push_back(d.q);
-  std::vector<Int3> seeds = rim_cells(out.field);
+  std::vector<Int3> seeds = boundary_cells(out.field);
   out.grown = grow_closing(kOrigin, signs, {}, seeds, source(closing, options), data, options);
   if (bump) {
     const Int3 brick = {1, 1, 1};
@@ -75,8 +75,9 @@ Closed close(const test::Samples& samples, const ClosingOptions& options, bool b
       const auto at = morton_decode(key);
       for (int b = 0; b < 512; ++b) {
         const Double3 n = {at[0] * 8.0 + (b & 7), at[1] * 8.0 + (b >> 3 & 7), at[2] * 8.0 + (b >> 6)};
-        const Double3 rim = {kCentre[0] + kRadius * std::sqrt(0.75), kCentre[1], kCentre[2] + kRadius * 0.5};
-        if (std::hypot(n[0] - rim[0], n[1] - rim[1], n[2] - rim[2]) > 5.0) continue;
+        const Double3 boundary = {kCentre[0] + kRadius * std::sqrt(0.75), kCentre[1],
+                                  kCentre[2] + kRadius * 0.5};
+        if (std::hypot(n[0] - boundary[0], n[1] - boundary[1], n[2] - boundary[2]) > 5.0) continue;
         leaf.free[static_cast<std::size_t>(b >> 6)] |= std::uint64_t{1} << (b & 63);
         leaf.inside[static_cast<std::size_t>(b >> 6)] |= std::uint64_t{1} << (b & 63);
       }
@@ -185,14 +186,14 @@ TEST_CASE("closing: where nothing is missing nothing changes, a limit keeps it n
   CHECK(closed.grown.added > 100);
   CHECK(closed.grown.added < all.grown.added);
   CHECK(closed.grown.stopped.size() > 50);
-  const double rim = kRadius * std::sqrt(0.75);
+  const double boundary = kRadius * std::sqrt(0.75);
   for (const ClosingLeaf& leaf : closed.grown.cells)
     for (int z = 0; z < 8; ++z)
       for (int b = 0; b < 64; ++b) {
         if (!(leaf.cells[static_cast<std::size_t>(z)] >> b & 1)) continue;
         const double x = leaf.origin[0] + (b & 7) + 0.5 - kCentre[0],
                      y = leaf.origin[1] + (b >> 3) + 0.5 - kCentre[1];
-        CHECK(std::hypot(x, y) > rim - 5.5);
+        CHECK(std::hypot(x, y) > boundary - 5.5);
       }
   // What was not finished is taken back, all of it.
   std::map<std::uint64_t, std::vector<ClosingLeaf>> bricks = {{brick_key({1, 1, 1}), closed.grown.cells}};
@@ -210,7 +211,7 @@ TEST_CASE("closing: the cells do not depend on the order of growth", "[property]
   const ClosingField closing(tree, 3.0f);
   const DirectedField field = evaluate_field(points, {});
   const std::vector<BandSigns> signs = signs_of_brick(field, {0, 0, 0});
-  std::vector<Int3> seeds = rim_cells(field);
+  std::vector<Int3> seeds = boundary_cells(field);
   REQUIRE(seeds.size() > 50);
   const GrownCells once = grow_closing(kOrigin, signs, {}, seeds, source(closing, wide()), {}, wide());
   GrownCells steps;  // one seed at a time, backwards

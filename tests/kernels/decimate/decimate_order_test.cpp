@@ -50,21 +50,21 @@ MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
     return order;
   };
   MeshBlock out;
-  std::vector<std::uint32_t> place(b.key.size());
+  std::vector<std::uint32_t> slot(b.key.size());
   for (const std::uint32_t v : random_order(b.key.size(), 1)) {
-    place[v] = static_cast<std::uint32_t>(out.key.size());
+    slot[v] = static_cast<std::uint32_t>(out.key.size());
     out.key.push_back(b.key[v]);
     out.position.push_back(b.position[v]);
     out.vertex_class.push_back(b.vertex_class[v]);
     if (!b.rgba.empty()) out.rgba.push_back(b.rgba[v]);
   }
   for (const std::uint32_t f : random_order(b.faces.size(), 2)) {
-    const std::size_t turn = random_bits(seed, 3, f) % 3;
+    const std::size_t shift = random_bits(seed, 3, f) % 3;
     std::array<std::uint32_t, 3> t;
     unsigned flags = b.face_flags[f] & unsigned{kFaceSynthetic | kFaceDone};
     for (std::size_t i = 0; i < 3; ++i) {
-      const std::size_t from = (i + turn) % 3;
-      t[i] = place[b.faces[f][from]];
+      const std::size_t from = (i + shift) % 3;
+      t[i] = slot[b.faces[f][from]];
       if (b.face_flags[f] >> from & kFaceBorder01) flags |= unsigned{kFaceBorder01} << i;
       if (b.face_flags[f] & kFaceCrease01 << from) flags |= unsigned{kFaceCrease01} << i;
     }

@@ -290,9 +290,9 @@ TEST_CASE("decimate: degenerate input ends in a result or a clear error", "[unit
   CHECK(flat.faces.size() < 8);
   CHECK(sampled_distance(flat_before, flat) <= 0.01);
 
-  MeshBlock all_in_one_place = grid_block(4, 4, [](double, double) { return 0.0; });
-  for (Double3& q : all_in_one_place.position) q = {1, 1, 1};
-  CHECK_NOTHROW(decimate(all_in_one_place, all_in_one_place, within(1.0)));
+  MeshBlock coincident = grid_block(4, 4, [](double, double) { return 0.0; });
+  for (Double3& q : coincident.position) q = {1, 1, 1};
+  CHECK_NOTHROW(decimate(coincident, coincident, within(1.0)));
 
   MeshBlock fin =
       make_block({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}}, {{0, 1, 2}, {1, 0, 3}, {0, 1, 4}});
@@ -368,15 +368,15 @@ TEST_CASE("decimate: normals turn no more than asked", "[property]") {
     };
     const ClosestFaces closest(b.position, b.faces, {0, 0, 0});
     const double limit = sin_cos((degrees + 1.0) * kPi / 180.0).cos;
-    std::size_t over = 0;
+    std::size_t exceeding = 0;
     for (std::size_t f = 0; f < original.faces.size(); ++f) {
       Double3 middle{};
       for (const std::uint32_t v : original.faces[f])
         for (std::size_t a = 0; a < 3; ++a) middle[a] += original.position[v][a] / 3.0;
       const std::uint32_t at = closest.face(closest.closest(middle, 1e300, ClosestFaces::kNone).slot);
-      over += dot(normal(original, f), normal(b, at)) < limit;
+      exceeding += dot(normal(original, f), normal(b, at)) < limit;
     }
-    CHECK(over == 0);
+    CHECK(exceeding == 0);
   }
 }
 
@@ -395,8 +395,8 @@ TEST_CASE("decimate: the normal of a sliver that noise turns is not asked, that 
   std::vector<Double3> position;
   std::vector<std::array<std::uint32_t, 3>> faces;
   for (std::uint32_t i = 0; i < 36; ++i) {
-    const SinCos turn = sin_cos(i * kPi / 18.0);
-    for (const double z : {0.0, 10.0}) position.push_back({turn.cos, turn.sin, z});
+    const SinCos angle = sin_cos(i * kPi / 18.0);
+    for (const double z : {0.0, 10.0}) position.push_back({angle.cos, angle.sin, z});
     const std::uint32_t at = 2 * i, next = 2 * ((i + 1) % 36);
     faces.push_back({at, next, next + 1});
     faces.push_back({at, next + 1, at + 1});

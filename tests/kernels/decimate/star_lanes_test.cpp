@@ -19,10 +19,10 @@ MeshBlock fan(std::size_t size, double rough, std::uint64_t seed) {
   };
   b.position.push_back({0.3 * noise(0, 0), 0.3 * noise(0, 1), rough * noise(0, 2)});
   for (std::size_t i = 0; i < size; ++i) {
-    const SinCos turn =
+    const SinCos angle =
         sin_cos(2.0 * kPi * (static_cast<double>(i) + 0.3 * noise(1, i)) / static_cast<double>(size));
     const double r = 1.0 + 0.4 * noise(2, i);
-    b.position.push_back({r * turn.cos, r * turn.sin, rough * noise(3, i)});
+    b.position.push_back({r * angle.cos, r * angle.sin, rough * noise(3, i)});
   }
   for (Double3& p : b.position) p = p + Double3{7.0, -3.0, 2.0};
   for (std::uint32_t i = 1; i <= size; ++i) b.faces.push_back({0, i, i < size ? i + 1 : 1});

@@ -46,7 +46,7 @@ double largest_difference(const std::vector<double>& a, const std::vector<double
 
 /// How a surface leaves its outer boundary.
 struct Leaving {
-  double slope = 0.0, bend = 0.0;
+  double slope = 0.0, curvature = 0.0;
 };
 
 /// A plane ring between radii 1 and 2, of so many cells, whose inside is lifted by 1 while the outside stays.
@@ -147,22 +147,23 @@ TEST_CASE("boundary model: slopes and curvatures meet those of the boundary as c
   struct Case {
     int order;
     double smoothness;
-    bool slope, bend;
+    bool slope, curvature;
   };
   for (const Case& c : {Case{1, 0.0, false, false}, Case{2, 0.0, false, false}, Case{2, 1.0, true, false},
                         Case{3, 0.0, false, false}, Case{3, 1.0, true, false}, Case{3, 2.0, true, true}}) {
     CAPTURE(c.order, c.smoothness);
     const Leaving coarse = leaving(12, c.order, c.smoothness), fine = leaving(24, c.order, c.smoothness),
                   finer = leaving(48, c.order, c.smoothness);
-    const double slopes = std::fabs(finer.slope / fine.slope), bends = std::fabs(finer.bend / fine.bend);
-    CAPTURE(coarse.slope, fine.slope, finer.slope, coarse.bend, fine.bend, finer.bend);
+    const double slopes = std::fabs(finer.slope / fine.slope),
+                 curvatures = std::fabs(finer.curvature / fine.curvature);
+    CAPTURE(coarse.slope, fine.slope, finer.slope, coarse.curvature, fine.curvature, finer.curvature);
     CHECK((slopes < 0.6) == c.slope);
     CHECK((std::fabs(fine.slope / coarse.slope) < 0.6) == c.slope);
     if (!c.slope) CHECK(slopes > 0.9);
     if (!c.slope) continue;  // its curvature is that of a border: none
-    CHECK((bends < 0.7) == c.bend);
-    if (!c.bend) CHECK(bends > 0.9);
-    if (c.bend) CHECK(slopes < 0.35);
+    CHECK((curvatures < 0.7) == c.curvature);
+    if (!c.curvature) CHECK(curvatures > 0.9);
+    if (c.curvature) CHECK(slopes < 0.35);
   }
 }
 

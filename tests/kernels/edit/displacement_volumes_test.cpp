@@ -68,7 +68,7 @@ struct Bend {
   EditBasis basis;
   std::vector<std::uint8_t> free;
   std::vector<Double3> rest, posed, vectors;
-  std::vector<Rotation> rotation;
+  std::vector<Rotation> rotations;
   std::vector<LayerLevel> levels;
 
   Bend(Bar b, double from, double degrees) : bar(std::move(b)) {
@@ -92,17 +92,17 @@ struct Bend {
     posed = smooth_base(basis, bar.position, pose);
     const std::vector<Rotation> posed_rotation = pose_rotations(basis, pose);
     vectors = posed_base(basis, bar.position, posed_rotation, rest, posed);
-    rotation.assign(bar.position.size(), Rotation{});
+    rotations.assign(bar.position.size(), Rotation{});
     for (std::size_t k = 0; k < posed_rotation.size(); ++k)
-      rotation[static_cast<std::size_t>(basis.active[k])] = posed_rotation[k];
+      rotations[static_cast<std::size_t>(basis.active[k])] = posed_rotation[k];
     levels = layer_levels(bar.position, bar.faces, free);
   }
 
   std::vector<Double3> kept(bool whole, DisplacementVolumeReport& report) const {
     std::vector<Double3> widening;
     if (whole) widening = volume_widening(basis, rest, posed, bar.faces);
-    return displacement_volumes({{rest, bar.position}, {posed, vectors}, bar.faces, free, rotation, widening},
-                                levels, {}, report);
+    return displacement_volumes(
+        {{rest, bar.position}, {posed, vectors}, bar.faces, free, rotations, widening}, levels, {}, report);
   }
   double change(std::span<const Double3> p) const {
     return enclosed_volume(p, bar.faces) / enclosed_volume(bar.position, bar.faces) - 1.0;

@@ -167,10 +167,11 @@ TEST_CASE("edit basis: a piece of the support that nothing holds follows, stays 
   for (std::size_t v = n; v < e.s.position.size(); ++v) e.s.position[v] = e.s.position[v] + Double3{3, 0, -3};
   std::vector<Placement> shifts(2);
   shifts[0].shift = shifts[1].shift = {0, 0, 1};
-  const std::vector<Double3> beside = moved(shifts);
-  const Double3 by = beside[n] - e.s.position[n];
+  const std::vector<Double3> interpolated = moved(shifts);
+  const Double3 by = interpolated[n] - e.s.position[n];
   CHECK(by[2] > 0.5);
-  for (std::size_t v = n; v < beside.size(); ++v) CHECK(norm(beside[v] - e.s.position[v] - by) < 1e-9);
+  for (std::size_t v = n; v < interpolated.size(); ++v)
+    CHECK(norm(interpolated[v] - e.s.position[v] - by) < 1e-9);
   e.regions.loose = LoosePieces::kFix;
   const std::vector<Double3> stayed = moved(pose);
   for (std::size_t v = n; v < stayed.size(); ++v) CHECK(stayed[v] == e.s.position[v]);

@@ -33,18 +33,18 @@ TEST_CASE("normal displacement: the fine surface comes back and turns with the b
   Random random(11);
   const std::vector<Double3> fine = rough_points(3000, 0.08, random);
   const double diagonal = 2.0 * std::sqrt(3.0);
-  const Placement turn = rotation(unit(Double3{1, 1, 3}), 130.0).about({4, 5, 6});
-  std::vector<Double3> turned;
-  for (const Double3& p : base.position) turned.push_back(turn.apply(p));
-  const BaseState posed(turned, base.faces);
+  const Placement motion = rotation(unit(Double3{1, 1, 3}), 130.0).about({4, 5, 6});
+  std::vector<Double3> rotated;
+  for (const Double3& p : base.position) rotated.push_back(motion.apply(p));
+  const BaseState posed(rotated, base.faces);
   std::size_t tangents = 0;
   for (const Double3& p : fine) {
-    TangentRest beside;
-    const NormalDisplacement d = encoder.encode(p, diagonal, beside);
-    const TangentRest* with = (d.face & kHasTangent) != 0 ? &beside : nullptr;
+    TangentRest residual;
+    const NormalDisplacement d = encoder.encode(p, diagonal, residual);
+    const TangentRest* with = (d.face & kHasTangent) != 0 ? &residual : nullptr;
     tangents += with != nullptr;
     CHECK(norm(rest.decode(d, with) - p) < 1e-6 * diagonal);
-    CHECK(norm(posed.decode(d, with) - turn.apply(p)) < 1e-6 * diagonal);
+    CHECK(norm(posed.decode(d, with) - motion.apply(p)) < 1e-6 * diagonal);
     CHECK(std::fabs(d.height) < 0.12);
   }
   // Steps of 16 bits over edges of a tenth of the diagonal are coarser than what is promised; those take the rest along.
@@ -58,14 +58,14 @@ TEST_CASE("normal displacement: on a fine base no rest is left, and a vertex is 
   Random random(5);
   const double diagonal = 2.0 * std::sqrt(3.0);
   for (const Double3& p : rough_points(2000, 0.01, random)) {
-    TangentRest beside;
-    const NormalDisplacement d = encoder.encode(p, diagonal, beside);
+    TangentRest residual;
+    const NormalDisplacement d = encoder.encode(p, diagonal, residual);
     CHECK((d.face & kHasTangent) == 0);
     CHECK(norm(rest.decode(d, nullptr) - p) < 1e-6 * diagonal);
   }
   for (const Double3& p : base.position) {
-    TangentRest beside;
-    const NormalDisplacement d = encoder.encode(p, diagonal, beside);
+    TangentRest residual;
+    const NormalDisplacement d = encoder.encode(p, diagonal, residual);
     CHECK(norm(rest.decode(d, nullptr) - p) < 1e-12);
     CHECK(std::fabs(d.height) < 1e-12);
   }
@@ -76,15 +76,15 @@ TEST_CASE("normal displacement: beyond a border the rest is kept beside the norm
   const BaseState rest(base.position, base.faces);
   const DisplacementEncoder encoder(rest);
   const Double3 p = {-0.7, 2.2, 0.4};
-  TangentRest beside;
-  const NormalDisplacement d = encoder.encode(p, 5.0, beside);
+  TangentRest residual;
+  const NormalDisplacement d = encoder.encode(p, 5.0, residual);
   CHECK((d.face & kHasTangent) != 0);
   CHECK(d.height == Approx(0.4));
-  CHECK(norm(rest.decode(d, &beside) - p) < 1e-6);
-  std::vector<Double3> turned;
-  const Placement turn = rotation({0, 1, 0}, 90.0);
-  for (const Double3& v : base.position) turned.push_back(turn.apply(v));
-  CHECK(norm(BaseState(turned, base.faces).decode(d, &beside) - turn.apply(p)) < 1e-6);
+  CHECK(norm(rest.decode(d, &residual) - p) < 1e-6);
+  std::vector<Double3> rotated;
+  const Placement motion = rotation({0, 1, 0}, 90.0);
+  for (const Double3& v : base.position) rotated.push_back(motion.apply(v));
+  CHECK(norm(BaseState(rotated, base.faces).decode(d, &residual) - motion.apply(p)) < 1e-6);
 }
 
 TEST_CASE("normal displacement: faces without area and folds do no harm", "[unit]") {
@@ -99,9 +99,9 @@ TEST_CASE("normal displacement: faces without area and folds do no harm", "[unit
   Random random(2);
   for (int k = 0; k < 200; ++k) {
     const Double3 p = {random.in(-1, 4), random.in(-1, 4), random.in(-1, 1)};
-    TangentRest beside;
-    const NormalDisplacement d = encoder.encode(p, 4.0, beside);
-    const Double3 back = rest.decode(d, (d.face & kHasTangent) != 0 ? &beside : nullptr);
+    TangentRest residual;
+    const NormalDisplacement d = encoder.encode(p, 4.0, residual);
+    const Double3 back = rest.decode(d, (d.face & kHasTangent) != 0 ? &residual : nullptr);
     CHECK(std::isfinite(norm(back)));
   }
 }

@@ -43,10 +43,10 @@ TEST_CASE("crossing faces: a line of crossing that ends near is not local where 
   std::vector<Double3> p;
   std::vector<Face> faces;
   for (int i = 0; i <= kCount; ++i) {
-    const double turn = 2.0 * 3.14159265358979 * 1.1 * i / kCount;
+    const double angle = 2.0 * 3.14159265358979 * 1.1 * i / kCount;
     for (const double z : {0.0, 1.0}) {
       const double r = 3.0 + (i > kCount / 2 ? 0.3 * (z - 0.5) : 0.0);
-      p.push_back({r * std::cos(turn), r * std::sin(turn), z});
+      p.push_back({r * std::cos(angle), r * std::sin(angle), z});
     }
   }
   for (std::uint32_t i = 0; i < kCount; ++i) {

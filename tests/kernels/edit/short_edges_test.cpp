@@ -33,10 +33,10 @@ TEST_CASE("short edges: a split edge is whole again", "[unit]") {
   }
   REQUIRE(faces.size() == whole.faces.size() + 2);
   s.faces = faces;
-  std::vector<Double3> beside = s.position, none;
-  CHECK(merge_short_edges(s.position, s.faces, 0.05, beside) == 1);
+  std::vector<Double3> attached = s.position, none;
+  CHECK(merge_short_edges(s.position, s.faces, 0.05, attached) == 1);
   CHECK(s.position == whole.position);
-  CHECK(beside == whole.position);
+  CHECK(attached == whole.position);
   CHECK(s.faces.size() == whole.faces.size());
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> sides;
   for (const auto& f : s.faces)

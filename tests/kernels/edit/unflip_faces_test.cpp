@@ -18,17 +18,17 @@ struct Sheet {
   Surface at_rest = height_grid(20, 20.0, [](double x, double y) { return 0.3 * std::sin(x) * std::cos(y); });
   Placement to = rotation({0, 0, 1}, 70.0).after(rotation({1, 0, 0}, 110.0));
   std::vector<std::uint8_t> free;
-  std::vector<Rotation> rotation;
+  std::vector<Rotation> rotations;
   std::vector<Double3> wanted;
   Sheet() {
     to.shift = {5, 6, 7};
     for (const Double3& p : at_rest.position) {
       free.push_back(p[0] > 0 && p[0] < 20 && p[1] > 0 && p[1] < 20);
-      rotation.push_back(to.matrix);
+      rotations.push_back(to.matrix);
       wanted.push_back(to.apply(p));
     }
   }
-  FlipBase base() const { return {at_rest.position, at_rest.faces, free, rotation}; }
+  FlipBase base() const { return {at_rest.position, at_rest.faces, free, rotations}; }
 };
 
 constexpr std::size_t kMiddle = 10 * 21 + 10;

@@ -31,16 +31,16 @@ double worst(const std::vector<double>& errors) {
 
 TEST_CASE("exact features: corners and creases of CAD shapes, wherever they lie", "[property]") {
   const std::string scene = GENERATE("cube", "fandisk", "csg");
-  struct Place {
-    int turned;
+  struct Pose {
+    int pose;
     double shift;
   };
   // Along the axes: on nodes, closer to them than roots may come, and between; else any.
-  const Place place = GENERATE(Place{0, 0.0}, Place{0, 0.008}, Place{0, 0.083}, Place{0, 0.3}, Place{0, 0.75},
-                               Place{0, 0.97}, Place{1, 0.1}, Place{2, 0.1}, Place{3, 0.1}, Place{4, 0.1});
-  CAPTURE(scene, place.turned, place.shift);
-  const ExactScan scan = make_exact_scan(scene, scene == "fandisk" ? 0.02 : 0.03, place.turned,
-                                         {place.shift, place.shift, place.shift});
+  const Pose pose = GENERATE(Pose{0, 0.0}, Pose{0, 0.008}, Pose{0, 0.083}, Pose{0, 0.3}, Pose{0, 0.75},
+                             Pose{0, 0.97}, Pose{1, 0.1}, Pose{2, 0.1}, Pose{3, 0.1}, Pose{4, 0.1});
+  CAPTURE(scene, pose.pose, pose.shift);
+  const ExactScan scan = make_exact_scan(scene, scene == "fandisk" ? 0.02 : 0.03, pose.pose,
+                                         {pose.shift, pose.shift, pose.shift});
   const IndexedMesh mesh = mesh_of(scan);
   const MeshChecks checks = check_mesh(mesh);
   CHECK(checks.defects() == 0);

@@ -42,7 +42,7 @@ test::Sample on_plane(double x, double y, double z) {
 /// Columns of the block that do not cross the plane exactly once, at the right height and with its normal, and
 /// crossings that lie beside an incomplete cell: all zero where the surface is one sheet without hole.
 struct Columns {
-  std::size_t none = 0, many = 0, off = 0, turned = 0;
+  std::size_t none = 0, many = 0, off = 0, tilted = 0;
 };
 Columns columns_of(const DirectedField& field, double z, double tolerance, double cosine) {
   Columns c;
@@ -64,7 +64,7 @@ Columns columns_of(const DirectedField& field, double z, double tolerance, doubl
         const auto n = on_plane(0, 0, 0).n;
         double dot = 0;
         for (std::size_t a = 0; a < 3; ++a) dot += n[a] * static_cast<double>(root->normal[a]);
-        c.turned += dot < cosine;
+        c.tilted += dot < cosine;
       }
       c.none += crossings == 0;
       c.many += crossings > 1;
@@ -76,7 +76,7 @@ void check_plane(const Columns& c) {
   CHECK(c.none == 0);
   CHECK(c.many == 0);
   CHECK(c.off == 0);
-  CHECK(c.turned == 0);
+  CHECK(c.tilted == 0);
 }
 
 /// Distance of every vertex to its nearest sample, cells.
@@ -190,10 +190,10 @@ TEST_CASE("robustness: the radius does not grow across a border or a hole of den
 
 TEST_CASE("robustness: the two sides of a thin plate stay two sheets, each with its own side", "[property]") {
   const double radii = GENERATE(0.5, 1.0, 1.5, 2.0, 3.0), noise = GENERATE(0.0, 0.1);
-  const bool gap = GENERATE(false, true), turned = GENERATE(false, true);
-  CAPTURE(radii, noise, gap, turned);
+  const bool gap = GENERATE(false, true), tilted = GENERATE(false, true);
+  CAPTURE(radii, noise, gap, tilted);
   const FieldOptions exact;
-  const test::Solid solid = test::make_slab(kCentre, radii * exact.radius_cells, gap, turned);
+  const test::Solid solid = test::make_slab(kCentre, radii * exact.radius_cells, gap, tilted);
   test::Random random(13);
   test::Samples samples = solid.sample(kCentre, 45, 1 / 1.5, random);
   test::add_noise(noise, random, samples);

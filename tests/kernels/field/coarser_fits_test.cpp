@@ -40,15 +40,15 @@ CoarserFits coarser_of(const test::Samples& samples, const Int3& origin) {
   test::Samples coarse = samples;
   for (auto& s : coarse) s.p = s.p * 0.5;
   out.band = fit_field(
-      test::make_block(coarse, out.places.origin(), out.places.cells(), field_halo_cells({})), {},
+      test::make_block(coarse, out.sparse.origin(), out.sparse.cells(), field_halo_cells({})), {},
       [&](const Int3& leaf) {
         LeafWords words{};
         for (int n = 0; n < 512; ++n) {
           const Int3 at = {8 * leaf[0] + (n & 7), 8 * leaf[1] + (n >> 3 & 7), 8 * leaf[2] + (n >> 6)};
           bool within = true;
           for (std::size_t a = 0; a < 3; ++a)
-            within = within && at[a] >= -1 && at[a] <= out.places.cells()[a] + 1;
-          if (within && out.places.depth(at) >= -kBoundaryMargin)
+            within = within && at[a] >= -1 && at[a] <= out.sparse.cells()[a] + 1;
+          if (within && out.sparse.depth(at) >= -kBoundaryMargin)
             words[static_cast<std::size_t>(n >> 6)] |= std::uint64_t{1} << (n & 63);
         }
         return words;
@@ -62,7 +62,7 @@ DirectedField field_of(const test::Samples& samples, const Int3& origin, const C
 }
 
 /// Cells over [low, high)^2 that the surface passes and that take part.
-int cells_over(const DirectedField& f, double low, double high) {
+int cells_in(const DirectedField& f, double low, double high) {
   int count = 0;
   for (const BandLeaf& leaf : f.leaves)
     for (int n = 0; n < 512; ++n) {
@@ -83,11 +83,11 @@ TEST_CASE("coarser fits: no hole between scan lines that lie too far apart", "[u
   const test::Samples samples =
       plane(0.5, [](double x, double) { return x < 90.0 || std::fmod(x - 90.0, 7.0) < 0.5; });
   const CoarserFits coarser = coarser_of(samples, origin);
-  REQUIRE(coarser.places.any());
+  REQUIRE(coarser.sparse.any());
   const DirectedField alone = field_of(samples, origin, nullptr),
                       filled = field_of(samples, origin, &coarser);
-  CHECK(cells_over(alone, 66.0, 126.0) < 3000);
-  CHECK(cells_over(filled, 66.0, 126.0) == 3600);
+  CHECK(cells_in(alone, 66.0, 126.0) < 3000);
+  CHECK(cells_in(filled, 66.0, 126.0) == 3600);
   double worst = 0.0;
   for (const BandLeaf& leaf : filled.leaves)
     for (int n = 0; n < 512; ++n) {
@@ -109,7 +109,7 @@ TEST_CASE("coarser fits: holes amid dense samples stay", "[unit]") {
   const CoarserFits coarser = coarser_of(samples, origin);
   const DirectedField alone = field_of(samples, origin, nullptr),
                       filled = field_of(samples, origin, &coarser);
-  CHECK(cells_over(filled, 80.0, 112.0) <= cells_over(alone, 80.0, 112.0) + 16);
+  CHECK(cells_in(filled, 80.0, 112.0) <= cells_in(alone, 80.0, 112.0) + 16);
 }
 
 TEST_CASE("coarser fits: the same bits for every block", "[property]") {

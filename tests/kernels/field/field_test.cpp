@@ -244,11 +244,11 @@ Quality quality_of(const DirectedField& field, const test::Solid& solid) {
     const double e = std::max(0.0, std::abs(solid.value(r.p)) - moved);
     const Double3 n = {static_cast<double>(r.edge.normal[0]), static_cast<double>(r.edge.normal[1]),
                        static_cast<double>(r.edge.normal[2])};
-    const double turn = solid.normal_error(r.p, n, 0.05 + moved);
+    const double deviation = solid.normal_error(r.p, n, 0.05 + moved);
     q.worst = std::max(q.worst, e);
     q.mean += e;
-    q.worst_normal = std::max(q.worst_normal, turn);
-    q.mean_normal += turn;
+    q.worst_normal = std::max(q.worst_normal, deviation);
+    q.mean_normal += deviation;
   }
   q.mean /= static_cast<double>(q.roots);
   q.mean_normal /= static_cast<double>(q.roots);
@@ -270,13 +270,13 @@ TEST_CASE("field: creases and corners keep their exact faces", "[unit]") {
     test::Solid solid;
     double worst;
   };
-  const bool turned = GENERATE(false, true);
+  const bool rotated = GENERATE(false, true);
   const Case cases[] = {
-      {"cube", test::make_box(kCentre, {21.3, 20.1, 18.7}, turned), 0.02},
-      {"bored block", test::make_bored_block(kCentre, {20.3, 19.1, 17.7}, 12.2, turned), 0.15},
-      {"fandisk", test::make_fandisk(kCentre, 22, turned), 0.05}};
+      {"cube", test::make_box(kCentre, {21.3, 20.1, 18.7}, rotated), 0.02},
+      {"bored block", test::make_bored_block(kCentre, {20.3, 19.1, 17.7}, 12.2, rotated), 0.15},
+      {"fandisk", test::make_fandisk(kCentre, 22, rotated), 0.05}};
   for (const Case& c : cases) {
-    CAPTURE(c.name, turned);
+    CAPTURE(c.name, rotated);
     test::Random random(5);
     const auto samples = c.solid.sample(kCentre, 45, 1 / 1.5, random);
     const Quality q = quality_of(field_of(samples), c.solid);
@@ -290,14 +290,14 @@ TEST_CASE("field: creases and corners keep their exact faces", "[unit]") {
 }
 
 TEST_CASE("field: thin plates, slots and steps", "[unit]") {
-  const bool turned = GENERATE(false, true);
+  const bool rotated = GENERATE(false, true);
   const test::Solid solids[] = {
-      test::make_slab(kCentre, 1.2, false, turned), test::make_slab(kCentre, 1.2, true, turned),
-      test::make_slab(kCentre, 2.4, false, turned), test::make_slab(kCentre, 2.4, true, turned),
-      test::make_step(kCentre, 1.5, turned),        test::make_step(kCentre, 2.5, turned),
-      test::make_step(kCentre, 4.0, turned)};
+      test::make_slab(kCentre, 1.2, false, rotated), test::make_slab(kCentre, 1.2, true, rotated),
+      test::make_slab(kCentre, 2.4, false, rotated), test::make_slab(kCentre, 2.4, true, rotated),
+      test::make_step(kCentre, 1.5, rotated),        test::make_step(kCentre, 2.5, rotated),
+      test::make_step(kCentre, 4.0, rotated)};
   for (std::size_t i = 0; i < std::size(solids); ++i) {
-    CAPTURE(i, turned);
+    CAPTURE(i, rotated);
     test::Random random(6);
     const Quality q = quality_of(field_of(solids[i].sample(kCentre, 45, 1 / 1.5, random)), solids[i]);
     CHECK(q.roots > 4000);

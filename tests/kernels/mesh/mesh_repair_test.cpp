@@ -80,14 +80,14 @@ std::set<Kept> repair(const Soup& soup, std::size_t tiles) {
   }
   for (const RepairFix& fix : fixes) {
     Kept& k = kept.at(fix.face);
-    const auto place = [&](std::uint32_t v) {
+    const auto corner_of = [&](std::uint32_t v) {
       return k.corner[0].first == v ? 0u : k.corner[1].first == v ? 1u : 2u;
     };
     if (fix.slot < 3) {
-      k.corner[place(fix.face[fix.slot])].second = fix.copy;
+      k.corner[corner_of(fix.face[fix.slot])].second = fix.copy;
     } else {
-      const unsigned i = place(fix.face[fix.slot - 3u]);
-      const unsigned j = place(fix.face[(fix.slot - 2u) % 3u]);
+      const unsigned i = corner_of(fix.face[fix.slot - 3u]);
+      const unsigned j = corner_of(fix.face[(fix.slot - 2u) % 3u]);
       k.border[(i + 1) % 3 == j ? i : j] = true;
     }
   }

@@ -20,8 +20,8 @@ constexpr double kStep = 0.002;  // radians between rays
 
 /// The ray of a line and cell, unit, about along x.
 Double3 ray(int line, std::int64_t cell) {
-  const SinCos turn = sin_cos(kStep * line), rise = sin_cos(kStep * static_cast<double>(cell));
-  return {rise.cos * turn.cos, rise.cos * turn.sin, rise.sin};
+  const SinCos yaw = sin_cos(kStep * line), rise = sin_cos(kStep * static_cast<double>(cell));
+  return {rise.cos * yaw.cos, rise.cos * yaw.sin, rise.sin};
 }
 
 /// Where the ray meets the plane n p = d.

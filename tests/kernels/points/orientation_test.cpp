@@ -122,17 +122,17 @@ TEST_CASE("orientation: one patch on a sphere inside a brick", "[unit]") {
 
 TEST_CASE("orientation: given normals far from the plane's axis are counted apart", "[unit]") {
   std::vector<Sample> samples = sphere(24.0, 20000);
-  std::size_t bent = 0;
+  std::size_t tilted = 0;
   for (Sample& s : samples) {
     if (s.normal[2] < 0.8f) continue;
     s.normal = {0.95f, 0.0f, 0.3122499f};  // 72 degrees from the pole
-    ++bent;
+    ++tilted;
   }
   const BrickOrientation o = orient(cloud_of(samples));
   const PatchStats& f = o.stats[0];
   CHECK(f.agree + f.disagree == 20000);
-  CHECK(f.agree_near + f.disagree_near > 20000 - bent);
-  CHECK(f.agree_near + f.disagree_near < 20000 - bent / 2);
+  CHECK(f.agree_near + f.disagree_near > 20000 - tilted);
+  CHECK(f.agree_near + f.disagree_near < 20000 - tilted / 2);
   CHECK(f.agree_near <= f.agree);
   CHECK(f.disagree_near <= f.disagree);
 }

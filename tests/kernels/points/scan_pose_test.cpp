@@ -32,8 +32,8 @@ ScanPose check(const std::function<Double3(int, int)>& sample, bool filled_in, b
 }
 
 Double3 sphere_ray(double azimuth, double elevation) {
-  const SinCos turn = sin_cos(azimuth), rise = sin_cos(elevation);
-  return {rise.cos * turn.cos, rise.cos * turn.sin, rise.sin};
+  const SinCos yaw = sin_cos(azimuth), rise = sin_cos(elevation);
+  return {rise.cos * yaw.cos, rise.cos * yaw.sin, rise.sin};
 }
 
 /// How far a room of random boxes is, from sample to sample.

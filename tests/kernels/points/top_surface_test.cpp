@@ -41,8 +41,8 @@ TEST_CASE("top surface: roofs over a street show upwards like the street", "[uni
   const TopSurface above(surfels, {0, 0, 1});
   CHECK(above.covered_share() == Approx(2.0 * 25 * 25 / (100.0 * 100 + 2.0 * 25 * 25)).margin(0.01));
   for (std::uint32_t g = 0; g < 3; ++g) CHECK(shown(above.votes(3, kScale), g) < 0);
-  const TopSurface turned(surfels, {0, 0, -1});
-  for (std::uint32_t g = 0; g < 3; ++g) CHECK(shown(turned.votes(3, kScale), g) > 0);
+  const TopSurface flipped(surfels, {0, 0, -1});
+  for (std::uint32_t g = 0; g < 3; ++g) CHECK(shown(flipped.votes(3, kScale), g) > 0);
 }
 
 TEST_CASE("top surface: a facade shows to the street, not into the house, whichever way it was turned",

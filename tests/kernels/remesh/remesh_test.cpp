@@ -74,9 +74,9 @@ MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
     return order;
   };
   MeshBlock out;
-  std::vector<std::uint32_t> place(b.key.size());
+  std::vector<std::uint32_t> slot(b.key.size());
   for (const std::uint32_t v : order_of(b.key.size(), 1)) {
-    place[v] = static_cast<std::uint32_t>(out.key.size());
+    slot[v] = static_cast<std::uint32_t>(out.key.size());
     out.key.push_back(b.key[v]);
     out.position.push_back(b.position[v]);
     out.vertex_class.push_back(b.vertex_class[v]);
@@ -84,7 +84,7 @@ MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
   for (const std::uint32_t f : order_of(b.faces.size(), 2)) {
     const auto& t = b.faces[f];
     const unsigned bits = b.face_flags[f] & 7u;
-    out.faces.push_back({place[t[1]], place[t[2]], place[t[0]]});
+    out.faces.push_back({slot[t[1]], slot[t[2]], slot[t[0]]});
     out.face_flags.push_back(static_cast<std::uint8_t>(bits >> 1 | (bits & 1u) << 2));
   }
   return out;
@@ -169,9 +169,9 @@ TEST_CASE("remesh: borders keep their line, corners of borders their place", "[u
 TEST_CASE("remesh: creases beside each other yield to sound faces where they turn little, and only there",
           "[unit]") {
   // Two creases a fifth of an edge apart: a bevel, which no face within its width could follow.
-  const double turn_deg = GENERATE(30.0, 60.0), edge = 2.0, width = 0.4;
-  CAPTURE(turn_deg);
-  const double cosine = cosine_of_degrees(turn_deg), slope = std::sqrt(1.0 - cosine * cosine) / cosine;
+  const double angle_deg = GENERATE(30.0, 60.0), edge = 2.0, width = 0.4;
+  CAPTURE(angle_deg);
+  const double cosine = cosine_of_degrees(angle_deg), slope = std::sqrt(1.0 - cosine * cosine) / cosine;
   const auto across = [&](double x) { return x <= 20.0 ? x : x - 1.0 + width; };
   MeshBlock bevel = grid_block(40, 30, [](double, double) { return 0.0; });
   for (Double3& p : bevel.position) {
@@ -185,7 +185,7 @@ TEST_CASE("remesh: creases beside each other yield to sound faces where they tur
   std::size_t creases = 0, narrow = 0;
   for (const VertexClass c : out.vertex_class) creases += c == VertexClass::kCrease;
   for (std::size_t i = 0; i < 25; ++i) narrow += q.minimum[i];
-  if (turn_deg < 45.0) {
+  if (angle_deg < 45.0) {
     CHECK(narrow == 0);
   } else {
     CHECK(creases >= 2 * 12);
@@ -394,7 +394,7 @@ TEST_CASE("remesh: no more faces than there is room for, and options that make n
   RemeshReport report;
   const MeshBlock out = remeshed(sphere_block(4), o, &report);
   CHECK(out.faces.size() <= 3000);
-  CHECK(report.by_room > 0);
+  CHECK(report.by_capacity > 0);
   CHECK(checks_of(out).defects() == 0);
   o.edge = 0.0;
   CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);

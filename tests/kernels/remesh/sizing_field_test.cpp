@@ -53,13 +53,13 @@ TEST_CASE("sizing field: a line that turns is cut as finely as half the toleranc
   const MeshBlock plane = grid_block(20, 20, [](double, double) { return 0.0; });
   std::vector<std::uint8_t> on_line(plane.key.size(), 0);
   // A right turn over two steps of unit length: curvature sqrt(2).
-  const std::array<std::uint32_t, 3> turn = {10 * 21 + 9, 10 * 21 + 10, 11 * 21 + 10};
-  for (const std::uint32_t v : turn) on_line[v] = 1;
-  const std::vector<float> length = sizing_field(plane, on_line, std::vector{turn}, {0.1, 0.01, 5.0});
+  const std::array<std::uint32_t, 3> corner = {10 * 21 + 9, 10 * 21 + 10, 11 * 21 + 10};
+  for (const std::uint32_t v : corner) on_line[v] = 1;
+  const std::vector<float> length = sizing_field(plane, on_line, std::vector{corner}, {0.1, 0.01, 5.0});
   const double e = 0.05;
-  CHECK(static_cast<double>(length[turn[1]]) ==
+  CHECK(static_cast<double>(length[corner[1]]) ==
         Approx(std::sqrt(6.0 * e / std::sqrt(2.0) - 3.0 * e * e)).epsilon(1e-6));
-  CHECK(length[0] > length[turn[1]]);
+  CHECK(length[0] > length[corner[1]]);
 }
 
 }  // namespace sizing_field_test

@@ -126,14 +126,14 @@ TEST_CASE("samples lie on the truth with the truth's normals, in the number aske
       const Samples all = sample_all(sampler);
       REQUIRE(all.points.size() == n);
       const double size = norm(scene->bounds().hi - scene->bounds().lo);
-      int turned = 0;
+      int tilted = 0;
       for (std::size_t i = 0; i < n; ++i) {
         const SurfacePoint truth = scene->closest(all.points[i]);
         REQUIRE(norm(truth.position - all.points[i]) < 1e-12 * size);
         REQUIRE(std::fabs(norm(all.normals[i]) - 1.0) < 1e-12);
-        turned += dot(truth.normal, all.normals[i]) < 1.0 - 1e-9;
+        tilted += dot(truth.normal, all.normals[i]) < 1.0 - 1e-9;
       }
-      CHECK(turned == 0);
+      CHECK(tilted == 0);
     }
   }
 }
@@ -271,7 +271,7 @@ TEST_CASE("implicit scenes: direct samples lie on the field's zero, normals are 
     const double size = norm(scene->bounds().hi - scene->bounds().lo);
     const auto source = sample_surface(*scene, 4000, 1);
     SampleBatch batch;
-    std::size_t count = 0, turned = 0;
+    std::size_t count = 0, tilted = 0;
     for (std::uint64_t unit = 0; unit < source->unit_count(); ++unit) {
       source->sample(unit, batch);
       for (std::size_t i = 0; i < batch.surface.size(); ++i) {
@@ -279,7 +279,7 @@ TEST_CASE("implicit scenes: direct samples lie on the field's zero, normals are 
         const Double3 p{s.x[i], s.y[i], s.z[i]}, n{s.nx[i], s.ny[i], s.nz[i]};
         const SurfacePoint truth = scene->closest(p);
         REQUIRE(norm(truth.position - p) < 1e-9 * size);
-        turned += dot(truth.normal, n) < 0.999999;
+        tilted += dot(truth.normal, n) < 0.999999;
         // From a little outside, the way back is the same.
         const Double3 away = p + n * (1e-4 * size);
         const double back = norm(scene->closest(away).position - away);
@@ -288,7 +288,7 @@ TEST_CASE("implicit scenes: direct samples lie on the field's zero, normals are 
       }
     }
     CHECK(std::fabs(static_cast<double>(count) / 4000.0 - 1.0) < 0.1);
-    CHECK(turned <= count / 1000);
+    CHECK(tilted <= count / 1000);
   }
 }
 

@@ -137,8 +137,8 @@ TEST_CASE("border fairing: a small hole does not shrink to a point, a large one 
   const double radius = 0.15 * corners;
   for (std::uint32_t i = 0; i < corners; ++i)
     for (const double r : {i % 2 ? 0.8 * radius : radius, radius + 1.0}) {
-      const SinCos turn = sin_cos(2.0 * kPi * i / corners);
-      strip.position.push_back({r * turn.cos, r * turn.sin, 0.0});
+      const SinCos angle = sin_cos(2.0 * kPi * i / corners);
+      strip.position.push_back({r * angle.cos, r * angle.sin, 0.0});
       strip.at_border.push_back(r <= radius);
     }
   for (std::uint32_t i = 0; i < corners; ++i) {

@@ -74,11 +74,11 @@ MeshBlock roof(int size, double degrees) {
 
 WindowSamples random_samples(int count, double noise, unsigned seed, double (*height)(double, double)) {
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> place(-1.0, 1.0);
+  std::uniform_real_distribution<double> coordinate(-1.0, 1.0);
   std::normal_distribution<double> normal(0.0, 1.0);
   WindowSamples samples;
   for (int i = 0; i < count; ++i) {
-    const double s = place(random), t = place(random);
+    const double s = coordinate(random), t = coordinate(random);
     samples.add(s, t, height(s, t) + noise * normal(random), 1.0);
   }
   return samples;

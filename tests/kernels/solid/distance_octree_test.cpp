@@ -22,9 +22,9 @@ double box(const Double3& p) {
   Double3 beyond{};
   double deepest = -1e9;
   for (std::size_t k = 0; k < 3; ++k) {
-    const double over = std::fabs(p[k] - 31.3) - 17.2;
-    beyond[k] = std::max(0.0, over);
-    deepest = std::max(deepest, over);
+    const double excess = std::fabs(p[k] - 31.3) - 17.2;
+    beyond[k] = std::max(0.0, excess);
+    deepest = std::max(deepest, excess);
   }
   return deepest > 0.0 ? norm(beyond) : deepest;
 }

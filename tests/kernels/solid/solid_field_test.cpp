@@ -111,7 +111,7 @@ std::vector<SolidCrossing> crossings_of(const Mesh& m, const SolidBlock& block, 
     found.clear();
     find_crossings(triangle(m, f), block.nodes(), 7, found);
     const Float3 n = narrow(unit(triangle_normal(m.position[f[0]], m.position[f[1]], m.position[f[2]])));
-    for (const LatticeCrossing& c : found) out.push_back(block.place(c, n, operand));
+    for (const LatticeCrossing& c : found) out.push_back(block.local_crossing(c, n, operand));
   }
   return out;
 }
@@ -429,11 +429,11 @@ TEST_CASE("solid field: a box comes out as it is, edges and corners sharp", "[pr
 
 TEST_CASE("solid field: a box on the lattice keeps its corners", "[property]") {
   // Faces through nodes, and within what roots are kept off them.
-  for (const double beside : {0.0, 0x1p-10, -0x1p-10, 0x1p-7, -0x1p-7, 0.3})
+  for (const double shift : {0.0, 0x1p-10, -0x1p-10, 0x1p-7, -0x1p-7, 0.3})
     for (const double other : {0.0, 0.4, -0x1p-8}) {
-      CAPTURE(beside, other);
-      const Double3 low = {90 + beside, 91 + beside, 92 + other},
-                    high = {110 + beside, 120 + other, 115 - beside};
+      CAPTURE(shift, other);
+      const Double3 low = {90 + shift, 91 + shift, 92 + other},
+                    high = {110 + shift, 120 + other, 115 - shift};
       const Surface s = surface_of(alone(box(low, high)));
       require_closed(s);
       for (int c = 0; c < 8; ++c) {

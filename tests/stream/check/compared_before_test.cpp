@@ -66,12 +66,12 @@ TEST_CASE("compared before: cells far from every change are the same, byte by by
     if (changed) CHECK(c < 0);
     if (c < 0) continue;
     ++same;
-    const auto told = [&](const MeshStore& mesh, const MeshBox& box) {
+    const auto cell_report = [&](const MeshStore& mesh, const MeshBox& box) {
       MeshComparison sum = begun;
       add_cell(sum, compare_cell(mesh, reference, begun, box, kTolerance));
       return to_json(sum).dump();
     };
-    CHECK(told(earlier, then.at(static_cast<std::size_t>(c)).box) == told(now, cell.box));
+    CHECK(cell_report(earlier, then.at(static_cast<std::size_t>(c)).box) == cell_report(now, cell.box));
   }
   CHECK(same > cells.size() / 2);
   CHECK(same < cells.size());

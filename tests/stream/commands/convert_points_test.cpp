@@ -95,10 +95,11 @@ TEST_CASE("convert: intensities, classes and returns stay in LAS, LAZ and PLY, t
       // The header's numbers of points by return.
       const std::string bytes = test::file_bytes(folder.path() / name);
       for (std::size_t r = 1; r <= 15; ++r) {
-        std::uint64_t told = 0;
-        std::memcpy(&told, bytes.data() + 247 + 8 * r, 8);
-        CHECK(told == static_cast<std::uint64_t>(std::count_if(
-                          now.echo.begin(), now.echo.end(), [&](const Echo& e) { return e.number == r; })));
+        std::uint64_t declared = 0;
+        std::memcpy(&declared, bytes.data() + 247 + 8 * r, 8);
+        CHECK(declared ==
+              static_cast<std::uint64_t>(std::count_if(now.echo.begin(), now.echo.end(),
+                                                       [&](const Echo& e) { return e.number == r; })));
       }
     }
     CHECK(left_out(convert_points({in}, folder.path() / "out.ply", {})).empty());

@@ -34,10 +34,10 @@ std::string text_of(const fs::path& path) {
 
 using Existing = PlannedWrite::Existing;
 
-struct Place {
+struct Fixture {
   TempFolder folder;
   fs::path in = folder.path() / "in.ply", out = folder.path() / "out.ply";
-  Place() { spill(in, "precious"); }
+  Fixture() { spill(in, "precious"); }
 
   void check(std::vector<PlannedWrite> writes, const fs::path& emptied = {}) const {
     check_writes(std::array{in}, writes, emptied);
@@ -47,7 +47,7 @@ struct Place {
 }  // namespace
 
 TEST_CASE("planned writes: an input is never written over, whatever it is called", "[unit]") {
-  const Place p;
+  const Fixture p;
   p.check({{p.out, "-o"}});
   for (const Existing existing : {Existing::kRefuse, Existing::kReplace, Existing::kAppend}) {
     const auto refused = [&](const fs::path& path) {
@@ -70,7 +70,7 @@ TEST_CASE("planned writes: an input is never written over, whatever it is called
 }
 
 TEST_CASE("planned writes: no two outputs share a file", "[unit]") {
-  const Place p;
+  const Fixture p;
   CHECK_THROWS_AS(p.check({{p.out, "-o"}, {p.out, "--report"}}), UsageError);
   CHECK_THROWS_AS(p.check({{p.out, "-o"}, {p.folder.path() / "x" / ".." / "out.ply", "--log"}}), UsageError);
   CHECK_THROWS_AS(p.check({{p.out, "-o"}, {output_aside(p.out), "--log"}}), UsageError);
@@ -78,7 +78,7 @@ TEST_CASE("planned writes: no two outputs share a file", "[unit]") {
 }
 
 TEST_CASE("planned writes: what is there stays without --force", "[unit]") {
-  const Place p;
+  const Fixture p;
   spill(p.out, "somebody's");
   CHECK_THROWS_AS(p.check({{p.out, "-o"}}), UsageError);
   p.check({{p.out, "-o", Existing::kReplace}});
@@ -93,7 +93,7 @@ TEST_CASE("planned writes: what is there stays without --force", "[unit]") {
 }
 
 TEST_CASE("planned writes: folders, devices and places that do not exist are refused at once", "[unit]") {
-  const Place p;
+  const Fixture p;
   for (const Existing existing : {Existing::kRefuse, Existing::kReplace, Existing::kAppend}) {
     CHECK_THROWS_AS(p.check({{p.folder.path(), "-o", existing}}), UsageError);
     CHECK_THROWS_AS(p.check({{p.folder.path() / "", "-o", existing}}), UsageError);
@@ -104,7 +104,7 @@ TEST_CASE("planned writes: folders, devices and places that do not exist are ref
 }
 
 TEST_CASE("planned writes: nothing of the user's lies in a folder that is emptied", "[unit]") {
-  const Place p;
+  const Fixture p;
   const fs::path work = p.folder.path() / "out.ply.tessera";
   fs::create_directory(work);
   p.check({{p.out, "-o"}}, work);
@@ -113,7 +113,7 @@ TEST_CASE("planned writes: nothing of the user's lies in a folder that is emptie
 }
 
 TEST_CASE("output aside: one process at a time, and nothing planted is written to", "[fault]") {
-  const Place p;
+  const Fixture p;
   const fs::path aside = output_aside(p.out);
   SECTION("a second writer is told") {
     const int fd = create_aside(p.out);

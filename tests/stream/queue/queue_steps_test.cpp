@@ -21,7 +21,7 @@ std::vector<StageEstimate> stages_of(std::vector<double> seconds) {
   return stages;
 }
 
-std::string told(const std::vector<QueueStep>& steps) {
+std::string steps_text(const std::vector<QueueStep>& steps) {
   std::string text;
   for (const QueueStep& step : steps) {
     text += "[" + std::to_string(step.elements);
@@ -35,10 +35,10 @@ std::string told(const std::vector<QueueStep>& steps) {
 
 TEST_CASE("queue steps: short stages share one job, long ones are arrays", "[unit]") {
   const QueueOptions options;
-  CHECK(told(queue_steps(stages_of({1, 2, 3}), kCap, 1, options)) == "[1 a:all b:all c:all]");
-  CHECK(told(queue_steps(stages_of({1, 1200, 3}), kCap, 1, options)) ==
+  CHECK(steps_text(queue_steps(stages_of({1, 2, 3}), kCap, 1, options)) == "[1 a:all b:all c:all]");
+  CHECK(steps_text(queue_steps(stages_of({1, 1200, 3}), kCap, 1, options)) ==
         "[1 a:all][4 b:share][1 b:finish c:all]");
-  CHECK(told(queue_steps(stages_of({1200, 1200}), kCap, 1, options)) ==
+  CHECK(steps_text(queue_steps(stages_of({1200, 1200}), kCap, 1, options)) ==
         "[4 a:share][1 a:finish][4 b:share][1 b:finish]");
   CHECK(queue_steps({}, kCap, 1, options).empty());
 }
@@ -54,7 +54,7 @@ TEST_CASE("queue steps: nodes share a stage that lasts, tasks and limit bound th
   options.array_limit = 50;
   CHECK(queue_steps(stages_of({1e6}), kCap, 1, options)[0].elements == 50);
   stages[0].idle = true;
-  CHECK(told(queue_steps(stages, kCap, 1, options)) == "[1 a:all]");
+  CHECK(steps_text(queue_steps(stages, kCap, 1, options)) == "[1 a:all]");
 }
 
 TEST_CASE("queue steps: memory is what is forecast, at most the cap and the base, ends have their own",

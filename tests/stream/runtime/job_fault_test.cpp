@@ -113,7 +113,7 @@ TEST_CASE("fault: a signal ends it cleanly with 128 + signal", "[fault]") {
       const TempFolder scratch;
       const Toy toy(scratch.path());
       const Outcome outcome =
-          toy.run_beside(how, "TESSERA_TOY=sleep:60", "kill -" + signal + " $first; wait $first");
+          toy.run_alongside(how, "TESSERA_TOY=sleep:60", "kill -" + signal + " $first; wait $first");
       CAPTURE(signal, how, outcome.said);
       CHECK(outcome.code == (signal == "INT" ? 130 : 143));
       CHECK_THAT(outcome.said, Catch::Contains("the same command goes on"));
@@ -224,7 +224,7 @@ TEST_CASE("fault: two drivers of one job: one works, the other is told", "[fault
   const Toy toy(scratch.path());
   const std::string sleep = "TESSERA_TOY=sleep:40";
   const Outcome both =
-      toy.run_beside("", sleep, toy.command("", sleep) + "; echo second $?; wait $first; echo first $?");
+      toy.run_alongside("", sleep, toy.command("", sleep) + "; echo second $?; wait $first; echo first $?");
   CAPTURE(both.said);
   CHECK_THAT(both.said, Catch::Contains("another process works on this job"));
   CHECK_THAT(both.said, Catch::Contains("second 2"));

@@ -70,7 +70,7 @@ TEST_CASE("option table: what is typed is read, or refused by name", "[unit]") {
   bool flag = false;
   std::string method = "emc";
   std::vector<std::string> columns = {"old"};
-  std::vector<Double3> places;
+  std::vector<Double3> positions;
   std::optional<Double3> up;
   OptionTable t("group");
   t.add("length,voxel,l", &length, "a length").at_least(0);
@@ -80,7 +80,7 @@ TEST_CASE("option table: what is typed is read, or refused by name", "[unit]") {
   t.add("flag", &flag, "a flag");
   t.add("way", &method, "how").one_of({"emc", "mc"});
   t.add("columns", &columns, "names").split();
-  t.add("places", &places, "places");
+  t.add("places", &positions, "places");
   t.add("up", &up, "upwards");
   const auto set = [&](const std::string& name, const std::vector<std::string>& words) {
     t.find(name)->set(words);
@@ -96,12 +96,12 @@ TEST_CASE("option table: what is typed is read, or refused by name", "[unit]") {
   set("columns", {"x,y", "z"});
   CHECK(columns == std::vector<std::string>{"x", "y", "z"});
   set("places", {"1,2,3", "4,5,6"});
-  CHECK(places == std::vector<Double3>{{1, 2, 3}, {4, 5, 6}});
+  CHECK(positions == std::vector<Double3>{{1, 2, 3}, {4, 5, 6}});
   set("up", {"0,0,1"});
   CHECK(up == Double3{0, 0, 1});
   t.from_json({{"up", nullptr}, {"places", json::array()}, {"memory", "1K"}, {"columns", "a,b"}});
   CHECK_FALSE(up.has_value());
-  CHECK(places.empty());
+  CHECK(positions.empty());
   CHECK(bytes == 1024);
   CHECK(columns == std::vector<std::string>{"a", "b"});
 

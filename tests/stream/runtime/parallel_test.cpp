@@ -161,16 +161,16 @@ TEST_CASE("parallel: tasks over the budget run one after another, and none waits
   WorkerPool pool(4);
   MemoryBudget budget(3200, 0);  // capacity 3100
   std::atomic<std::uint64_t> taken{0};
-  std::atomic<bool> over{false};
+  std::atomic<bool> exceeded{false};
   pool.run_tasks(
       50, [](std::size_t k) { return std::uint64_t{k % 5 == 0 ? 3100u : 900u}; }, budget,
       [&](std::size_t k) {
         const std::uint64_t need = k % 5 == 0 ? 3100 : 900;
-        if ((taken += need) > 3100) over = true;
+        if ((taken += need) > 3100) exceeded = true;
         pause_us(300);
         taken -= need;
       });
-  CHECK_FALSE(over);
+  CHECK_FALSE(exceeded);
   CHECK(budget.reserved() == 0);
   CHECK_THROWS_AS(pool.run_tasks(
                       1, [](std::size_t) { return std::uint64_t{3101}; }, budget, [](std::size_t) {}),

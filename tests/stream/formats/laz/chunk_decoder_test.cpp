@@ -158,7 +158,7 @@ TEST_CASE("laz chunks: cut anywhere, the points before the cut are right, and th
 
 TEST_CASE("laz chunks: changed bytes give points or damage, never anything else", "[fault]") {
   std::mt19937 random(7);
-  std::size_t told = 0;
+  std::size_t detected = 0;
   std::size_t tried = 0;
   for (LazSample s : samples()) {
     s.points = 200;
@@ -169,11 +169,11 @@ TEST_CASE("laz chunks: changed bytes give points or damage, never anything else"
       for (int k = 0; k < 1 + i % 3; ++k) bad[random() % bad.size()] = static_cast<char>(random());
       const Decoded back = decode(test::schema_of(s), bad, s.points);
       REQUIRE(back.records.size() <= records.size());
-      told += back.failure.empty() ? 0 : 1;
+      detected += back.failure.empty() ? 0 : 1;
       ++tried;
     }
   }
-  CHECK(told * 2 > tried);  // most damage shows: streams end early or late
+  CHECK(detected * 2 > tried);  // most damage shows: streams end early or late
 }
 
 TEST_CASE("laz schema: records survive, and what they cannot mean is refused", "[unit]") {

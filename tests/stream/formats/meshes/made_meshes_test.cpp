@@ -30,8 +30,8 @@ std::vector<Known> known_meshes() {
   const WholeMesh sound = test::made_bracket(static_cast<int>(kSide), static_cast<double>(2 * kSide));
   // A vertex in the middle of a flat side: six faces of one fan.
   std::uint64_t middle = 0;
-  const Double3 place = {4, 0, 4};
-  while (sound.points[middle] != place) ++middle;
+  const Double3 position = {4, 0, 4};
+  while (sound.points[middle] != position) ++middle;
   const auto uses_middle = [&](const MeshFace& f) {
     return f[0] == middle || f[1] == middle || f[2] == middle;
   };
@@ -42,8 +42,8 @@ std::vector<Known> known_meshes() {
   std::erase_if(hole.faces, uses_middle);
   WholeMesh twice = sound;
   twice.faces.push_back(one);
-  WholeMesh turned = sound;
-  std::swap(turned.faces[0][1], turned.faces[0][2]);
+  WholeMesh reversed = sound;
+  std::swap(reversed.faces[0][1], reversed.faces[0][2]);
   WholeMesh fin = sound;
   fin.points.push_back(a + Double3{0, -16, 0});
   fin.faces.push_back({one[1], one[0], sound.points.size()});
@@ -56,7 +56,7 @@ std::vector<Known> known_meshes() {
   return {{"sound", sound, v, f, 0, 0, 0, 0, 0, 0, 1},
           {"hole", hole, v, f - 6, 6, 0, 0, 0, 0, 1, 1},
           {"a face twice", twice, v, f + 1, 0, 3, 0, 1, 0, 0, 1},
-          {"a face turned over", turned, v, f, 0, 0, 3, 0, 0, 0, 1},
+          {"a face turned over", reversed, v, f, 0, 0, 3, 0, 0, 0, 1},
           {"a fin", fin, v + 1, f + 1, 2, 1, 0, 0, 0, 0, 1},
           {"a face without area", flat, v + 1, f + 1, 2, 1, 0, 0, 1, 0, 1},
           {"a vertex of nobody", spare, v + 1, f, 0, 0, 0, 0, 0, 1, 1},

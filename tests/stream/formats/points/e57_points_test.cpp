@@ -43,7 +43,7 @@ E57TestScan three(const std::string& xml = {}) {
   return scan(e57_doubles(kE57Cartesian, {{1, 4, 7}, {2, 5, 8}, {3, 6, 9}}), xml);
 }
 
-const std::string kQuarterTurn =
+const std::string kRotation90 =
     test::e57_pose("0.70710678118654752", "0", "0", "0.70710678118654752", "100", "200", "300");
 
 TEST_CASE("e57 points: checksums are those of CRC-32C", "[unit]") {
@@ -138,7 +138,7 @@ TEST_CASE("e57 points: spherical positions", "[unit]") {
 
 TEST_CASE("e57 points: poses move points and normals and are the scanners' places, scan by scan", "[unit]") {
   const test::TempFolder folder;
-  std::vector<E57TestScan> scans = {three(kQuarterTurn), three(),
+  std::vector<E57TestScan> scans = {three(kRotation90), three(),
                                     three(test::e57_pose("1", "0", "0", "0", "5", "6", "7")),
                                     three("<pose type=\"Structure\"><translation type=\"Structure\"><z "
                                           "type=\"Float\">-1</z></translation></pose>")};
@@ -205,8 +205,8 @@ TEST_CASE("e57 points: world coordinates refute a pose, by rows and columns or b
         terrain({-10, -10, -0.5}, true, identity),
         terrain({500000, 5400000, 300}, true, world),  // applied twice
         terrain({500000, 5400000, 300}, false, world)}) {
-    for (const bool asks : {false, true}) {
-      options.grid_normals = asks;
+    for (const bool requested : {false, true}) {
+      options.grid_normals = requested;
       const auto path = folder.write("a.e57", test::e57_file({s, s}));
       const auto r = test::read_points(path, ~std::uint64_t{0}, options);
       CHECK(r.info.sensors.empty());
@@ -257,7 +257,7 @@ TEST_CASE("e57 points: bounds are claims where no pose moves them", "[unit]") {
   CHECK(info(bounds("9")).has_bounds);
   CHECK(info(bounds("9")).declared_max == Double3{9, 9, 9});
   CHECK_FALSE(info(bounds("1.79769313486231571e+308")).has_bounds);
-  CHECK_FALSE(info(bounds("9") + kQuarterTurn).has_bounds);
+  CHECK_FALSE(info(bounds("9") + kRotation90).has_bounds);
 }
 
 TEST_CASE("e57 points: a count that lies is survived, and so is a section that ends early", "[fault]") {
@@ -391,7 +391,7 @@ TEST_CASE("e57 points: what a file claims takes no memory", "[memory]") {
   CHECK(peak(test::e57_file({s})) < usual + (1u << 20));
   // Sixteen thousand scans whose records all lie in the same place.
   test::E57Builder builder;
-  builder.add(three(kQuarterTurn));
+  builder.add(three(kRotation90));
   std::string xml = "<e57Root><data3D>";
   for (int i = 0; i < 16000; ++i) xml += builder.scans_xml();
   CHECK(peak(builder.file(xml + "</data3D></e57Root>")) < usual + (40u << 20));
@@ -399,7 +399,7 @@ TEST_CASE("e57 points: what a file claims takes no memory", "[memory]") {
 
 TEST_CASE("e57 points: a file cut anywhere is refused with a sentence", "[fault]") {
   const test::TempFolder folder;
-  E57TestScan s = three(kQuarterTurn);
+  E57TestScan s = three(kRotation90);
   for (E57Values& f : s.fields) f.floats.resize(400, 2.5);
   s.packets = 3;
   const std::string whole = test::e57_file({s, s});

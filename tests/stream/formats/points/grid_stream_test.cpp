@@ -24,9 +24,9 @@ const Double3 kScanner = {100, 200, 5};
 /// A ball of radius 4 around (100, 190, 5), seen from the scanner ten units away: the ray of a cell, and how far it goes; 0 where
 /// it misses, and in a hole.
 double range(int row, int column, Double3& ray) {
-  const SinCos turn = sin_cos(0.012 * (column - kColumns / 2) - kPi / 2),
+  const SinCos yaw = sin_cos(0.012 * (column - kColumns / 2) - kPi / 2),
                rise = sin_cos(0.012 * (row - kRows / 2));
-  ray = {rise.cos * turn.cos, rise.cos * turn.sin, rise.sin};
+  ray = {rise.cos * yaw.cos, rise.cos * yaw.sin, rise.sin};
   if (row > 20 && row < 24 && column > 25 && column < 30) return 0.0;
   const double along = -10.0 * ray[1], square = along * along - (100.0 - 16.0);
   return square > 0.0 ? along - std::sqrt(square) : 0.0;

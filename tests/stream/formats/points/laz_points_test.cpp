@@ -165,13 +165,13 @@ TEST_CASE("laz points: the count of the header against the chunks", "[fault]") {
       const std::string records = test::las_records(s);
       const LazBytes file = test::laz_file(s, records);
       const auto whole = test::read_points(folder.write("a.laz", file.bytes));
-      const bool told = format == 6 || chunk == kVariable;  // by the chunks
+      const bool known = format == 6 || chunk == kVariable;  // by the chunks
       for (const std::uint32_t declared : {0u, 40u, 250u, 289u, 291u, 300u, 1000u, 0xffffffffu}) {
         CAPTURE(format, chunk, declared);
         std::string lie = file.bytes;
         test::set_bytes(lie, 107, declared);
         const auto path = folder.write("l.laz", lie);
-        if (told) {
+        if (known) {
           const auto r = test::read_points(path);
           CHECK(test::same_points(r.points, whole.points));
           CHECK_THAT(message(r.info.warnings), Catch::Contains(std::to_string(declared)));

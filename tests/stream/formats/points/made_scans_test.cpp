@@ -269,17 +269,17 @@ TEST_CASE("made scans: PCD of a depth camera, with nothing where it saw nothing"
     put(out, static_cast<std::uint32_t>(packed.size())), put(out, static_cast<std::uint32_t>(fields.size()));
     return out + packed;
   };
-  const test::ReadResult turned =
+  const test::ReadResult rotated =
       test::read_points(folder.write("turned.pcd", file("0 0 0 0.7071068 0.7071068 0 0")));
-  REQUIRE(turned.points.size() == kWidth * kHeight);
+  REQUIRE(rotated.points.size() == kWidth * kHeight);
   std::size_t empty = 0;
-  for (std::uint64_t i = 0; i < turned.points.size(); ++i) {
+  for (std::uint64_t i = 0; i < rotated.points.size(); ++i) {
     const bool seen = random_bits(11, 1, i) % 6 != 0;
-    REQUIRE(std::isnan(turned.points.x[i]) != seen);
+    REQUIRE(std::isnan(rotated.points.x[i]) != seen);
     empty += !seen;
   }
   CHECK(empty > kWidth * kHeight / 8);
-  CHECK(turned.info.sensors == std::vector<Double3>{{0, 0, 0}});
+  CHECK(rotated.info.sensors == std::vector<Double3>{{0, 0, 0}});
   CHECK(test::read_points(folder.write("plain.pcd", file("0 0 0 1 0 0 0"))).info.sensors.empty());
 }
 

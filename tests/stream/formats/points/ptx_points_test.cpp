@@ -11,14 +11,14 @@ namespace tessera::ptx_points_test {
 namespace {
 
 const std::string kIdentity = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
-const std::string kTurned = "0 1 0 0\n-1 0 0 0\n0 0 1 0\n100 200 300 1\n";  // x to y, y to -x
+const std::string kRotated = "0 1 0 0\n-1 0 0 0\n0 0 1 0\n100 200 300 1\n";  // x to y, y to -x
 
 std::string header(const std::string& size, const std::string& position, const std::string& matrix) {
   return size + position + "\n1 0 0\n0 1 0\n0 0 1\n" + matrix;
 }
 
 std::string two_scans() {
-  return header("2\n3\n", "100 200 300", kTurned) +
+  return header("2\n3\n", "100 200 300", kRotated) +
          "1 2 3 0.5\n0 0 0 0.5\n4 5 6 0.5\n0 0 0 0\n0 0 0 0.5\n7 8 9 1\n" +
          header("1\n2\n", "5 6 7", kIdentity) + "1 2 3 0.5 10 20 30\n4 5 6 0.5 40 50 60\n";
 }
@@ -52,10 +52,10 @@ TEST_CASE("ptx points: the matrix gives the sensor where the position is zero", 
   const auto sensor = [&](const std::string& position, const std::string& matrix) {
     return test::read_points(folder.write("a.ptx", header("1\n1\n", position, matrix) + "1 1 1 0\n")).info;
   };
-  CHECK(sensor("0 0 0", kTurned).sensors == std::vector<Double3>{{100, 200, 300}});
+  CHECK(sensor("0 0 0", kRotated).sensors == std::vector<Double3>{{100, 200, 300}});
   CHECK(sensor("1 2 3", kIdentity).sensors == std::vector<Double3>{{1, 2, 3}});
-  CHECK(sensor("1 2 3", kTurned).sensors == std::vector<Double3>{{1, 2, 3}});
-  CHECK(sensor("1 2 3", kTurned).warnings.size() == 1);
+  CHECK(sensor("1 2 3", kRotated).sensors == std::vector<Double3>{{1, 2, 3}});
+  CHECK(sensor("1 2 3", kRotated).warnings.size() == 1);
 }
 
 TEST_CASE("ptx points: counts that lie are survived and reported", "[fault]") {
@@ -129,15 +129,15 @@ TEST_CASE("ptx points: world coordinates with an identity pose have no scanner, 
   const test::TempFolder folder;
   ReadOptions options;
   options.grid_normals = true;
-  const std::vector<std::string> told = {terrain({500000, 5400000, 300}), terrain({300, 100, 2}),
-                                         terrain({300, 100, 200}), terrain({-10, -10, -0.5}),
-                                         // No grid: all in one column, or lines that are missing.
-                                         terrain({500000, 5400000, 300}, "1\n1600\n"),
-                                         terrain({300, 100, 2}, "1600\n1\n"),
-                                         terrain({500000, 5400000, 300}, "40\n50\n")};
-  for (std::size_t i = 0; i < told.size(); ++i) {
+  const std::vector<std::string> scans = {terrain({500000, 5400000, 300}), terrain({300, 100, 2}),
+                                          terrain({300, 100, 200}), terrain({-10, -10, -0.5}),
+                                          // No grid: all in one column, or lines that are missing.
+                                          terrain({500000, 5400000, 300}, "1\n1600\n"),
+                                          terrain({300, 100, 2}, "1600\n1\n"),
+                                          terrain({500000, 5400000, 300}, "40\n50\n")};
+  for (std::size_t i = 0; i < scans.size(); ++i) {
     CAPTURE(i);
-    const auto path = folder.write("a.ptx", told[i]);
+    const auto path = folder.write("a.ptx", scans[i]);
     const auto r = test::read_points(path, ~std::uint64_t{0}, options);
     CHECK(r.info.sensors.empty());
     CHECK_FALSE(r.info.attributes.sensor);
@@ -153,9 +153,8 @@ TEST_CASE("ptx points: world coordinates with an identity pose have no scanner, 
   seen << header("40\n40\n", "0 0 0", kIdentity);
   for (int i = 0; i < 40; ++i)
     for (int j = 0; j < 40; ++j) {
-      const double turn = 0.05 * i, down = 0.2 + 0.02 * j,
-                   range = 4.0 + std::sin(0.9 * i) * std::cos(0.7 * j);
-      seen << range * std::cos(down) * std::cos(turn) << ' ' << range * std::cos(down) * std::sin(turn) << ' '
+      const double yaw = 0.05 * i, down = 0.2 + 0.02 * j, range = 4.0 + std::sin(0.9 * i) * std::cos(0.7 * j);
+      seen << range * std::cos(down) * std::cos(yaw) << ' ' << range * std::cos(down) * std::sin(yaw) << ' '
            << -range * std::sin(down) << " 0.5\n";
     }
   const auto right = test::read_points(folder.write("a.ptx", seen.str()), ~std::uint64_t{0}, options);

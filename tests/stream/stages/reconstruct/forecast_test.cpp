@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 
-struct Told {
+struct Forecasted {
   Plan plan;
   std::vector<PlanBrick> bricks;
   InputTasks inputs;
@@ -29,27 +29,27 @@ struct Told {
 };
 
 /// What is told of a surveyed job.
-Told tell(const JobState& job, const PointInputs& inputs) {
-  Told told{Plan::of_work(job.work), load_plan_bricks(job.work / Plan::kBrickFile), {}, {}};
-  told.inputs.count = inputs.task_count();
-  for (std::size_t k = 0; k < told.inputs.count; ++k)
-    told.inputs.largest_bytes = std::max(told.inputs.largest_bytes, inputs.task_input_bytes(k));
-  told.forecast = forecast_job(told.plan, told.bricks, told.inputs, job);
-  return told;
+Forecasted tell(const JobState& job, const PointInputs& inputs) {
+  Forecasted forecasted{Plan::of_work(job.work), load_plan_bricks(job.work / Plan::kBrickFile), {}, {}};
+  forecasted.inputs.count = inputs.task_count();
+  for (std::size_t k = 0; k < forecasted.inputs.count; ++k)
+    forecasted.inputs.largest_bytes = std::max(forecasted.inputs.largest_bytes, inputs.task_input_bytes(k));
+  forecasted.forecast = forecast_job(forecasted.plan, forecasted.bricks, forecasted.inputs, job);
+  return forecasted;
 }
 
 struct Reserved {
   std::uint64_t task = 0, finish = 0;
 };
 
-/// Runs the whole job, stage by stage; what each asks for. \param told  of it, before it runs
+/// Runs the whole job, stage by stage; what each asks for. \param forecasted  of it, before it runs
 std::map<std::string, Reserved> run_all(const std::vector<TestPoint>& points, const ChainSetup& setup,
-                                        const std::filesystem::path& work, Told& told) {
+                                        const std::filesystem::path& work, Forecasted& forecasted) {
   JobState job = chain_job(work, setup);
   job.output = work / "mesh.ply";
   const auto inputs = chain_inputs(points, setup);
   run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
-  told = tell(job, *inputs);
+  forecasted = tell(job, *inputs);
   std::map<std::string, Reserved> reserved;
   bool after = false;
   for (const StageEntry& entry : reconstruct_stages(setup.options)) {
@@ -87,10 +87,10 @@ std::vector<std::string> stages_of_the_run(const ReconstructOptions& options) {
 }
 
 /// Every stage of the run is told, and asks for no more. \param same  stages whose tasks ask for just that
-void check_told(const Told& told, const std::map<std::string, Reserved>& reserved,
-                const std::set<std::string>& same) {
-  CHECK(told.forecast.stages.size() == reserved.size());
-  for (const StageForecast& f : told.forecast.stages) {
+void check_forecast(const Forecasted& forecasted, const std::map<std::string, Reserved>& reserved,
+                    const std::set<std::string>& same) {
+  CHECK(forecasted.forecast.stages.size() == reserved.size());
+  for (const StageForecast& f : forecasted.forecast.stages) {
     INFO(f.stage);
     REQUIRE(reserved.count(f.stage) == 1);
     const Reserved& r = reserved.at(f.stage);
@@ -117,14 +117,14 @@ std::uint64_t named_cap(const std::string& message) {
 }
 
 /// The forecast of a survey under any cap, as the stage composes it.
-std::function<Forecast(std::uint64_t)> under(const Told& told, const JobState& job) {
-  return [&told, job](std::uint64_t cap) {
+std::function<Forecast(std::uint64_t)> under(const Forecasted& forecasted, const JobState& job) {
+  return [&forecasted, job](std::uint64_t cap) {
     JobState other = job;
     other.run.memory_bytes = cap;
-    Plan plan = told.plan;
-    plan.buckets = cut_buckets(told.bricks, bucket_target(other.run, plan.points()),
+    Plan plan = forecasted.plan;
+    plan.buckets = cut_buckets(forecasted.bricks, bucket_target(other.run, plan.points()),
                                reconstruct_options(job).max_brick_points);
-    return forecast_job(plan, told.bricks, told.inputs, other);
+    return forecast_job(plan, forecasted.bricks, forecasted.inputs, other);
   };
 }
 
@@ -137,7 +137,7 @@ TEST_CASE("forecast: disk of the passes over points is what they write", "[unit]
   const JobState job = chain_job(work.path(), setup);
   const auto inputs = chain_inputs(points, setup);
   run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
-  const Told told = tell(job, *inputs);
+  const Forecasted forecasted = tell(job, *inputs);
   run_stage(DistributeStage(job, inputs), job.work);
   run_stage(OrderStage(job), job.work);
   const auto written = [&](const char* folder) {
@@ -145,16 +145,16 @@ TEST_CASE("forecast: disk of the passes over points is what they write", "[unit]
     for (const auto& f : std::filesystem::directory_iterator(job.work / folder)) bytes += f.file_size();
     return static_cast<double>(bytes);
   };
-  const auto& stages = told.forecast.stages;
+  const auto& stages = forecasted.forecast.stages;
   REQUIRE(stages.size() >= 4);
   CHECK(stages[0].stage == "distribute");
   CHECK(static_cast<double>(stages[0].disk_bytes) == Approx(written("distribute")).epsilon(0.02));
   CHECK(stages[1].stage == "order");
   // Every 17th point is a duplicate, which the forecast cannot know.
   CHECK(static_cast<double>(stages[1].disk_bytes) == Approx(written("points")).epsilon(0.08));
-  CHECK(told.forecast.peak_disk_bytes >= stages[0].disk_bytes + stages[1].disk_bytes);
+  CHECK(forecasted.forecast.peak_disk_bytes >= stages[0].disk_bytes + stages[1].disk_bytes);
   // A sphere of radius 60 h has about 3 x 4 pi 60^2 triangles.
-  CHECK(static_cast<double>(told.plan.faces_estimate) == Approx(3 * 4 * 3.14159 * 3600).epsilon(0.25));
+  CHECK(static_cast<double>(forecasted.plan.faces_estimate) == Approx(3 * 4 * 3.14159 * 3600).epsilon(0.25));
 }
 
 TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit]") {
@@ -194,11 +194,11 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
              "mesh-read",  "mesh-vertices", "mesh-corners", "mesh-tiles", "points",   "pass-1",
              "pass-2",     "pass-3",        "certify",      "samples",    "keep-raw", "write"};
   }
-  Told told;
-  const auto reserved = run_all(points, setup, work.path(), told);
-  check_told(told, reserved, same);
-  CHECK(names_of(told.forecast, false) == names);
-  CHECK(names_of(told.forecast, true) == stages_of_the_run(setup.options));
+  Forecasted forecasted;
+  const auto reserved = run_all(points, setup, work.path(), forecasted);
+  check_forecast(forecasted, reserved, same);
+  CHECK(names_of(forecasted.forecast, false) == names);
+  CHECK(names_of(forecasted.forecast, true) == stages_of_the_run(setup.options));
 }
 
 TEST_CASE("forecast: points that merge, hot bricks and noise stay below what is told", "[unit]") {
@@ -218,8 +218,8 @@ TEST_CASE("forecast: points that merge, hot bricks and noise stay below what is 
       points.push_back({{random.in(-90, 90), random.in(-90, 90), random.in(-90, 90)}, {}, 0});
     setup.options.normals = "estimate";
   }
-  Told told;
-  check_told(told, run_all(points, setup, work.path(), told), {});
+  Forecasted forecasted;
+  check_forecast(forecasted, run_all(points, setup, work.path(), forecasted), {});
 }
 
 TEST_CASE("forecast: closing and decimation have their stages, with the disk that they take", "[unit]") {
@@ -230,27 +230,27 @@ TEST_CASE("forecast: closing and decimation have their stages, with the disk tha
   auto points = scan_without_duplicates(50000, 60.0);
   std::erase_if(points, [](const TestPoint& p) { return p.p[2] > 50.0; });
   setup.options.normals = "given";
-  Told told;
-  const auto reserved = run_all(points, setup, work.path(), told);
-  for (const StageForecast& f : told.forecast.stages) {
+  Forecasted forecasted;
+  const auto reserved = run_all(points, setup, work.path(), forecasted);
+  for (const StageForecast& f : forecasted.forecast.stages) {
     INFO(f.stage);
     if (f.stage != "surface") CHECK(f.task_bytes >= reserved.at(f.stage).task);
   }
-  CHECK(names_of(told.forecast, true) == stages_of_the_run(setup.options));
-  CHECK(names_of(told.forecast, false) ==
+  CHECK(names_of(forecasted.forecast, true) == stages_of_the_run(setup.options));
+  CHECK(names_of(forecasted.forecast, false) ==
         std::vector<std::string>{"distribute", "order", "normals", "multipole", "rims", "close", "surface",
                                  "islands", "prune", "pass-2", "pass-3", "certify", "write"});
   for (const char* stage : {"normals", "multipole", "rims"})
-    CHECK(find(told.forecast, stage)->task_bytes == reserved.at(stage).task);
-  CHECK(find(told.forecast, "close")->memory_bytes() >= reserved.at("close").finish);
+    CHECK(find(forecasted.forecast, stage)->task_bytes == reserved.at(stage).task);
+  CHECK(find(forecasted.forecast, "close")->memory_bytes() >= reserved.at("close").finish);
   // The surface's own cells close the hole, which no plan can know.
-  CHECK(find(told.forecast, "surface")->sure_bytes <= reserved.at("surface").task);
+  CHECK(find(forecasted.forecast, "surface")->sure_bytes <= reserved.at("surface").task);
   const auto written = [&](const char* folder) {
     std::uint64_t bytes = 0;
     for (const auto& f : std::filesystem::directory_iterator(work.path() / folder)) bytes += f.file_size();
     return static_cast<double>(bytes);
   };
-  CHECK(static_cast<double>(find(told.forecast, "multipole")->disk_bytes) ==
+  CHECK(static_cast<double>(find(forecasted.forecast, "multipole")->disk_bytes) ==
         Approx(written("multipole")).epsilon(0.3));
 }
 
@@ -288,9 +288,9 @@ TEST_CASE("forecast: too small a cap is refused once, with the smallest that wou
   JobState job = chain_job(work.path(), setup);
   const auto inputs = chain_inputs(sphere_points(dense ? 400000 : 60000, 100.0, {256, 256, 256}), setup);
   run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
-  const Told told = tell(job, *inputs);
+  const Forecasted forecasted = tell(job, *inputs);
   const std::uint64_t base = 20 * kMiB;
-  const auto at_cap = under(told, job);
+  const auto at_cap = under(forecasted, job);
   const auto refuse = [&](std::uint64_t cap) {
     job.run.memory_bytes = cap;
     try {

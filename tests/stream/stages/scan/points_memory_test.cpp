@@ -26,8 +26,8 @@ std::uint64_t growth_of(const Work& work) {
     const std::uint64_t before = resident_bytes();
     work();
     const std::uint64_t grown = peak_resident_bytes() - before;
-    const bool told = write(ends[1], &grown, sizeof grown) == static_cast<ssize_t>(sizeof grown);
-    _exit(told ? 0 : 1);
+    const bool written = write(ends[1], &grown, sizeof grown) == static_cast<ssize_t>(sizeof grown);
+    _exit(written ? 0 : 1);
   }
   std::uint64_t grown = ~std::uint64_t{0};
   const bool heard = read(ends[0], &grown, sizeof grown) == static_cast<ssize_t>(sizeof grown);

@@ -137,13 +137,13 @@ TEST_CASE("tile mesh: faces that close holes are marked by vertices of their own
     CHECK((marks == 0 || marks == 3));
     if (marks == 3) found.push_back(f);
   }
-  std::vector<Double3> places;
+  std::vector<Double3> positions;
   for (std::size_t v = 0; v < vertices; ++v)
-    places.push_back({static_cast<double>(tile.low[0] + tile.position[v][0]) * grid.step,
-                      static_cast<double>(tile.low[1] + tile.position[v][1]) * grid.step,
-                      static_cast<double>(tile.low[2] + tile.position[v][2]) * grid.step});
-  CHECK((corners_of(decoded.points, found) == corners_of(places, marked)));
-  CHECK((corners_of(decoded.points, decoded.faces) == corners_of(places, block.faces)));
+    positions.push_back({static_cast<double>(tile.low[0] + tile.position[v][0]) * grid.step,
+                         static_cast<double>(tile.low[1] + tile.position[v][1]) * grid.step,
+                         static_cast<double>(tile.low[2] + tile.position[v][2]) * grid.step});
+  CHECK((corners_of(decoded.points, found) == corners_of(positions, marked)));
+  CHECK((corners_of(decoded.points, decoded.faces) == corners_of(positions, block.faces)));
 }
 
 }  // namespace tile_mesh_test
