@@ -157,16 +157,13 @@ class Composer {
 
   /// \returns what it leaves on disk
   std::uint64_t close() {
-    const std::uint64_t multipoles = times(faces_, kMultipoleBytes),
-                        boundaries = times(faces_, kBoundariesBytes);
+    const std::uint64_t multipoles = times(faces_, kMultipoleBytes), ends = times(faces_, kBoundaryBytes);
     const auto read = static_cast<double>(store_bytes_ + overlay_bytes_);
     add("multipole", plan_.buckets.size(), known(multipole_task_bytes(largest_brick_), 0), multipoles,
         plan_.buckets.size(), points_ * kMultipoleTime, read);
-    std::uint64_t maximum = 0;
-    for_each_tile(
-        [&](const Tile& t) { maximum = std::max(maximum, boundaries_tile_bytes(bricks_, t, halo_)); });
-    add("rims", groups_.size(), known(maximum, 0), boundaries, groups_.size(), faces_ * kBoundariesTime,
-        read);
+    std::uint64_t bytes = 0;
+    for_each_tile([&](const Tile& t) { bytes = std::max(bytes, boundaries_tile_bytes(bricks_, t, halo_)); });
+    add("rims", groups_.size(), known(bytes, 0), ends, groups_.size(), faces_ * kBoundaryTime, read);
     // What a brick's neighbours lend depends on where in them the points lie: about a quarter.
     std::uint64_t bytes = 0;
     for (const BrickEntry& b : bricks_) {
@@ -183,7 +180,7 @@ class Composer {
       bytes = std::max(bytes, close_bytes(run_, counts));
     }
     add("close", 0, {0, bytes, close_bytes(run_, {})}, 0, 1, 0.0, 0.0);
-    return multipoles + boundaries;
+    return multipoles + ends;
   }
 
   void level_surface(std::uint64_t patches) {

@@ -26,9 +26,9 @@ inline constexpr double kSamplesTime = 0.5;   // per point, of either pass
 inline constexpr double kWriteTime = 0.02;    // per face
 // With --holes, per point and per face of the open surface; what closing itself takes only the holes know.
 inline constexpr double kMultipoleTime = 0.1;
-inline constexpr double kBoundariesTime = 0.4;
+inline constexpr double kBoundaryTime = 0.4;
 inline constexpr double kMultipoleBytes = 0.96;
-inline constexpr double kBoundariesBytes = 1.5;
+inline constexpr double kBoundaryBytes = 1.5;
 // With --tolerance, per face of full resolution.
 inline constexpr double kFirstPassTime = 0.65;
 inline constexpr double kFirstPassBytes = 6.4;  // instead of kPatchBytes

@@ -50,7 +50,7 @@ class CoarseSumsStage : public Stage {
         options_(coarse_options(state, plan, round)),
         store_(open_smoothed(state, plan, base_round(plan, round))),
         before_(open_smoothed(state, plan, round - 1)),
-        laplacians_(open_laplacians(state.work, plan, round)) {
+        laplacians_(laplacians_of(state.work, plan, round)) {
     SmoothTiling tiling;
     tiling.rings = kSumsRings;
     tiling.range = coarse_halo(options_);

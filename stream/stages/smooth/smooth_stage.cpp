@@ -49,7 +49,7 @@ class SmoothStage : public Stage {
         tolerance_(ends_step(plan, round) ? plan.tolerance : 0.0),
         store_(open_smoothed(state, plan, base_round_)),
         before_(open_smoothed(state, plan, round - 1)),
-        laplacians_(open_laplacians(state.work, plan, round)),
+        laplacians_(laplacians_of(state.work, plan, round)),
         mesh_folder_(plan.mesh_folder),
         bounds_(plan.bounds && tolerance_ > 0.0 && round == plan.rounds.size()),
         last_(round == plan.rounds.size()),
@@ -225,10 +225,9 @@ class SmoothStage : public Stage {
       const MeshBlock given = original_.load({&p, 1});
       patch.face_bound.clear();
       for (const auto& face : patch.faces) {
-        double maximum = 0.0;
-        for (const std::uint32_t v : face)
-          maximum = std::max(maximum, norm(patch.position[v] - given.position[v]));
-        patch.face_bound.push_back(rounded_up(maximum * kRounding));
+        double move = 0.0;
+        for (const std::uint32_t v : face) move = std::max(move, norm(patch.position[v] - given.position[v]));
+        patch.face_bound.push_back(rounded_up(move * kRounding));
       }
     }
     writer.add(entry.key, patch);
@@ -238,8 +237,8 @@ class SmoothStage : public Stage {
                        std::span<const std::uint8_t> wanted) const {
     if (rule_.cycle < 0) return smooth_block(near.block, rule_, wanted);
     const TileState state = tile_state(store_, before_, laplacians_, near, tile);
-    return smooth_cycle(near.block, state.now, state.laplacian, rule_, coarse_,
-                        load_coarse_solution(solution_), wanted);
+    const CoarseSolution coarse = load_coarse_solution(solution_);
+    return smooth_cycle(near.block, state.now, state.laplacian, rule_, coarse_, coarse, wanted);
   }
 
   /// Where the vertices of a patch (their numbers in the block) come to rest; each is counted once over all patches.
@@ -317,8 +316,7 @@ MeshStore open_smoothed(const JobState& state, const SmoothPlan& plan, std::size
   return MeshStore(list_task_files(state.work / smooth_folder(round), ".tmm"));
 }
 
-PatchLaplacians open_laplacians(const std::filesystem::path& work, const SmoothPlan& plan,
-                                std::size_t round) {
+PatchLaplacians laplacians_of(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round) {
   const SmoothRound& rule = plan.rounds[round - 1];
   if (rule.cycle <= 0 || rule.filter.order == 1) return PatchLaplacians({});
   return PatchLaplacians(list_task_files(work / laplacian_folder(round - 1), ".bin"));

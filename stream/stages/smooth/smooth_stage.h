@@ -59,7 +59,7 @@ CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std:
 /// The round whose store the step of this round began with: it makes the rows.
 std::size_t base_round(const SmoothPlan& plan, std::size_t round);
 /// How the mesh bends where the round begins: empty before the first cycle of a step, and with order 1.
-PatchLaplacians open_laplacians(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round);
+PatchLaplacians laplacians_of(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round);
 /// Edges of a patch, as PatchRange keeps them.
 struct PatchEdges {
   double longest = 0.0, squares = 0.0;
