@@ -12,6 +12,7 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace merge_test {
@@ -109,6 +110,46 @@ TEST_CASE("merge: sheets that do not match become one, what is far from the join
     CHECK(far > 5000);
     for (const Double3& p : mesh.points) CHECK(std::fabs(p[2] - height(p[0], p[1])) < 0.1);
   }
+}
+
+// A filled loop may close a border edge of an original, which its patch must not go on to call one: a vertex there would be
+// numbered twice, and its neighbours get two fans.
+TEST_CASE("merge: sheets full of holes, some of them on the joint, become a manifold", "[pipeline]") {
+  const TempFolder folder;
+  constexpr int kLines = 40;
+  constexpr double kEdge = 0.1;
+  const auto holed = [&](const char* name, double x0, std::uint64_t seed, double share,
+                         const Double3& shift) {
+    constexpr int kColumns = 60;
+    test::Random random(seed);
+    WholeMesh m;
+    for (int j = 0; j <= kLines; ++j)
+      for (int i = 0; i <= kColumns; ++i) {
+        const double x = x0 + kEdge * i;
+        m.points.push_back(Double3{x, kEdge * j, 0.3 * sin_cos(x).sin * sin_cos(0.07 * j).cos} + shift);
+      }
+    for (std::uint64_t j = 0; j < kLines; ++j)
+      for (std::uint64_t i = 0; i < kColumns; ++i) {
+        const std::uint64_t a = i + (kColumns + 1) * j, b = a + kColumns + 1;
+        for (const MeshFace& f : {MeshFace{a, a + 1, b + 1}, MeshFace{a, b + 1, b}})
+          if (random.unit() >= share) m.faces.push_back(f);
+      }
+    m.header.double_positions = true;
+    m.header.vertices = m.points.size();
+    m.header.faces = m.faces.size();
+    write_whole(folder.path() / name, m);
+    return (folder.path() / name).string();
+  };
+  const double share = GENERATE(0.1, 0.2);
+  const std::uint64_t seed = GENERATE(range(1, 4));
+  CAPTURE(share, seed);
+  const std::string out = (folder.path() / "out.ply").string();
+  REQUIRE(merge({holed("a.ply", 0.0, seed, share, {0, 0, 0}),
+                 holed("b.ply", 4.0, seed + 10, share, {0.033, 0.0231, 0.004}), "-o", out})
+              .code == 0);
+  const CommandResult check = tessera_command({"check", out, "--strict"});
+  CAPTURE(check.errors);
+  CHECK(check.code == 0);
 }
 
 TEST_CASE("merge: three at one place, the best by word", "[pipeline]") {

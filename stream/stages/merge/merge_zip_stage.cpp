@@ -233,16 +233,21 @@ class ZipStage : public SerialStage {
     }
   }
 
-  /// Patches of originals without the faces that were taken away.
+  /// Patches of originals without the faces that were taken away; edges that a stitch closed are no borders any more.
   std::uint64_t write_cut(const Pieces& all, const Zipped& zipped, TaskContext& context) const {
     MeshFileWriter writer(context.create(kCutFile), plan_.info);
+    const std::vector<KeyEdge> closed = closed_borders(all, zipped);
     for (std::size_t p = 0; p < boundaries_.patches().size(); ++p) {
       context.check_stop();
       const std::size_t first = all.boundary_patch[p], end = all.boundary_patch[p + 1];
       std::vector<std::array<std::uint64_t, 3>> gone;
-      for (std::size_t f = first; f < end; ++f)
+      bool touched = false;
+      for (std::size_t f = first; f < end; ++f) {
         if (zipped.removed[f]) gone.push_back(corners(all.pieces.faces[f], all.key));
-      if (gone.empty()) continue;
+        for (std::size_t k = 0; k < 3; ++k)
+          touched = touched || is_in(closed, edge(all.pieces.faces[f], k, all.key));
+      }
+      if (gone.empty() && !touched) continue;
       std::sort(gone.begin(), gone.end());
       const std::uint64_t brick = boundaries_.patches()[p].key;
       const std::int64_t found = kept_.find(brick);
@@ -252,7 +257,11 @@ class ZipStage : public SerialStage {
       std::vector<std::uint8_t> keep(block.faces.size());
       for (std::size_t f = 0; f < keep.size(); ++f)
         keep[f] = !std::binary_search(gone.begin(), gone.end(), corners(block.faces[f], block.key));
-      const MeshBlock rest = select_faces(block, keep);
+      MeshBlock rest = select_faces(block, keep);
+      for (std::size_t f = 0; f < rest.faces.size(); ++f)
+        for (std::size_t k = 0; k < 3; ++k)
+          if (is_in(closed, edge(rest.faces[f], k, rest.key)))
+            rest.face_flags[f] = static_cast<std::uint8_t>(rest.face_flags[f] & ~(kFaceBorder01 << k));
       if (rest.faces.empty())
         writer.remove(brick);
       else
@@ -260,6 +269,30 @@ class ZipStage : public SerialStage {
     }
     return writer.finish();
   }
+
+  using KeyEdge = std::array<std::uint64_t, 2>;  ///< from, to: of a face that lies on its left
+  static KeyEdge edge(const std::array<std::uint32_t, 3>& f, std::size_t k,
+                      const std::vector<std::uint64_t>& key) {
+    return {key[f[k]], key[f[(k + 1) % 3]]};
+  }
+  static bool is_in(const std::vector<KeyEdge>& sorted, const KeyEdge& e) {
+    return std::binary_search(sorted.begin(), sorted.end(), e);
+  }
+
+  /// Borders of originals that filled loops have closed, ascending. A writer takes a flagged edge for the end of the surface.
+  static std::vector<KeyEdge> closed_borders(const Pieces& all, const Zipped& zipped) {
+    std::vector<KeyEdge> behind, out;  // behind: edges of new faces, as the face across has them
+    for (const auto& f : zipped.added)
+      for (std::size_t k = 0; k < 3; ++k) behind.push_back({all.key[f[(k + 1) % 3]], all.key[f[k]]});
+    std::sort(behind.begin(), behind.end());
+    for (std::size_t f = 0; f < all.boundary_faces; ++f)
+      for (std::size_t k = 0; k < 3; ++k)
+        if (!zipped.removed[f] && (all.pieces.edges[f] & (ZipPieces::kEnds << k)) != 0)
+          if (const KeyEdge e = edge(all.pieces.faces[f], k, all.key); is_in(behind, e)) out.push_back(e);
+    std::sort(out.begin(), out.end());
+    return out;
+  }
+
   /// The smallest first, in the direction of the face: its reverse, where a mesh has both, is another one.
   static std::array<std::uint64_t, 3> corners(const std::array<std::uint32_t, 3>& f,
                                               const std::vector<std::uint64_t>& key) {

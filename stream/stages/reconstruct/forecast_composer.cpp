@@ -165,7 +165,7 @@ class Composer {
     for_each_tile([&](const Tile& t) { bytes = std::max(bytes, boundaries_tile_bytes(bricks_, t, halo_)); });
     add("rims", groups_.size(), known(bytes, 0), ends, groups_.size(), faces_ * kBoundaryTime, read);
     // What a brick's neighbours lend depends on where in them the points lie: about a quarter.
-    std::uint64_t bytes = 0;
+    std::uint64_t lent = 0;
     for (const BrickEntry& b : bricks_) {
       const Tile tile{brick_of_key(b.key), 1};
       CloseCounts counts;
@@ -177,9 +177,9 @@ class Composer {
       }
       counts.near_bytes = MultipoleStore::near_bytes(bricks_, tile.corner(), tile.edges());
       counts.far_bytes = 2 * sizeof(Multipole) * bricks_.size();
-      bytes = std::max(bytes, close_bytes(run_, counts));
+      lent = std::max(lent, close_bytes(run_, counts));
     }
-    add("close", 0, {0, bytes, close_bytes(run_, {})}, 0, 1, 0.0, 0.0);
+    add("close", 0, {0, lent, close_bytes(run_, {})}, 0, 1, 0.0, 0.0);
     return multipoles + ends;
   }
 
