@@ -21,11 +21,11 @@ constexpr std::size_t kMinSteps = 4;
 constexpr double kMinLength = 2.0;  ///< of its width
 /// Of the half width, and steps: what a grid takes to each side.
 constexpr double kSideShare = 1.15, kSideSteps = 2.0;
-constexpr double kApartSteps =
-    3.0;  ///< between an end and another grid's side: faces of both holes, and one between
+/// Between an end and another grid's side: faces of both holes, and one between.
+constexpr double kApartSteps = 3.0;
 constexpr int kMaxCurves = 256;  ///< of one band
-constexpr double kAgain =
-    0.5;  ///< share of a slice that was seen before: the track runs into itself or another
+/// Share of a slice that was seen before: the track runs into itself or another.
+constexpr double kAgain = 0.5;
 
 using Cell = std::array<std::int64_t, 3>;
 

@@ -33,8 +33,8 @@ struct BandVertex {
 bool is_in_band(double across, double minimum, const BandOptions& options);
 
 struct BlendCurve {
-  std::vector<Double3>
-      centre;  ///< in even steps, not quite on the surface; a closed one does not repeat the first
+  /// In even steps, not quite on the surface; a closed one does not repeat the first.
+  std::vector<Double3> centre;
   std::vector<Double3> normal;  ///< unit, of the surface there; zero where it is to be found
   bool closed = false;
   bool convex = false;

@@ -10,8 +10,8 @@ namespace tessera {
 namespace {
 
 constexpr int kMaxRounds = 40;  ///< of planes and fits; each leaves about a third of what the spine is off
-constexpr double kConverged =
-    1e-8;  ///< of the half width: moves of the spine from round to round that end it,
+/// Of the half width: moves of the spine from round to round that end it.
+constexpr double kConverged = 1e-8;
 constexpr double kConvergedNoise = 0.01;  ///< or of the rms distance of vertices to their profiles
 constexpr double kWaversNoise = 2.0, kWaversShare = 0.85,
                  kSameNoise = 0.99;   ///< as much as a round ago: it wavers

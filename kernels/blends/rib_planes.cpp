@@ -10,8 +10,8 @@ constexpr int kMaxSteps = 64;  ///< from plane to plane, in search of a point's 
 constexpr int kSecants = 12;
 constexpr double kOnPlane = 1e-13;   ///< of the way from plane to plane: a place is found
 constexpr int kStraightenings = 12;  ///< each filters twice as often as the one before
-constexpr double kFlatRib =
-    1e-3;  ///< of its width: how high a rib bends if its ends and origin are to make a plane
+/// Of its width: how high a rib bends if its ends and origin are to make a plane.
+constexpr double kFlatRib = 1e-3;
 
 template <class T>
 void smooth_values(std::vector<T>& v, bool closed, int times) {

@@ -13,8 +13,8 @@ constexpr double kMinAngle = 0.08;  ///< radians: flatter ones have no corner to
 constexpr double kMaxAngle = 2.9;
 constexpr int kMaxFitSteps = 40;
 constexpr double kEnough = 1e-12;  ///< of the extent: a step that changes nothing,
-constexpr double kEnoughOfNoise =
-    1e-3;  ///< or of what noise leaves uncertain: rms by the root of the number of points
+/// Or of what noise leaves uncertain: rms by the root of the number of points.
+constexpr double kEnoughOfNoise = 1e-3;
 
 double dot2(const Double2& a, const Double2& b) {
   return a[0] * b[0] + a[1] * b[1];

@@ -15,8 +15,8 @@ using SampledFace = std::array<std::uint32_t, 3>;
 
 /// Few faces need few points: as many as tell the mean on each of them.
 constexpr std::size_t kMinSamples = 1024, kSamplesPerFace = 16;
-constexpr std::size_t kSampleGrid =
-    48;  ///< cells an axis of the box in which faces near the points are picked
+/// Cells an axis of the box in which faces near the points are picked.
+constexpr std::size_t kSampleGrid = 48;
 // Powers of the plastic number: the additive sequence whose points keep farthest apart.
 constexpr double kR2u = 0.75487766624669276005, kR2v = 0.56984029099805326591;
 constexpr double kWider = 1.0 + 0x1p-20;  ///< a bound, so that rounding hides no face

@@ -76,8 +76,8 @@ struct GrownCells {
   std::vector<ClosingLeaf> cells;  ///< all closing cells of the brick, by leaf in Morton order
   std::vector<Int3> leaving;       ///< cells of other bricks to go on from; global, may repeat
   std::vector<Int3> stopped;       ///< cells that the limit kept out; global, may repeat
-  std::vector<BandSigns>
-      evaluated;  ///< signs of the closing field that were asked for; the leaves may be part of a brick's
+  /// Signs of the closing field that were asked for; the leaves may be part of a brick's.
+  std::vector<BandSigns> evaluated;
   std::uint64_t added = 0;
 };
 

@@ -11,8 +11,8 @@ constexpr std::size_t kMinFaces = 4, kLanes = 8;
 constexpr float kMinSize = 0x1p-10f, kMaxSize = 0x1p+12f;
 constexpr float kUnsure = 0x1p-18f;  ///< of the polygon's area: what is smaller may be rounding
 constexpr float kSlack = 0x1p-20f;
-constexpr float kMinDeviation =
-    0x1p-14f;  ///< of the largest coordinate: what is flatter is flat to doubles, perhaps
+/// Of the largest coordinate: what is flatter is flat to doubles, perhaps.
+constexpr float kMinDeviation = 0x1p-14f;
 
 struct alignas(32) LaneTables {
   std::uint8_t rotated[kLanes + 1][kLanes][kLanes]{};  ///< [size][at]: at, at + 1, ... around the ring

@@ -42,8 +42,8 @@ struct EditBasis {
   std::vector<std::int32_t> active;  ///< vertices of the support, ascending
   std::vector<Double3> centre;       ///< per handle: origin of its frame
   std::vector<double> radius;        ///< per handle: length of its axes
-  std::vector<double>
-      columns;  ///< active x width(), interleaved: 3 of what is fixed, 3 of targets, 4 of each handle
+  /// Active x width(), interleaved: 3 of what is fixed, 3 of targets, 4 of each handle.
+  std::vector<double> columns;
   std::vector<float> rotation_columns;  ///< of the active vertices (vertex_rotations.h)
   std::vector<Double3> target;          ///< as EditRegions has it
   std::size_t first_handle() const { return target.empty() ? 3 : 6; }

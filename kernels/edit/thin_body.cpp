@@ -9,8 +9,8 @@
 namespace tessera {
 namespace {
 
-constexpr double kCancelled =
-    0.5;  ///< of the area: what normals sum up to at the most where both sides lie in a cell
+/// Of the area: what normals sum up to at the most where both sides lie in a cell.
+constexpr double kCancelled = 0.5;
 constexpr double kMaxCells = 2097151.0;
 
 struct Sample {

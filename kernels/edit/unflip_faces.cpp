@@ -12,8 +12,8 @@ constexpr int kRounds = 5;
 constexpr int kFirstRings = 2;     ///< twice as many in every round
 constexpr int kSweepsPerRing = 8;  ///< Gauss-Seidel carries a correction a ring or two at a time
 constexpr int kHalvings = 3, kYieldRounds = 8;
-constexpr double kBarely =
-    0.1;  ///< cosine: a face that stands so steep is over by another measure of how the surface turns
+/// Cosine: a face that stands so steep is over by another measure of how the surface turns.
+constexpr double kBarely = 0.1;
 constexpr double kMaxEdgeWeight = 20,
                  kMinEdgeWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
 

@@ -223,8 +223,8 @@ constexpr float kLargestFoot = 2.5f;
 /// Rim test beside creases, where the foot point lies on the joined sheets: at the corner of a cube it
 /// is 1.1.
 constexpr float kCreaseBoundaryRatio = 1.6f;
-constexpr float kCreaseBoundarySlack =
-    0.6f;  ///< cells: far off a corner only its tip is in reach, with little spread
+/// Cells: far off a corner only its tip is in reach, with little spread.
+constexpr float kCreaseBoundarySlack = 0.6f;
 
 /// Distance from a crease, cells, within which its sheets end at each other, not at a border.
 constexpr float kAtCrease = 0.5f;

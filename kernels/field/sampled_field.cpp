@@ -11,8 +11,8 @@ namespace {
 
 constexpr int kMaxSteps = 12;        ///< of the root finder; a plane takes one
 constexpr double kRootError = 1e-5;  ///< cells
-constexpr double kStep =
-    0x1p-24;  ///< roots are multiples of it: points are then exact, wherever the block is
+/// Roots are multiples of it: points are then exact, wherever the block is.
+constexpr double kStep = 0x1p-24;
 
 class Builder {
  public:

@@ -20,8 +20,8 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr std::uint32_t kNone = 0xffffffffu;
-constexpr double kMinDihedralCosine =
-    0.17;  ///< cosine between a new face and those across its edges: 80 degrees
+/// Cosine between a new face and those across its edges: 80 degrees.
+constexpr double kMinDihedralCosine = 0.17;
 /// Where edges of originals are left open, layers cross at the cut: what is allowed there, step by step, and how far a vertex
 /// may lie, in gaps.
 constexpr std::array<double, 3> kLastDihedralCosines = {0.0, -0.35, -0.7};
@@ -30,8 +30,8 @@ constexpr double kMinHeight = 0.02;  ///< of a new face over its edge, edge leng
 constexpr double kOtherSheet = 1.0;  ///< of its length: edges so far above a new one do not cross it
 /// Circles of this many times the gap, or the longest edge beside, pass through vertices of one side: of a dent in its border.
 constexpr double kMaxRound = 2.0;
-constexpr std::size_t kMaxLoop =
-    12;  ///< edges of a loop that is filled: of the size of the strip's own faces
+/// Edges of a loop that is filled: of the size of the strip's own faces.
+constexpr std::size_t kMaxLoop = 12;
 constexpr double kMinBoundary = -0.5;  ///< cosine between what fills a loop and what is around it
 constexpr std::size_t kCrumb = 6;      ///< pieces of fewer faces are no surface
 constexpr int kFillRounds = 3;
@@ -514,8 +514,8 @@ class Zipper {
   std::unordered_map<std::uint64_t, std::uint32_t> half_;  ///< directed edge -> face on its left
   std::vector<std::vector<std::uint32_t>> star_;           ///< per vertex: its faces
   std::vector<std::uint8_t> fixed_;                        ///< per vertex: faces that are not here have it
-  std::vector<std::uint8_t>
-      bared_;  ///< per vertex: edges of faces that are not here with nothing behind them now
+  /// Per vertex: edges of faces that are not here with nothing behind them now.
+  std::vector<std::uint8_t> bared_;
   std::uint64_t bared_edges_ = 0;
   double cell_ = 1.0, longest_ = 0.0;
   std::vector<Edge> front_;

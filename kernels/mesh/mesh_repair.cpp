@@ -467,8 +467,8 @@ class Repair {
   std::uint32_t own_last_ = 0;
   std::vector<std::uint32_t> group_;    ///< half-edges of the edge at hand
   std::vector<std::uint32_t> partner_;  ///< per half-edge
-  std::vector<std::uint8_t>
-      branch_;  ///< per vertex: an edge with more than two faces ends here; empty if none does
+  /// Per vertex: an edge with more than two faces ends here; empty if none does.
+  std::vector<std::uint8_t> branch_;
   std::vector<std::uint8_t> cut_;  ///< per half-edge; empty if nothing is split
   std::vector<std::array<std::uint16_t, 3>> copy_;
   RepairResult result_;

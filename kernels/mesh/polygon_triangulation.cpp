@@ -324,8 +324,8 @@ class DiagonalFlipper {
 
   const std::vector<Point>& point_;
   std::span<Triangle> triangles_;
-  std::vector<Triangle>
-      neighbour_;  ///< across the edge from each corner to the next; kNoCorner at the outline
+  /// Across the edge from each corner to the next; kNoCorner at the outline.
+  std::vector<Triangle> neighbour_;
 };
 
 /// Whether it is more than a line.

@@ -28,8 +28,8 @@ constexpr double kMaxReversed = 0.1;  ///< share of grid triangles that are seen
 /// close, straight ahead and in a narrow view; then directions do as well, since noise of rays is noise of samples.
 constexpr double kMaxOffRaster = 0.1, kRatioToRays = 4.0;
 constexpr double kMinRayDeviation = 0.05;  ///< of its lines, in steps: less may be what is rounded
-constexpr double kMinUneven =
-    0.25;  ///< of its directions, in steps: narrow views of spheres and planes have less
+/// Of its directions, in steps: narrow views of spheres and planes have less.
+constexpr double kMinUneven = 0.25;
 constexpr std::int64_t kMinRaster = 8;  ///< rows and columns of it
 constexpr double kWidestCamera = 2.0;   ///< 1 / cos 60 degrees: no camera sees a plane farther to its sides
 

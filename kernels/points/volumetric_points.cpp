@@ -8,8 +8,8 @@ namespace tessera {
 namespace {
 
 constexpr float kVoxelCells = 4.0f;
-constexpr float kRough =
-    0.085f;  ///< of roofs, roads and rock, their edges too, next to all have less; of leaves next to none
+/// Of roofs, roads and rock, their edges too, next to all have less; of leaves next to none.
+constexpr float kRough = 0.085f;
 constexpr float kRoughEcho = 0.03f;  ///< of points beyond which their pulse went on
 constexpr int kBrickVoxels = kBrickCells / static_cast<int>(kVoxelCells);
 constexpr float kOwn = 4.0f;  ///< weight of the own voxel against one beside it

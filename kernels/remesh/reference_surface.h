@@ -95,8 +95,8 @@ class ReferenceSurface {
   std::vector<Double3> at_;            ///< relative to the origin
   std::vector<std::uint32_t> number_;  ///< per vertex, in the reference
   std::vector<std::array<std::uint32_t, 3>> face_;
-  std::vector<std::array<std::uint32_t, 3>>
-      adjacent_;  ///< per face: across the edges opposite its corners, over no line
+  /// Per face: across the edges opposite its corners, over no line.
+  std::vector<std::array<std::uint32_t, 3>> adjacent_;
   std::vector<Float3> normal_;
   std::vector<VertexClass> class_;                     ///< per vertex: smooth, crease or corner
   std::vector<std::array<std::uint32_t, 2>> creases_;  ///< lower vertex first, ascending

@@ -18,8 +18,8 @@
 
 namespace tessera {
 
-inline constexpr double kMinCreaseEdges =
-    2.0;  ///< edges: shorter creases that end somewhere are noise at this size
+/// Edges: shorter creases that end somewhere are noise at this size.
+inline constexpr double kMinCreaseEdges = 2.0;
 
 struct RemeshOptions {
   double edge = 0.0;  ///< target length of edges, scan units, > 0; the longest where lengths adapt

@@ -10,11 +10,11 @@ namespace tessera {
 
 struct TriangleQuality {
   static constexpr std::size_t kAngleBins = 180;  ///< of one degree
-  static constexpr std::size_t kLengthBins =
-      100;  ///< of 0.02 target lengths; the last one holds all that is longer
+  /// Of 0.02 target lengths; the last one holds all that is longer.
+  static constexpr std::size_t kLengthBins = 100;
   static constexpr std::size_t kValenceBins = 16;
-  static constexpr std::size_t kCellBins =
-      200;  ///< of 0.01 of the hexagon around a vertex of equilateral triangles; the last one holds all above
+  /// Of 0.01 of the hexagon around a vertex of equilateral triangles; the last one holds all above.
+  static constexpr std::size_t kCellBins = 200;
 
   std::array<std::uint64_t, kAngleBins> angles{};    ///< all three of every face
   std::array<std::uint64_t, kAngleBins> minimum{};   ///< the smallest of every face

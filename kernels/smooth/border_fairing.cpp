@@ -10,8 +10,8 @@ using Face = std::array<std::uint32_t, 3>;
 
 constexpr int kSteps = 12;
 constexpr double kMaxShift = 1.0;  ///< cells
-constexpr double kHeightShare =
-    0.3;  ///< of a face's least height: three corners that go so far do not turn it over
+/// Of a face's least height: three corners that go so far do not turn it over.
+constexpr double kHeightShare = 0.3;
 /// Cosine of 38 degrees: two faces within it of one normal do not meet in an edge that looks sharp.
 constexpr double kMinCosine = 0.788;
 /// Edges of a hole that twelve steps would shrink to a point: of the 8 corners of a circle they leave a seventh.

@@ -216,8 +216,8 @@ class RowMaker {
   bool creases_ = false;
   float crease_cosine_ = 0.0F, hinted_cosine_ = 0.0F;
   std::vector<FaceShape> shapes_;
-  std::vector<std::uint32_t>
-      mark_;  ///< where the current row may hold a vertex; checked before it is believed
+  /// Where the current row may hold a vertex; checked before it is believed.
+  std::vector<std::uint32_t> mark_;
   std::vector<EdgeView> edges_;
   std::span<EdgeView> star_;  ///< the edges of the current row
   SurfaceRows rows_;

@@ -7,8 +7,8 @@ namespace tessera {
 namespace {
 
 constexpr double kQuantum = 0x1p-20;  ///< cells
-constexpr double kOnSurface =
-    0x1p-6;  ///< cells from the mesh within which its faces' normals stand for directions
+/// Cells from the mesh within which its faces' normals stand for directions.
+constexpr double kOnSurface = 0x1p-6;
 constexpr double kCubeDiagonal = 1.7321;
 
 MeshBlock without_names(MeshBlock&& block) {

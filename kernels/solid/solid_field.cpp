@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::size_t kLeafNodes = 512;
 constexpr float kInside = 0.5f;
-constexpr float kSlideCosine =
-    0.95f;  ///< least cosine between the normals around a node from which roots slide
+/// Least cosine between the normals around a node from which roots slide.
+constexpr float kSlideCosine = 0.95f;
 
 /// Leaves whose nodes belong to a cell at one of the crossings.
 void need_leaves(const SolidBlock& block, std::size_t slot, std::size_t axis, std::size_t node,

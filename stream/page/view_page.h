@@ -12,8 +12,8 @@
 
 namespace tessera {
 
-inline constexpr std::uint64_t kMaxViewFaces =
-    kMaxWholeFaces;  ///< above, browsers want levels of detail: 3D Tiles
+/// Above, browsers want levels of detail: 3D Tiles.
+inline constexpr std::uint64_t kMaxViewFaces = kMaxWholeFaces;
 
 /// What the person chose.
 struct ViewOptions {

@@ -16,8 +16,8 @@ struct SlurmJob {
   std::filesystem::path work;     ///< work directory, on a file system of all nodes
   std::filesystem::path folder;   ///< where the job's own command was given
   std::string token;              ///< of the work directory's mark
-  std::vector<std::string>
-      command;  ///< the job's own command line, which ends it: report, page, work directory
+  /// The job's own command line, which ends it: report, page, work directory.
+  std::vector<std::string> command;
   int threads = 1;
 };
 

@@ -30,8 +30,8 @@ namespace {
 namespace fs = std::filesystem;
 using json = nlohmann::json;
 
-constexpr double kRounding =
-    1e-5;  ///< of the diagonal: faces no higher turn over by how their corners are rounded
+/// Of the diagonal: faces no higher turn over by how their corners are rounded.
+constexpr double kRounding = 1e-5;
 constexpr unsigned kPatience_ms = 120000;  ///< for soups whose faces contradict each other
 
 CommandResult quietly(std::vector<std::string> words, unsigned kill_after_ms = 0) {

@@ -24,8 +24,8 @@ constexpr std::size_t kHeaderBuffer = std::size_t{1} << 16;
 constexpr int kMaxHeaderLines = 1000;
 constexpr std::uint64_t kLongestRecord = std::uint64_t{1} << 16;
 constexpr std::size_t kBlockBytes = std::size_t{1} << 18;  ///< of records unpacked at a time
-constexpr std::uint64_t kSampled =
-    10000;  ///< points that tell how colours of lines and packed blocks are scaled
+/// Points that tell how colours of lines and packed blocks are scaled.
+constexpr std::uint64_t kSampled = 10000;
 
 struct PcdField {
   std::string name;

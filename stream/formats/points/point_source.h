@@ -157,8 +157,8 @@ std::string left_out_sentence(const PointFileInfo& info);
 
 struct InputList {
   std::vector<std::filesystem::path> files;
-  std::vector<std::string>
-      notes;  ///< a sentence for every folder and deep glob: how many files of which kinds
+  /// A sentence for every folder and deep glob: how many files of which kinds.
+  std::vector<std::string> notes;
 };
 
 /// Expands files, folders, globs and @list files to a list of paths without repeats, in the order given; the order never

@@ -19,10 +19,10 @@ using json = nlohmann::json;
 
 constexpr std::size_t kTaskLeaves = 600;
 constexpr double kFieldCells = 6.0;  ///< beyond MergeRange::apart: what nodes of a leaf may see
-constexpr double kClearCells =
-    0.6;  ///< between the strip and faces that stay: an edge of the gap is about a cell
-constexpr double kOffCells =
-    0.3;  ///< of the field at a vertex: farther away there is no surface, the field jumps
+/// Between the strip and faces that stay: an edge of the gap is about a cell.
+constexpr double kClearCells = 0.6;
+/// Of the field at a vertex: farther away there is no surface, the field jumps.
+constexpr double kOffCells = 0.3;
 constexpr double kLateralCells = 0.25;         ///< how far the strip may reach beyond where all meshes end
 constexpr std::uint64_t kPatchBytes = 24'000;  ///< per leaf, while it is extracted
 constexpr int kBrickLeaves = kBrickCells / kLeafCells;

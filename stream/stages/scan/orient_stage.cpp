@@ -24,8 +24,8 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::size_t kCachedBricks = 256;
-constexpr std::uint64_t kMaxBoundary =
-    6 * 32 * 32 * 2;  ///< surfels of a brick's shell, two sheets everywhere
+/// Surfels of a brick's shell, two sheets everywhere.
+constexpr std::uint64_t kMaxBoundary = 6 * 32 * 32 * 2;
 // Outliers: fewer supporters than a share of the median point has, within limits that neither rim points of a thin
 // scan (above) nor pairs of stray points (below) fall foul of.
 constexpr std::uint64_t kMedianShare = 8;

@@ -29,8 +29,8 @@ constexpr double kLayerRatio = double{1 << LayeredSampler::kRatioBits};
 constexpr LayeredSampler::Limits kSamplePoints = {1u << 13, 1u << 15, 1u << 13, 1u << 13};
 constexpr double kQuantaPerBlock = double{kQuantaPerCell} * kLeafCells;
 constexpr std::size_t kWarningsPerTask = 8;
-constexpr std::uint64_t kMaxEchoes =
-    16;  ///< of a pulse (LAS: 15): every so many points one is a first return
+/// Of a pulse (LAS: 15): every so many points one is a first return.
+constexpr std::uint64_t kMaxEchoes = 16;
 constexpr std::uint64_t kMergeBytesPerBrick = 384;  // merging, with slack for the tables made of it
 
 std::string counts_file(std::size_t task) {

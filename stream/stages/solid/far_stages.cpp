@@ -28,8 +28,8 @@ using json = nlohmann::json;
 constexpr int kCube = kBrickCells;  ///< edge of an octree, nodes
 constexpr std::size_t kMaxTasks = 400;
 constexpr std::uint64_t kFixedTaskBytes = std::uint64_t{12} << 20;  ///< write buffers, values kept of a brick
-constexpr std::uint64_t kSamples =
-    4000;  ///< of an octree: where it is measured, at most; fewer in small ones
+/// Of an octree: where it is measured, at most; fewer in small ones.
+constexpr std::uint64_t kSamples = 4000;
 constexpr const char* kLeaves = ".lvl";
 constexpr const char* kOctrees = ".oct";
 

@@ -26,8 +26,8 @@ using json = nlohmann::json;
 constexpr std::uint64_t kCube = 64, kOctant = 8;  ///< bricks of a block; of an eighth of one
 constexpr std::uint64_t kMaxFaces =
     3u << 16;  ///< where a block has more, its eighths are blocks: level ground has 2^17
-constexpr std::uint64_t kBytesPerFace =
-    96 + 80;  ///< merged block, what becomes of it; its patches are gone by then
+/// Merged block, what becomes of it; its patches are gone by then.
+constexpr std::uint64_t kBytesPerFace = 96 + 80;
 constexpr std::size_t kPassBuffer = std::size_t{1} << 20;
 
 struct Piece {

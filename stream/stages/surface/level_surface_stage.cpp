@@ -24,8 +24,8 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr int kLoadedEdge =
-    8;  ///< cells of the points' lattice: no part of a brick is loaded that is smaller
+/// Cells of the points' lattice: no part of a brick is loaded that is smaller.
+constexpr int kLoadedEdge = 8;
 // Per point: record and its arrays; the points of a brick and one below it as they are handed down; on a level, with
 // normals of that level and neighbourhoods. Held by tests/tools/caps_test.
 constexpr std::uint64_t kLevelBytesPerPoint = 40 + 28 + 28 + 28 + 120;

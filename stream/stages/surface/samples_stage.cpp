@@ -29,8 +29,8 @@ constexpr double kMinLeft = 1.0 / 64.0;    ///< of the tolerance, for decimation
 constexpr const char* kLeftFile = "points/left.json";
 constexpr std::size_t kMinBricks = 16, kMaxTasks = 400;
 constexpr std::uint64_t kPointBytes = 64;  ///< records read and the block that they become
-constexpr double kSquareUnit =
-    0x1p-12;  ///< of the tolerance: squares of distances are integers in its square
+/// Of the tolerance: squares of distances are integers in its square.
+constexpr double kSquareUnit = 0x1p-12;
 
 struct SampleSums {
   std::uint64_t samples = 0, over = 0, beyond = 0;
