@@ -24,7 +24,7 @@ struct Spoke {
 };
 
 /// Both ways, once for each face at an edge; for vertices near turned faces alone there would be as much to sort out.
-Lists<Spoke> spokes(const FlipBase& base) {
+Lists<Spoke> spokes(const RotatedBase& base) {
   return make_lists<Spoke>(base.rest.size(), [&](const auto& put) {
     for (const auto& f : base.faces)
       for (std::size_t k = 0; k < 3; ++k) {
@@ -41,7 +41,7 @@ Lists<Spoke> spokes(const FlipBase& base) {
 }
 
 /// Free vertices within some rings of the faces, ascending.
-std::vector<std::uint32_t> around(const FlipBase& base, const Lists<Spoke>& spokes,
+std::vector<std::uint32_t> around(const RotatedBase& base, const Lists<Spoke>& spokes,
                                   std::span<const std::uint32_t> faces, int rings) {
   std::vector<std::uint8_t> in(base.rest.size(), 0);
   std::vector<std::uint32_t> out;
@@ -62,7 +62,7 @@ std::vector<std::uint32_t> around(const FlipBase& base, const Lists<Spoke>& spok
 }
 
 /// Sweeps over the vertices: each to the mean of where its edges, turned, lead from its neighbours.
-void relax(const FlipBase& base, const Lists<Spoke>& spokes, std::span<const std::uint32_t> vertices,
+void relax(const RotatedBase& base, const Lists<Spoke>& spokes, std::span<const std::uint32_t> vertices,
            int sweeps, std::span<Double3> posed) {
   std::vector<Double3> ahead;  // per vertex: what edges add to the mean of neighbours
   std::vector<double> all;
@@ -89,7 +89,7 @@ void relax(const FlipBase& base, const Lists<Spoke>& spokes, std::span<const std
 
 }  // namespace
 
-std::vector<std::uint32_t> flipped_faces(const FlipBase& base, std::span<const Double3> posed) {
+std::vector<std::uint32_t> flipped_faces(const RotatedBase& base, std::span<const Double3> posed) {
   const std::vector<Rotation> rotation = fitted_rotations(base.rest, posed, base.faces);
   std::vector<std::uint32_t> out;
   for (std::uint32_t j = 0; j < base.faces.size(); ++j) {
@@ -106,7 +106,7 @@ std::vector<std::uint32_t> flipped_faces(const FlipBase& base, std::span<const D
   return out;
 }
 
-UnflipReport unflip(const FlipBase& base, std::vector<Double3>& posed) {
+UnflipReport unflip(const RotatedBase& base, std::vector<Double3>& posed) {
   std::vector<std::uint32_t> faces = flipped_faces(base, posed);
   UnflipReport report{faces.size(), faces.size()};
   if (faces.empty()) return report;
@@ -123,7 +123,7 @@ UnflipReport unflip(const FlipBase& base, std::vector<Double3>& posed) {
   return report;
 }
 
-std::size_t yield_to(const FlipBase& base, std::span<const Double3> other, std::size_t left,
+std::size_t yield_to(const RotatedBase& base, std::span<const Double3> other, std::size_t left,
                      std::vector<Double3>& posed) {
   std::vector<Double3> trial = posed;
   const std::vector<Double3> mine = posed;

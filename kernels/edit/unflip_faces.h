@@ -15,7 +15,7 @@
 namespace tessera {
 
 /// A base that is to be posed.
-struct FlipBase {
+struct RotatedBase {
   std::span<const Double3> rest;  ///< n
   std::span<const std::array<std::uint32_t, 3>> faces;
   std::span<const std::uint8_t> free;  ///< n flags: the others are where they shall be
@@ -24,7 +24,7 @@ struct FlipBase {
 
 /// Ascending: those with a free vertex whose normal is turned by nearly a right angle (84 degrees) and more against how the
 /// surface turns around them (fitted_rotations()). Faces without area do not turn.
-std::vector<std::uint32_t> flipped_faces(const FlipBase& base, std::span<const Double3> posed);
+std::vector<std::uint32_t> flipped_faces(const RotatedBase& base, std::span<const Double3> posed);
 
 /// Faces that were turned over, and that are.
 struct UnflipReport {
@@ -33,11 +33,11 @@ struct UnflipReport {
 
 /// Relaxes free vertices within more and more rings around faces that are turned over until none is left, a fixed number of times;
 /// keeps what leaves the fewest. Nothing else moves.
-UnflipReport unflip(const FlipBase& base, std::vector<Double3>& posed);
+UnflipReport unflip(const RotatedBase& base, std::vector<Double3>& posed);
 
 /// Around faces that are turned over the surface goes towards another pose of it: half the way, then more and more rings all of it.
 /// Keeps what leaves the fewest. \param left  flipped_faces() of `posed` \return flipped_faces() of the result
-std::size_t yield_to(const FlipBase& base, std::span<const Double3> other, std::size_t left,
+std::size_t yield_to(const RotatedBase& base, std::span<const Double3> other, std::size_t left,
                      std::vector<Double3>& posed);
 
 /// Upper bound of what they allocate.

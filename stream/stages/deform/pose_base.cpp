@@ -95,7 +95,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     rotation[static_cast<std::size_t>(basis.edit.active[k])] = pose_rotation[k];
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
-  const FlipBase folded{at, faces, free, rotation};
+  const RotatedBase folded{at, faces, free, rotation};
   const UnflipReport flip_report = unflip(folded, out.position);
   summary["base_flipped_by_turns"] = flip_report.before;
   out.flipped = flip_report.left;

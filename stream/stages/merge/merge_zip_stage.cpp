@@ -281,16 +281,19 @@ class ZipStage : public SerialStage {
 
   /// Borders of originals that filled loops have closed, ascending. A writer takes a flagged edge for the end of the surface.
   static std::vector<KeyEdge> closed_borders(const Pieces& all, const Zipped& zipped) {
-    std::vector<KeyEdge> behind, out;  // behind: edges of new faces, as the face across has them
-    for (const auto& f : zipped.added)
-      for (std::size_t k = 0; k < 3; ++k) behind.push_back({all.key[f[(k + 1) % 3]], all.key[f[k]]});
-    std::sort(behind.begin(), behind.end());
+    std::vector<KeyEdge> borders, closed;
     for (std::size_t f = 0; f < all.boundary_faces; ++f)
       for (std::size_t k = 0; k < 3; ++k)
         if (!zipped.removed[f] && (all.pieces.edges[f] & (ZipPieces::kEnds << k)) != 0)
-          if (const KeyEdge e = edge(all.pieces.faces[f], k, all.key); is_in(behind, e)) out.push_back(e);
-    std::sort(out.begin(), out.end());
-    return out;
+          borders.push_back(edge(all.pieces.faces[f], k, all.key));
+    std::sort(borders.begin(), borders.end());
+    for (const auto& f : zipped.added)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const auto [from, to] = edge(f, k, all.key);
+        if (is_in(borders, {to, from})) closed.push_back({to, from});
+      }
+    std::sort(closed.begin(), closed.end());
+    return closed;
   }
 
   /// The smallest first, in the direction of the face: its reverse, where a mesh has both, is another one.

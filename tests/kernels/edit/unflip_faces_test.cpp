@@ -28,7 +28,7 @@ struct Sheet {
       wanted.push_back(to.apply(p));
     }
   }
-  FlipBase base() const { return {at_rest.position, at_rest.faces, free, rotations}; }
+  RotatedBase base() const { return {at_rest.position, at_rest.faces, free, rotations}; }
 };
 
 constexpr std::size_t kMiddle = 10 * 21 + 10;
