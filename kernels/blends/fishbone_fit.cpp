@@ -326,13 +326,13 @@ class Fit {
     out_.planes = planes_across(std::move(spine), std::move(up), out_.planes.closed(), ribs(), kSpineSmooths);
     // The same profiles seen from the new origins: the middle of the arc is (0, 0), its normal is up.
     for (RibProfile& p : out_.profiles) {
-      const double arc_angle = p.middle_angle();
+      const double middle = p.middle_angle();
       const Double2 m = p.middle();
       for (std::size_t k = 0; k < 2; ++k) {
         const Double2 n = p.flank_normal(k);
         p.offset[k] -= n[0] * m[0] + n[1] * m[1];
       }
-      p.angle[0] -= arc_angle, p.angle[1] -= arc_angle;
+      p.angle[0] -= middle, p.angle[1] -= middle;
     }
     double maximum = 0.0;
     for (std::size_t i = 0; i < ribs(); ++i) {

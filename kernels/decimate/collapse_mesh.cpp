@@ -17,16 +17,16 @@ constexpr unsigned kFlagOppositeCorner[3] = {kFaceBorder12, kFaceBorder20, kFace
 static_assert(kFaceCrease01 == kFaceBorder01 << 5 && kFaceCrease20 == kFaceBorder20 << 5);
 
 /// Numbers 0 to n - 1 in the Morton order of cells, a 1024th of the extent wide: in the low half of each entry.
-/// \param slot  position of a number, no coordinate far below 0
+/// \param position_of  position of a number, no coordinate far below 0
 template <class Position>
-std::vector<std::uint64_t> in_morton_order(std::size_t n, const Position& slot) {
+std::vector<std::uint64_t> in_morton_order(std::size_t n, const Position& position_of) {
   double extent = 0.0;
   for (std::size_t v = 0; v < n; ++v)
-    for (const double x : slot(v)) extent = std::max(extent, x);
+    for (const double x : position_of(v)) extent = std::max(extent, x);
   const double scale = extent > 0.0 ? 1023.0 / extent : 0.0;
   std::vector<std::uint64_t> order(n), other(n);
   for (std::size_t v = 0; v < n; ++v) {
-    const Double3 p = slot(v);
+    const Double3 p = position_of(v);
     std::uint32_t cell[3];
     for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::uint32_t>(std::max(0.0, p[a] * scale));
     order[v] = morton_encode(cell[0], cell[1], cell[2]) << 32 | v;

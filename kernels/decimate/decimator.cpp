@@ -99,12 +99,12 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
     const std::size_t j = i + 1 < size ? i + 1 : 0;
     if (i == at_ring || j == at_ring) continue;
     const Double3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
-    const Double3 link = b - a, to_u = pu - a, to_v = pv - a;
-    const Double3 before = cross(link, to_u), after = cross(link, to_v);
+    const Double3 link_edge = b - a, to_u = pu - a, to_v = pv - a;
+    const Double3 before = cross(link_edge, to_u), after = cross(link_edge, to_v);
     const double along = dot(before, after), before2 = dot(before, before), after2 = dot(after, after);
     if (!(after2 > 0.0) || along < 0.0 || along * along < 0.04 * before2 * after2) return Refusal::kFold;
     const Double3 last = pv - b;
-    const double edges = dot(link, link) + dot(to_v, to_v) + dot(last, last);
+    const double edges = dot(link_edge, link_edge) + dot(to_v, to_v) + dot(last, last);
     thin = thin || after2 < minimum * edges * edges;
   }
   if (!thin) return Refusal::kNone;

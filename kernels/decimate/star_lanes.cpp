@@ -154,15 +154,16 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& deviation) const {
   const __m256 zero = _mm256_setzero_ps();
 
   // Faces before and after, as Decimator::check_faces() judges them.
-  const Lanes3 link = minus(b, a), to_v = minus(v, a), last = minus(v, b);
-  const Lanes3 before = cross(a, b), after = cross(link, to_v);
+  const Lanes3 link_edge = minus(b, a), to_v = minus(v, a), last = minus(v, b);
+  const Lanes3 before = cross(a, b), after = cross(link_edge, to_v);
   const __m256 along = dot(before, after), before2 = dot(before, before), after2 = dot(after, after);
   const __m256 min_along2 = _mm256_mul_ps(_mm256_set1_ps(0.04f), _mm256_mul_ps(before2, after2));
   const int folds = bits_of(_mm256_cmp_ps(along, zero, _CMP_NGE_UQ)) |
                     bits_of(_mm256_cmp_ps(after2, zero, _CMP_NGT_UQ)) |
                     bits_of(_mm256_cmp_ps(_mm256_mul_ps(along, along), min_along2, _CMP_LT_OQ));
   if ((folds & fresh) != 0) return Answer::kRefused;
-  const __m256 edges = _mm256_add_ps(_mm256_add_ps(dot(link, link), dot(to_v, to_v)), dot(last, last));
+  const __m256 edges =
+      _mm256_add_ps(_mm256_add_ps(dot(link_edge, link_edge), dot(to_v, to_v)), dot(last, last));
   const __m256 thin = _mm256_mul_ps(_mm256_set1_ps(min_), _mm256_mul_ps(edges, edges));
   if ((bits_of(_mm256_cmp_ps(after2, thin, _CMP_LT_OQ)) & fresh) != 0) return Answer::kDoubt;
 

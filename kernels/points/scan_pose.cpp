@@ -121,9 +121,9 @@ double reversed_share(const std::vector<Ray>& rays) {
   for (const Ray& r : rays) {
     const auto along = at.find({r.group, r.index + 1}), across = at.find({r.group + 1, r.index});
     if (along == at.end() || across == at.end()) continue;
-    const double volume = dot(r.d, cross(rays[along->second].d - r.d, rays[across->second].d - r.d));
-    if (volume > 0.0) ++left;
-    if (volume < 0.0) ++right;
+    const double orientation = dot(r.d, cross(rays[along->second].d - r.d, rays[across->second].d - r.d));
+    if (orientation > 0.0) ++left;
+    if (orientation < 0.0) ++right;
   }
   return left + right == 0 ? 0.0
                            : static_cast<double>(std::min(left, right)) / static_cast<double>(left + right);
@@ -195,9 +195,9 @@ Raster raster_of(std::span<const GridSample> samples) {
   Double3 values{};
   std::array<Double3, 3> axes{};
   symmetric_eigen3(m, values, axes);
-  const Double3 volume = cross(even.line, even.cell);
-  if (!(norm(volume) > 0.0)) return {};
-  const Double3 normal = unit(volume);
+  const Double3 area_normal = cross(even.line, even.cell);
+  if (!(norm(area_normal) > 0.0)) return {};
+  const Double3 normal = unit(area_normal);
   // Heights may be anything. Those of a plane are noise, whose direction is too.
   const bool flat =
       std::sqrt(std::max(values[2], 0.0)) < kMaxOffRaster * std::min(norm(even.line), norm(even.cell));
@@ -223,10 +223,10 @@ Raster raster_of(std::span<const GridSample> samples) {
     farthest = std::max(farthest, norm(even.at(s)));
   }
   r.uneven = step > 0.0 ? std::sqrt(uneven) / step : 0.0;
-  const double height = dot(even.middle, normal), area = dot(volume, volume);
+  const double height = dot(even.middle, normal), area = dot(area_normal, area_normal);
   const Double3 foot = normal * height - even.middle;
-  const double l = even.middle_line + dot(cross(foot, even.cell), volume) / area,
-               c = even.middle_cell + dot(cross(even.line, foot), volume) / area;
+  const double l = even.middle_line + dot(cross(foot, even.cell), area_normal) / area,
+               c = even.middle_cell + dot(cross(even.line, foot), area_normal) / area;
   r.ahead = l >= static_cast<double>(low[0]) && l <= static_cast<double>(high[0]) &&
             c >= static_cast<double>(low[1]) && c <= static_cast<double>(high[1]) &&
             farthest <= kWidestCamera * std::fabs(height);

@@ -298,18 +298,18 @@ class E57Points final : public PointFile {
     PoseLook look(part.motion.translation, 0, 0);
     Block block;
     PointChunk valid;
-    std::vector<std::uint32_t> columns;
+    std::vector<std::uint32_t> valid_rows;
     for (std::uint64_t w = 0; w < windows; ++w) {
       const std::uint64_t begin = windows == 1 ? 0 : (records - window) / (windows - 1) * w;
       for_each_block(probe, begin, std::min(records, begin + window), pages, block,
                      [&](std::uint64_t first, std::size_t n) {
                        valid.clear();
-                       columns.clear();
-                       append(probe, block, 0, n, valid, &columns);
-                       for (std::size_t v = 0; v < columns.size(); ++v) {
+                       valid_rows.clear();
+                       append(probe, block, 0, n, valid, &valid_rows);
+                       for (std::size_t v = 0; v < valid_rows.size(); ++v) {
                          const Double3 p = {valid.x[v], valid.y[v], valid.z[v]};
-                         const std::uint64_t record = first + columns[v];
-                         const auto at = [&](E57Use use) { return index_of(block[use][columns[v]]); };
+                         const std::uint64_t record = first + valid_rows[v];
+                         const auto at = [&](E57Use use) { return index_of(block[use][valid_rows[v]]); };
                          if (!probe.grid) {
                            look.add(0, 0, p, true, false);
                            continue;
@@ -451,15 +451,15 @@ class E57Points final : public PointFile {
     const std::uint64_t high = end + std::min(part.section.records() - end, around);
     GridStream stream(part.motion.translation, part.cells, low == 0, out);
     PointChunk valid;
-    std::vector<std::uint32_t> columns;
+    std::vector<std::uint32_t> valid_rows;
     for_each_block(part, low, high, pages, block, [&](std::uint64_t first, std::size_t n) {
       valid.clear();
-      columns.clear();
-      append(part, block, 0, n, valid, &columns);
+      valid_rows.clear();
+      append(part, block, 0, n, valid, &valid_rows);
       for (std::size_t i = 0, v = 0; i < n; ++i) {
         const bool wanted = first + i >= begin && first + i < end;
         stream.next(index_of(block[part.line][i]));
-        if (v < columns.size() && columns[v] == i)
+        if (v < valid_rows.size() && valid_rows[v] == i)
           stream.add(index_of(block[part.cell][i]), valid, v++, wanted);
         else
           empty += wanted ? 1 : 0;
@@ -469,9 +469,9 @@ class E57Points final : public PointFile {
   }
 
   /// Appends the valid ones of `count` records of the block. Returns how many they are.
-  /// \param columns  gets where in the block they are; where it is given they get no normals
+  /// \param valid_rows  gets where in the block they are; where it is given they get no normals
   std::size_t append(const Part& part, Block& block, std::size_t first, std::size_t count, PointChunk& chunk,
-                     std::vector<std::uint32_t>* columns) const {
+                     std::vector<std::uint32_t>* valid_rows) const {
     const bool cartesian = part.with(E57Use::kX);
     const E57Use state = cartesian ? E57Use::kCartesianState : E57Use::kSphericalState;
     const double* invalid = part.with(state) ? block[state] : nullptr;
@@ -484,8 +484,8 @@ class E57Points final : public PointFile {
       Double3 p = cartesian ? Double3{a[i], b[i], c[i]} : from_spherical(a[i], b[i], c[i]);
       if (part.moved) p = part.motion.rotated(p) + part.motion.translation;
       chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
-      if (columns) columns->push_back(static_cast<std::uint32_t>(i));
-      if (info_.attributes.normals && !columns) append_normal(part, block, i, chunk);
+      if (valid_rows) valid_rows->push_back(static_cast<std::uint32_t>(i));
+      if (info_.attributes.normals && !valid_rows) append_normal(part, block, i, chunk);
       if (info_.attributes.colour) chunk.rgba.push_back(colour(part, block, i));
       if (info_.attributes.echo) chunk.echo.push_back(echo(part, block, i));
       if (options_.intensities && info_.attributes.intensity_16)

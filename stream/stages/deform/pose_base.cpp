@@ -95,8 +95,8 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     rotation[static_cast<std::size_t>(basis.edit.active[k])] = pose_rotation[k];
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
-  const RotatedBase folded{at, faces, free, rotation};
-  const UnflipReport flip_report = unflip(folded, out.position);
+  const RotatedBase rotated{at, faces, free, rotation};
+  const UnflipReport flip_report = unflip(rotated, out.position);
   summary["base_flipped_by_turns"] = flip_report.before;
   out.flipped = flip_report.left;
   if (out.flipped > 0) {
@@ -106,12 +106,12 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
       const auto v = static_cast<std::size_t>(active);
       moved[v] = posed[v] + (at[v] - rest[v]);
     }
-    const std::size_t without = flipped_faces(folded, moved).size();
+    const std::size_t without = flipped_faces(rotated, moved).size();
     if (2 * without < out.flipped) {
       out.position = std::move(moved);
       out.flipped = without;
     } else {
-      out.flipped = yield_to(folded, moved, out.flipped, out.position);
+      out.flipped = yield_to(rotated, moved, out.flipped, out.position);
     }
   }
   check_stop();
@@ -134,8 +134,8 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                           {"volumes_off", report.off_after},
                           {"seconds", since(begun)}};
     check_stop();
-    std::size_t flipped = unflip(folded, out.position).left;
-    if (flipped > out.flipped) flipped = yield_to(folded, vectors, flipped, out.position);
+    std::size_t flipped = unflip(rotated, out.position).left;
+    if (flipped > out.flipped) flipped = yield_to(rotated, vectors, flipped, out.position);
     // Thin layers over jagged bases may come out worse than vectors leave them.
     SelfIntersections by_vectors = self_intersections(vectors, faces, watched),
                       by_volumes = self_intersections(out.position, faces, watched);

@@ -18,7 +18,7 @@ using json = nlohmann::json;
 
 constexpr std::size_t kPage = 1u << 15;
 constexpr double kMarginEdges = 8.0;  ///< of the mesh: what a face must see to know its cut
-constexpr int kBoundaryRings = 4;     ///< faces around a cut that "zip" may take away
+constexpr int kCutRings = 4;          ///< faces around a cut that "zip" may take away
 
 enum class Disposition : std::uint8_t { kStays, kBand, kCovered };
 
@@ -53,7 +53,7 @@ class CoverStage : public MergeFacesStage {
     const MeshStore& store = meshes_.store(t.rank);
     const std::string file = task_file_stem(task) + ".tmm";
     MeshFileWriter kept(context.create("kept/" + file), meshes_.plan().info);
-    MeshFileWriter boundaries(context.create("rims/" + file), meshes_.plan().info);
+    MeshFileWriter near_cut(context.create("rims/" + file), meshes_.plan().info);
     DirectFile leaves(context.create(leaves_part(task)));
     std::uint64_t stay = 0, band = 0, covered = 0;
     for (std::size_t p = t.first; p < t.end; ++p) {
@@ -86,11 +86,11 @@ class CoverStage : public MergeFacesStage {
       MeshBlock rest = select_faces(near.block, stays);
       dress(t.rank, rest);
       kept.add(brick, rest);
-      MeshBlock boundary = select_boundary(near, disposition);
-      dress(t.rank, boundary);
-      boundaries.add(brick, boundary);
+      MeshBlock around = select_near_cut(near, disposition);
+      dress(t.rank, around);
+      near_cut.add(brick, around);
     }
-    context.count_written(kept.finish() + boundaries.finish() + leaves.finish());
+    context.count_written(kept.finish() + near_cut.finish() + leaves.finish());
     return {{"rank", t.rank}, {"stay", stay}, {"band", band}, {"covered", covered}};
   }
 
@@ -203,7 +203,7 @@ class CoverStage : public MergeFacesStage {
   }
 
   /// Faces of the core that stay, within some rings of a cut; edges at a cut are marked as creases.
-  static MeshBlock select_boundary(const MeshHaloBlock& near, const std::vector<Disposition>& disposition) {
+  static MeshBlock select_near_cut(const MeshHaloBlock& near, const std::vector<Disposition>& disposition) {
     MeshBlock block = near.block;
     struct Side {
       std::uint32_t low, high, face, edge;
@@ -218,7 +218,7 @@ class CoverStage : public MergeFacesStage {
     std::sort(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
       return l.low != r.low ? l.low < r.low : l.high != r.high ? l.high < r.high : l.face < r.face;
     });
-    constexpr int kFar = kBoundaryRings + 1;
+    constexpr int kFar = kCutRings + 1;
     std::vector<int> ring(block.position.size(), kFar);
     for (std::uint8_t& flags : block.face_flags)
       flags =
@@ -233,7 +233,7 @@ class CoverStage : public MergeFacesStage {
       flags = static_cast<std::uint8_t>(flags | kFaceCrease01 << stays.edge);
       ring[a.low] = ring[a.high] = 0;
     }
-    for (int r = 1; r <= kBoundaryRings; ++r)
+    for (int r = 1; r <= kCutRings; ++r)
       for (std::size_t f = 0; f < disposition.size(); ++f) {
         if (disposition[f] != Disposition::kStays) continue;
         bool next = false;
@@ -244,7 +244,7 @@ class CoverStage : public MergeFacesStage {
     std::vector<std::uint8_t> keep(disposition.size(), 0);
     for (std::size_t f = 0; f < disposition.size(); ++f) {
       if (!near.core[f] || disposition[f] != Disposition::kStays) continue;
-      for (const std::uint32_t v : block.faces[f]) keep[f] = keep[f] || ring[v] < kBoundaryRings;
+      for (const std::uint32_t v : block.faces[f]) keep[f] = keep[f] || ring[v] < kCutRings;
     }
     return select_faces(block, keep);
   }

@@ -31,22 +31,22 @@ class ZipStage : public SerialStage {
   explicit ZipStage(const JobState& state)
       : plan_(MergePlan::of_work(state.work)),
         kept_(open_merge_store(state.work, "kept")),
-        boundaries_(open_merge_store(state.work, "rims")),
+        near_cut_(open_merge_store(state.work, "rims")),
         strip_(open_merge_store(state.work, "strip")) {}
 
   std::string name() const override { return "zip"; }
-  std::uint64_t units() const override { return boundaries_.face_count() + strip_.face_count(); }
+  std::uint64_t units() const override { return near_cut_.face_count() + strip_.face_count(); }
   std::string unit_name() const override { return "faces"; }
 
   std::uint64_t finish_bytes() const override {
     std::uint64_t vertices = 0, faces = 0;
-    for (const MeshStore* store : {&boundaries_, &strip_}) {
+    for (const MeshStore* store : {&near_cut_, &strip_}) {
       for (const MeshPatchEntry& e : store->patches()) vertices += e.vertices;
       faces += store->face_count();
     }
     const std::uint64_t pieces = vertices * (24 + 8 + 24 + 16) + faces * 40;
     return pieces + zip_bytes(vertices, faces) + MeshStore::block_bytes(vertices, 2 * faces) +
-           2 * std::max({kept_.largest_patch_bytes(), boundaries_.largest_patch_bytes(),
+           2 * std::max({kept_.largest_patch_bytes(), near_cut_.largest_patch_bytes(),
                          strip_.largest_patch_bytes()}) +
            2 * DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
   }
@@ -58,7 +58,7 @@ class ZipStage : public SerialStage {
     std::uint64_t written = write_new(all, zipped, context);
     written += write_cut(all, zipped, context);
     context.count_written(written);
-    json result = {{"rim_faces", all.boundary_faces},
+    json result = {{"rim_faces", all.original_faces},
                    {"strip_faces", strip_.face_count()},
                    {"removed", zipped.report.removed},
                    {"stitches", zipped.report.added},
@@ -81,50 +81,50 @@ class ZipStage : public SerialStage {
  private:
   struct Pieces {
     ZipPieces pieces;
-    std::vector<std::uint64_t> key;           ///< per vertex: in the merged mesh
-    std::vector<std::uint32_t> rgba;          ///< per vertex of the strip, empty without colours
-    std::vector<std::size_t> boundary_patch;  ///< per patch of the rims: its first face here, and one more
-    std::size_t boundary_faces = 0;
+    std::vector<std::uint64_t> key;       ///< per vertex: in the merged mesh
+    std::vector<std::uint32_t> rgba;      ///< per vertex of the strip, empty without colours
+    std::vector<std::size_t> first_face;  ///< per patch near the cut: its first face here, and one more
+    std::size_t original_faces = 0;
   };
 
   Pieces load(TaskContext& context) const {
     Pieces all;
     ZipPieces& z = all.pieces;
-    // Rims: their vertices by key.
-    for (std::size_t p = 0; p < boundaries_.patches().size(); ++p) {
+    // Originals: their vertices by key.
+    for (std::size_t p = 0; p < near_cut_.patches().size(); ++p) {
       context.check_stop();
-      const MeshBlock block = boundaries_.load({&p, 1});
+      const MeshBlock block = near_cut_.load({&p, 1});
       all.key.insert(all.key.end(), block.key.begin(), block.key.end());
     }
     std::sort(all.key.begin(), all.key.end());
     all.key.erase(std::unique(all.key.begin(), all.key.end()), all.key.end());
     z.position.resize(all.key.size());
     std::vector<std::uint8_t> cut;
-    for (std::size_t p = 0; p < boundaries_.patches().size(); ++p) {
+    for (std::size_t p = 0; p < near_cut_.patches().size(); ++p) {
       context.check_stop();
-      const MeshBlock block = boundaries_.load({&p, 1});
+      const MeshBlock block = near_cut_.load({&p, 1});
       std::vector<std::uint32_t> slot(block.key.size());
       for (std::size_t v = 0; v < slot.size(); ++v) {
         slot[v] = static_cast<std::uint32_t>(std::lower_bound(all.key.begin(), all.key.end(), block.key[v]) -
                                              all.key.begin());
         z.position[slot[v]] = block.position[v] - plan_.origin;
       }
-      all.boundary_patch.push_back(z.faces.size());
+      all.first_face.push_back(z.faces.size());
       for (std::size_t f = 0; f < block.faces.size(); ++f) {
         z.faces.push_back({slot[block.faces[f][0]], slot[block.faces[f][1]], slot[block.faces[f][2]]});
         z.edges.push_back(static_cast<std::uint8_t>(ZipPieces::kOriginal | (block.face_flags[f] & 7)));
         cut.push_back(static_cast<std::uint8_t>(block.face_flags[f] / kFaceCrease01 & 7));
       }
     }
-    all.boundary_patch.push_back(z.faces.size());
-    all.boundary_faces = z.faces.size();
-    mark_ends_of_boundaries(z, cut);
+    all.first_face.push_back(z.faces.size());
+    all.original_faces = z.faces.size();
+    mark_ends(z, cut);
     load_strip(all, context);
     return all;
   }
 
-  /// Edges of the rims with no face behind them here that are neither a border nor cut.
-  static void mark_ends_of_boundaries(ZipPieces& z, const std::vector<std::uint8_t>& cut) {
+  /// Edges of originals near the cut with no face behind them here that are neither a border nor cut.
+  static void mark_ends(ZipPieces& z, const std::vector<std::uint8_t>& cut) {
     struct Side {
       std::uint32_t low, high, face, edge;
     };
@@ -193,7 +193,7 @@ class ZipStage : public SerialStage {
     MeshBlock block;
     block.key = all.key;
     for (const Double3& p : all.pieces.position) block.position.push_back(p + plan_.origin);
-    for (std::size_t f = all.boundary_faces; f < all.pieces.faces.size(); ++f)
+    for (std::size_t f = all.original_faces; f < all.pieces.faces.size(); ++f)
       if (!zipped.removed[f]) block.faces.push_back(all.pieces.faces[f]);
     block.faces.insert(block.faces.end(), zipped.added.begin(), zipped.added.end());
     block.vertex_class.assign(block.key.size(), VertexClass::kSmooth);
@@ -202,7 +202,7 @@ class ZipStage : public SerialStage {
       block.rgba.assign(block.key.size() - all.rgba.size(), 0);
       block.rgba.insert(block.rgba.end(), all.rgba.begin(), all.rgba.end());
     }
-    restore_boundaries(all, block);
+    restore_originals(all, block);
     canonicalise(block);
     MeshFileWriter writer(context.create(kZippedFile), plan_.info);
     if (!block.faces.empty()) {
@@ -219,16 +219,16 @@ class ZipStage : public SerialStage {
   }
 
   /// Vertices of originals exactly as they are: sums with the origin may round.
-  void restore_boundaries(const Pieces& all, MeshBlock& block) const {
+  void restore_originals(const Pieces& all, MeshBlock& block) const {
     const auto end = std::lower_bound(all.key.begin(), all.key.end(), merged_vertex(kStripRank, 0));
-    for (std::size_t p = 0; p < boundaries_.patches().size(); ++p) {
-      const MeshBlock boundary = boundaries_.load({&p, 1});
-      for (std::size_t v = 0; v < boundary.key.size(); ++v) {
-        const auto at = static_cast<std::size_t>(std::lower_bound(all.key.begin(), end, boundary.key[v]) -
+    for (std::size_t p = 0; p < near_cut_.patches().size(); ++p) {
+      const MeshBlock near_cut = near_cut_.load({&p, 1});
+      for (std::size_t v = 0; v < near_cut.key.size(); ++v) {
+        const auto at = static_cast<std::size_t>(std::lower_bound(all.key.begin(), end, near_cut.key[v]) -
                                                  all.key.begin());
-        block.position[at] = boundary.position[v];
-        block.vertex_class[at] = boundary.vertex_class[v];
-        if (!boundary.rgba.empty()) block.rgba[at] = boundary.rgba[v];
+        block.position[at] = near_cut.position[v];
+        block.vertex_class[at] = near_cut.vertex_class[v];
+        if (!near_cut.rgba.empty()) block.rgba[at] = near_cut.rgba[v];
       }
     }
   }
@@ -237,9 +237,9 @@ class ZipStage : public SerialStage {
   std::uint64_t write_cut(const Pieces& all, const Zipped& zipped, TaskContext& context) const {
     MeshFileWriter writer(context.create(kCutFile), plan_.info);
     const std::vector<KeyEdge> closed = closed_borders(all, zipped);
-    for (std::size_t p = 0; p < boundaries_.patches().size(); ++p) {
+    for (std::size_t p = 0; p < near_cut_.patches().size(); ++p) {
       context.check_stop();
-      const std::size_t first = all.boundary_patch[p], end = all.boundary_patch[p + 1];
+      const std::size_t first = all.first_face[p], end = all.first_face[p + 1];
       std::vector<std::array<std::uint64_t, 3>> gone;
       bool touched = false;
       for (std::size_t f = first; f < end; ++f) {
@@ -249,9 +249,9 @@ class ZipStage : public SerialStage {
       }
       if (gone.empty() && !touched) continue;
       std::sort(gone.begin(), gone.end());
-      const std::uint64_t brick = boundaries_.patches()[p].key;
+      const std::uint64_t brick = near_cut_.patches()[p].key;
       const std::int64_t found = kept_.find(brick);
-      if (found < 0) throw std::logic_error("merge: a rim has no patch");
+      if (found < 0) throw std::logic_error("merge: faces near the cut have no patch");
       const auto patch = static_cast<std::size_t>(found);
       const MeshBlock block = kept_.load({&patch, 1});
       std::vector<std::uint8_t> keep(block.faces.size());
@@ -282,7 +282,7 @@ class ZipStage : public SerialStage {
   /// Borders of originals that filled loops have closed, ascending. A writer takes a flagged edge for the end of the surface.
   static std::vector<KeyEdge> closed_borders(const Pieces& all, const Zipped& zipped) {
     std::vector<KeyEdge> borders, closed;
-    for (std::size_t f = 0; f < all.boundary_faces; ++f)
+    for (std::size_t f = 0; f < all.original_faces; ++f)
       for (std::size_t k = 0; k < 3; ++k)
         if (!zipped.removed[f] && (all.pieces.edges[f] & (ZipPieces::kEnds << k)) != 0)
           borders.push_back(edge(all.pieces.faces[f], k, all.key));
@@ -306,7 +306,7 @@ class ZipStage : public SerialStage {
   static constexpr int kSlotBits = 22;  ///< of mesh_key(): bricks lie above them
 
   MergePlan plan_;
-  MeshStore kept_, boundaries_, strip_;
+  MeshStore kept_, near_cut_, strip_;
 };
 
 }  // namespace
