@@ -30,6 +30,9 @@ enum PointFlag : std::uint16_t {
   kPointOutlier = 1,  ///< dropped by cleaning; later stages skip it
   kPointNotLast = 2,  ///< an earlier return of its pulse: something solid lies beyond
   kPointGround = 4,   ///< the scan's own classes say ground
+  kPointVolumetric =
+      8,  ///< strewn through space instead of lying on a surface; where the top surface stands in for it
+  kPointSynthetic = 16,  ///< a sample of the top surface: nothing was measured just there
 };
 
 /// Unit vector to 16+16 bit octahedral code and back; error below 1e-4 rad. Exact on every machine

@@ -44,6 +44,7 @@ void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRec
 const char* name_of(VolumetricUse volumetric) {
   return volumetric == VolumetricUse::kDrop     ? "dropped"
          : volumetric == VolumetricUse::kBodies ? "bodies"
+         : volumetric == VolumetricUse::kTop    ? "top"
                                                 : "surface";
 }
 
@@ -158,6 +159,7 @@ void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<Point
         (o.supporters & kVolumetric) != 0 ? d.volumetric : VolumetricUse::kSurface;
     if (volumetric == VolumetricUse::kDrop || (o.supporters & ~kVolumetric) < d.min_supporters)
       p.flags |= kPointOutlier;
+    if (volumetric == VolumetricUse::kTop) p.flags |= kPointVolumetric;
     if (volumetric == VolumetricUse::kBodies) {
       p.normal = kNoNormal;
       continue;

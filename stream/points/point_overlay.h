@@ -65,9 +65,10 @@ enum class VolumetricUse : std::uint32_t {
   kSurface,  ///< as if they lay on a surface
   kDrop,     ///< outliers
   kBodies,   ///< without normal: closed bodies around them, see kernels/field/bodies.h
+  kTop,      ///< samples of the top surface stand in for them, see kernels/points/surface_model.h
 };
 
-const char* name_of(VolumetricUse volumetric);  ///< "surface", "dropped", "bodies"
+const char* name_of(VolumetricUse volumetric);  ///< "surface", "dropped", "bodies", "top"
 
 /// Decisions of the orient stage, the job's global summary.
 struct OverlayDecisions {

@@ -24,7 +24,7 @@ class MergedPoint {
   /// \pre same position
   void add(const MergedPoint& other);
   /// Normal: direction of the sum of the unit normals, none if they cancel. Colour: the average of those
-  /// known. Sensor: the smallest known. Flags: not the last return if all say so, ground if one does. A single point
+  /// known. Sensor: the smallest known. Flags: not the last return and synthetic if all say so, ground if one does. A single point
   /// comes back unchanged.
   PointRecord result() const;
   const Int3& q() const { return first_.q; }

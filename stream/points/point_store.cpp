@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "octree/error.h"
+#include "stream/files/task_files.h"
 #include "stream/points/point_overlay.h"
 
 namespace tessera {
@@ -95,7 +96,14 @@ void PointStore::Impl::stream(const BrickEntry& brick, std::uint64_t first, std:
 PointStore::PointStore(const std::vector<std::filesystem::path>& files,
                        std::shared_ptr<const PointOverlay> overlay)
     : impl_(new Impl{{files, kPointFile}, std::move(overlay)}) {}
+PointStore::PointStore(PointStore&&) noexcept = default;
 PointStore::~PointStore() = default;
+
+PointStore PointStore::of_surface(const std::filesystem::path& work) {
+  const auto made = list_task_files(work / kSurfacePointFolder, kPointExtension);
+  if (!made.empty()) return PointStore(made);
+  return PointStore(list_task_files(work / kScanPointFolder, kPointExtension), PointOverlay::open(work));
+}
 
 std::span<const BrickEntry> PointStore::bricks() const {
   return impl_->bricks.entries();
@@ -249,6 +257,16 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
   out.rgba.resize(any_colour ? n : 0);
   if (with_sensor) out.sensor.resize(n);
   if (with_flags) out.flags.resize(n);
+  return out;
+}
+
+std::vector<PointRecord> PointStore::records(std::size_t brick) const {
+  const BrickEntry& entry = impl_->bricks[brick];
+  std::vector<PointRecord> out;
+  out.reserve(entry.points);
+  std::vector<PointRecord> buffer;
+  impl_->stream(entry, 0, entry.points, buffer,
+                [&](const PointRecord* p, std::size_t count) { out.insert(out.end(), p, p + count); });
   return out;
 }
 

@@ -15,6 +15,11 @@ namespace tessera {
 
 class PointOverlay;
 
+/// Folders of a work directory.
+inline constexpr const char* kScanPointFolder = "points";
+inline constexpr const char* kSurfacePointFolder = "surface_points";
+inline constexpr const char* kPointExtension = ".tsp";
+
 inline constexpr PackedKind kPointFile = {"TSPOINT2", "a point file"};
 
 /// One brick of the store, as the table of its file has it.
@@ -57,6 +62,10 @@ class PointStore {
   /// \throws InputError naming the file when one is damaged
   explicit PointStore(const std::vector<std::filesystem::path>& files,
                       std::shared_ptr<const PointOverlay> overlay = nullptr);
+  /// The points that a work directory makes its surface of: those of the scan with their decided overlay, or where the
+  /// top surface stands in for some of them, what the top-points stage has put together.
+  static PointStore of_surface(const std::filesystem::path& work);
+  PointStore(PointStore&&) noexcept;
   ~PointStore();
 
   std::span<const BrickEntry> bricks() const;  ///< ascending key
@@ -66,6 +75,8 @@ class PointStore {
   std::size_t file_count() const;
   std::pair<std::size_t, std::size_t> file_range(std::size_t file) const;  ///< brick indices [first, last)
 
+  /// All points of a brick as the overlay has them, outliers too.
+  std::vector<PointRecord> records(std::size_t brick) const;
   /// Points of the box [origin - halo, origin + cells + halo), cells, canonical order, outliers skipped.
   /// \param with_sensor, with_flags  fill PointBlock::sensor, flags
   /// \pre cells + 2 halo below 2^14 per axis, so that positions are exact floats

@@ -117,10 +117,10 @@ inline OptionTable option_table(ReconstructOptions& o) {
       .one_of({"auto", "off"});
   t.add("vegetation", &o.vegetation,
         "estimated normals: points that are strewn through space instead of lying on a surface, as leaves, "
-        "spray and passers-by; drop: no surface for them; keep: closed bodies around them; surface: as if "
-        "they "
-        "lay on one, which comes out torn; auto: drop in scenes from above, else surface")
-      .one_of({"auto", "drop", "keep", "surface"});
+        "spray and passers-by; top: the smooth surface that one sees of them from above, down to the ground "
+        "beside it; drop: no surface for them; keep: closed bodies around them; surface: as if they lay on "
+        "one, which comes out torn; auto: top in scenes from above, else surface")
+      .one_of({"auto", "top", "drop", "keep", "surface"});
   t.add(
        "normals", &o.normals,
        "auto: given normals where at least half of the points have one, those of rows and columns (E57, PTX) "

@@ -17,6 +17,7 @@
 #include "stream/stages/scan/probe_stage.h"
 #include "stream/stages/scan/survey_stage.h"
 #include "stream/stages/scan/thin_stage.h"
+#include "stream/stages/scan/top_stage.h"
 #include "stream/stages/scan/uncertain_picture.h"
 #include "stream/stages/scan/unpack_stage.h"
 #include "stream/stages/smooth/smooth_before.h"
@@ -124,6 +125,8 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"order", make_order_stage},
       {"normals", make_normals_stage},
       {"orient", make_orient_stage},
+      {"top", make_top_stage},
+      {"top-points", make_top_points_stage},
       {"multipole", make_multipole_stage},
       {"rims", make_boundaries_stage},
       {"close", make_close_stage},

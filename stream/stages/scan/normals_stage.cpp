@@ -49,7 +49,7 @@ class NormalsStage : public Stage {
       : plan_(Plan::of_work(state.work)),
         agreement_(agreement_of_work(state.work)),
         mode_(reconstruct_options(state), state.inputs.size(), plan_, agreement_),
-        store_(list_task_files(state.work / "points", ".tsp")) {
+        store_(list_task_files(state.work / kScanPointFolder, kPointExtension)) {
     shape_.radius_cells = plan_.radius_cells;
     shape_.estimate = mode_.estimate;
   }

@@ -55,7 +55,7 @@ class BrickSlots {
 }  // namespace
 
 std::string point_file_name(std::size_t bucket) {
-  return "points/" + task_file_stem(bucket) + ".tsp";
+  return std::string(kScanPointFolder) + "/" + task_file_stem(bucket) + kPointExtension;
 }
 
 OrderStage::OrderStage(const JobState& job)

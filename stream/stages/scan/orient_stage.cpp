@@ -160,8 +160,9 @@ class OrientStage : public Stage {
     const std::string scene = entry.value("scene", "");
     const bool from_above = scene == kAirborne || scene == kSeenFromAbove;
     if (mode_.propagate()) {
-      if (vegetation_ == "drop" || (vegetation_ == "auto" && from_above))
-        decisions.volumetric = VolumetricUse::kDrop;
+      if (vegetation_ == "drop") decisions.volumetric = VolumetricUse::kDrop;
+      if (vegetation_ == "top" || (vegetation_ == "auto" && from_above))
+        decisions.volumetric = VolumetricUse::kTop;
       if (vegetation_ == "keep") decisions.volumetric = VolumetricUse::kBodies;
       entry["vegetation"] = {{"points", volumetric_count()}, {"as", name_of(decisions.volumetric)}};
     }

@@ -50,8 +50,7 @@ class CloseStage : public SerialStage {
   explicit CloseStage(const JobState& state)
       : state_(state), mode_(reconstruct_options(state).holes), plan_(Plan::of_work(state.work)) {
     if (!mode_.close) return;
-    points_ = std::make_unique<PointStore>(list_task_files(state.work / "points", ".tsp"),
-                                           PointOverlay::open(state.work));
+    points_ = std::make_unique<PointStore>(PointStore::of_surface(state.work));
     multipoles_ = std::make_unique<MultipoleStore>(state.work);
     boundaries_ = std::make_unique<BrickSectionStore>(list_task_files(state.work / "rims", ".tsr"));
   }

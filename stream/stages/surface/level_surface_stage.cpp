@@ -42,7 +42,7 @@ class LevelSurfaceStage : public Stage {
         options_(reconstruct_options(state)),
         levels_(static_cast<int>(options_.levels)),
         plan_(Plan::of_work(state.work)),
-        store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
+        store_(PointStore::of_surface(state.work)),
         tree_(level_tree_of_work(state.work, levels_)),
         maker_(levels_, field_options(plan_, options_.feature_angle_deg), normal_options(plan_),
                NormalsMode(options_, state.inputs.size(), plan_, agreement_of_work(state.work)).estimate),

@@ -30,7 +30,7 @@ class LevelsStage : public Stage {
       : work_(state.work),
         levels_(static_cast<int>(reconstruct_options(state).levels)),
         plan_(Plan::of_work(state.work)),
-        store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
+        store_(PointStore::of_surface(state.work)) {
     for (std::size_t a = 0; a < 3; ++a)
       if ((std::int64_t{plan_.brick_max[a]} + 2) * kBrickCells << (levels_ - 1) > 1 << kMaxCellBits)
         throw UsageError("--levels " + std::to_string(levels_) +

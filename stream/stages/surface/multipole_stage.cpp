@@ -21,7 +21,7 @@ constexpr std::uint64_t kMultipoleTaskBytes = 12u << 20;
 class MultipoleStage : public Stage {
  public:
   explicit MultipoleStage(const JobState& state)
-      : store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
+      : store_(PointStore::of_surface(state.work)),
         needed_(HolesMode(reconstruct_options(state).holes).close) {}
 
   std::string name() const override { return "multipole"; }

@@ -20,7 +20,7 @@ class BoundariesStage : public Stage {
  public:
   explicit BoundariesStage(const JobState& state)
       : plan_(Plan::of_work(state.work)),
-        store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
+        store_(PointStore::of_surface(state.work)),
         field_(field_options(plan_, reconstruct_options(state).feature_angle_deg)) {
     if (!HolesMode(reconstruct_options(state).holes).close) return;
     field_.firm_boundary = true;

@@ -26,7 +26,7 @@ using json = nlohmann::json;
 constexpr double kMaxDistance = 4.0;       ///< times the tolerance: distances up to here are told
 constexpr double kMaxDistanceCells = 6.0;  ///< before decimation at least so many spacings of the lattice
 constexpr double kMinLeft = 1.0 / 64.0;    ///< of the tolerance, for decimation to do anything
-constexpr const char* kLeftFile = "points/left.json";
+constexpr const char* kLeftFile = "samples/left.json";
 constexpr std::size_t kMinBricks = 16, kMaxTasks = 400;
 constexpr std::uint64_t kPointBytes = 64;  ///< records read and the block that they become
 /// Of the tolerance: squares of distances are integers in its square.
@@ -55,7 +55,7 @@ class SamplesStage : public Stage {
         before_(request.before),
         lattice_(Plan::of_work(state.work).lattice),
         max_distance_(std::max(kMaxDistance * tolerance_, before_ ? kMaxDistanceCells * lattice_.h : 0.0)),
-        points_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
+        points_(PointStore::of_surface(state.work)),
         mesh_(request.mesh(state)),
         per_task_(std::max(kMinBricks, (points_.bricks().size() + kMaxTasks - 1) / kMaxTasks)) {}
 

@@ -40,8 +40,7 @@ std::uint64_t max_faces(std::span<const BrickEntry> bricks, const BrickSectionSt
 class SurfaceStage : public Stage {
  public:
   explicit SurfaceStage(const JobState& state)
-      : plan_(Plan::of_work(state.work)),
-        store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
+      : plan_(Plan::of_work(state.work)), store_(PointStore::of_surface(state.work)) {
     const ReconstructOptions options = reconstruct_options(state);
     field_ = field_options(plan_, options.feature_angle_deg);
     field_.firm_boundary = HolesMode(options.holes).close;
@@ -220,7 +219,7 @@ ExtractOptions extract_options(const ReconstructOptions& options, bool names) {
 void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
                    const std::function<void(DirectedField&&)>& sink) {
   FieldOptions options = field_options(Plan::of_work(work), feature_angle_deg);
-  const PointStore store(list_task_files(work / "points", ".tsp"), PointOverlay::open(work));
+  const PointStore store = PointStore::of_surface(work);
   options.bodies = store.has_bodies();
   const int halo = field_halo_cells(options);
   const TilingOptions tiling{halo, 2, nullptr, ~std::uint64_t{0}};

@@ -1,0 +1,315 @@
+#include "kernels/points/surface_model.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+
+namespace tessera {
+namespace {
+
+constexpr std::int32_t kCell = kQuantaPerCell;
+
+/// Depth of a layer, and the share of its column that it must hold: one in so many, at least two of several.
+constexpr std::int32_t kLayerDepth = 4 * kCell;
+constexpr std::size_t kLayerShare = 8;
+
+/// Holes no wider than twice this are filled, chessboard columns.
+constexpr int kFillRadius = 10;
+constexpr int kFillRounds = 12;
+/// How much a column that was not seen may stand above the lowest of its neighbours: what hides the ground is not filled
+/// at its own height.
+constexpr std::int32_t kFillRise = kCell / 2;
+
+/// Steps of diffusion, and the height across which it does not go: a part for the lattice, and times the local noise.
+constexpr int kDiffusionSteps = 16;
+constexpr std::int32_t kStepCells = 2 * kCell;
+constexpr std::int32_t kStepNoise = 3;
+constexpr int kNoiseRadius = 2;
+constexpr int kVoteRadius = 2;  ///< of the majority of strewn points
+constexpr int kOpenRadius = 2;  ///< wires, poles and people are thinner
+constexpr int kCloseRadius = 1;
+constexpr int kRimColumns = 3;
+constexpr int kActiveMargin = 2;  ///< columns around those that stand that take part in the diffusion
+/// Steps between neighbours from which samples go down them.
+constexpr std::int32_t kWall = kCell;
+
+/// Columns of a square, u fastest.
+struct Square {
+  int edge;
+  std::size_t at(int u, int v) const {
+    return static_cast<std::size_t>(v) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(u);
+  }
+};
+
+/// Sums over squares of columns of this radius, cut off at the rim.
+std::vector<std::int64_t> box_sums(Square s, const std::vector<std::int64_t>& in, int radius) {
+  std::vector<std::int64_t> rows(in.size()), out(in.size());
+  const auto slide = [&](const std::vector<std::int64_t>& from, std::vector<std::int64_t>& to, auto index) {
+    for (int line = 0; line < s.edge; ++line) {
+      std::int64_t sum = 0;
+      for (int k = 0; k < std::min(radius, s.edge); ++k) sum += from[index(k, line)];
+      for (int k = 0; k < s.edge; ++k) {
+        if (k + radius < s.edge) sum += from[index(k + radius, line)];
+        if (k - radius - 1 >= 0) sum -= from[index(k - radius - 1, line)];
+        to[index(k, line)] = sum;
+      }
+    }
+  };
+  slide(in, rows, [&](int k, int line) { return s.at(k, line); });
+  slide(rows, out, [&](int k, int line) { return s.at(line, k); });
+  return out;
+}
+
+/// Columns within `radius` of a set (chessboard), or with `set` turned over, what is left of it.
+std::vector<std::uint8_t> dilate(Square s, const std::vector<std::uint8_t>& mask, int radius,
+                                 bool set = true) {
+  std::vector<std::int64_t> count(mask.size());
+  for (std::size_t i = 0; i < mask.size(); ++i) count[i] = (mask[i] != 0) == set;
+  const std::vector<std::int64_t> sums = box_sums(s, count, radius);
+  std::vector<std::uint8_t> out(mask.size());
+  for (std::size_t i = 0; i < mask.size(); ++i) out[i] = (sums[i] > 0) == set;
+  return out;
+}
+std::vector<std::uint8_t> erode(Square s, const std::vector<std::uint8_t>& mask, int radius) {
+  return dilate(s, mask, radius, false);
+}
+
+/// Lower median of the heights around every wanted column.
+std::vector<std::int32_t> median5(Square s, const std::vector<std::int32_t>& height,
+                                  const std::vector<std::uint8_t>& wanted) {
+  std::vector<std::int32_t> out = height;
+  std::array<std::int32_t, 25> near;
+  for (int v = 0; v < s.edge; ++v)
+    for (int u = 0; u < s.edge; ++u) {
+      if (wanted[s.at(u, v)] == 0 || height[s.at(u, v)] == kNoHeight) continue;
+      std::size_t n = 0;
+      for (int dv = -2; dv <= 2; ++dv)
+        for (int du = -2; du <= 2; ++du) {
+          if (u + du < 0 || v + dv < 0 || u + du >= s.edge || v + dv >= s.edge) continue;
+          const std::int32_t h = height[s.at(u + du, v + dv)];
+          if (h != kNoHeight) near[n++] = h;
+        }
+      const auto middle = near.begin() + static_cast<std::ptrdiff_t>((n - 1) / 2);
+      std::nth_element(near.begin(), middle, near.begin() + static_cast<std::ptrdiff_t>(n));
+      out[s.at(u, v)] = *middle;
+    }
+  return out;
+}
+
+/// Heights and colours of empty columns inside, from the low sides: by rounds, each column from its neighbours of the round
+/// before, so that it depends on no more columns than there are rounds.
+void fill_empty(Square s, const std::vector<std::uint8_t>& inside, std::vector<std::int32_t>& height,
+                std::vector<std::uint32_t>& rgba) {
+  std::vector<std::size_t> empty;
+  for (int v = 1; v + 1 < s.edge; ++v)
+    for (int u = 1; u + 1 < s.edge; ++u)
+      if (inside[s.at(u, v)] != 0 && height[s.at(u, v)] == kNoHeight) empty.push_back(s.at(u, v));
+  const auto row = static_cast<std::ptrdiff_t>(s.edge);
+  const std::array<std::ptrdiff_t, 8> around = {-row, -1, 1, row, -row - 1, -row + 1, row - 1, row + 1};
+  std::vector<std::pair<std::int32_t, std::uint32_t>> next(empty.size());
+  for (int round = 0; round < kFillRounds; ++round) {
+    for (std::size_t e = 0; e < empty.size(); ++e) {
+      next[e] = {height[empty[e]], rgba[empty[e]]};
+      for (const std::ptrdiff_t d : around) {
+        const auto n = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(empty[e]) + d);
+        if (height[n] == kNoHeight) continue;
+        const std::int32_t here = height[n] + kFillRise;
+        if (next[e].first == kNoHeight || here < next[e].first) next[e] = {here, rgba[n]};
+      }
+    }
+    for (std::size_t e = 0; e < empty.size(); ++e)
+      height[empty[e]] = next[e].first, rgba[empty[e]] = next[e].second;
+  }
+}
+
+/// Steps of diffusion between neighbours no farther apart than the step that the noise allows.
+void diffuse(Square s, const std::vector<std::uint8_t>& active, const std::vector<std::int32_t>& noise,
+             std::vector<std::int32_t>& height) {
+  std::vector<std::size_t> columns;
+  for (int v = 1; v + 1 < s.edge; ++v)
+    for (int u = 1; u + 1 < s.edge; ++u)
+      if (active[s.at(u, v)] != 0 && height[s.at(u, v)] != kNoHeight) columns.push_back(s.at(u, v));
+  const auto row = static_cast<std::ptrdiff_t>(s.edge);
+  const std::array<std::ptrdiff_t, 8> around = {-row, -1, 1, row, -row - 1, -row + 1, row - 1, row + 1};
+  std::vector<std::int32_t> next(columns.size());
+  for (int step = 0; step < kDiffusionSteps; ++step) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const std::size_t i = columns[c];
+      std::int64_t flow = 0;
+      for (std::size_t k = 0; k < around.size(); ++k) {
+        const auto n = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(i) + around[k]);
+        if (height[n] == kNoHeight) continue;
+        const std::int64_t d = std::int64_t{height[n]} - height[i];
+        const std::int64_t limit = kStepCells + std::int64_t{kStepNoise} * (noise[i] + noise[n]) / 2;
+        if (std::abs(d) <= limit) flow += k < 4 ? 2 * d : d;
+      }
+      next[c] = height[i] + static_cast<std::int32_t>((flow + 8) >> 4);
+    }
+    for (std::size_t c = 0; c < columns.size(); ++c) height[columns[c]] = next[c];
+  }
+}
+
+/// The smaller of both slopes where they agree in sign, 0 where not: no overshoot at steps.
+float minmod(float a, float b) {
+  return a * b <= 0.0f ? 0.0f : std::fabs(a) < std::fabs(b) ? a : b;
+}
+
+}  // namespace
+
+void find_top_layers(std::span<ColumnPoint> points, std::span<TopLayer> layers) {
+  std::sort(points.begin(), points.end(), [](const ColumnPoint& a, const ColumnPoint& b) {
+    if (a.column != b.column) return a.column < b.column;
+    return a.height > b.height;
+  });
+  for (std::size_t first = 0; first < points.size();) {
+    std::size_t end = first;
+    while (end < points.size() && points[end].column == points[first].column) ++end;
+    const std::size_t n = end - first, wanted = std::min(n, std::max<std::size_t>(2, n / kLayerShare));
+    std::size_t top = first;  // of a window of `wanted` points no deeper than a layer
+    while (top + wanted < end && points[top].height - points[top + wanted - 1].height > kLayerDepth) ++top;
+    std::size_t below = top;
+    while (below < end && points[top].height - points[below].height <= kLayerDepth) ++below;
+    TopLayer& layer = layers[points[first].column];
+    layer.height = points[top + (below - top) / 2].height;
+    const std::size_t count = std::min<std::size_t>(below - top, 0xffff);
+    layer.points = static_cast<std::uint16_t>(count);
+    std::uint64_t volumetric = 0, coloured = 0;
+    std::array<std::uint64_t, 3> colour{};
+    for (std::size_t i = top; i < below; ++i) {
+      volumetric += points[i].volumetric;
+      if ((points[i].rgba >> 24) == 0) continue;
+      ++coloured;
+      for (unsigned k = 0; k < 3; ++k) colour[k] += points[i].rgba >> (8 * k) & 0xff;
+    }
+    // A share of the points told, as they are.
+    layer.volumetric = static_cast<std::uint16_t>(volumetric * count / (below - top));
+    if (coloured > 0) {
+      layer.rgba = 0xff000000u;
+      for (unsigned k = 0; k < 3; ++k)
+        layer.rgba |= static_cast<std::uint32_t>((colour[k] + coloured / 2) / coloured) << (8 * k);
+    }
+    first = end;
+  }
+}
+
+std::int32_t SurfaceModel::reach(std::size_t column) const {
+  return kLayerDepth + 2 * noise[column];
+}
+
+SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
+  const Square s{edge};
+  SurfaceModel model;
+  model.edge = edge;
+  const std::size_t n = layers.size();
+  model.height.resize(n), model.noise.resize(n), model.rgba.resize(n), model.flags.assign(n, 0);
+  std::vector<std::uint8_t> measured(n);
+  std::vector<std::int64_t> votes(n);  // of strewn points against the others
+  for (std::size_t i = 0; i < n; ++i) {
+    model.height[i] = layers[i].height, model.rgba[i] = layers[i].rgba;
+    measured[i] = layers[i].height != kNoHeight;
+    votes[i] = 2 * std::int64_t{layers[i].volumetric} - std::int64_t{layers[i].points};
+  }
+  // Columns between samples are no holes: those with nothing all around are.
+  const std::vector<std::uint8_t> closed = erode(s, dilate(s, measured, kFillRadius), kFillRadius);
+  std::vector<std::uint8_t> hole(n);
+  for (std::size_t i = 0; i < n; ++i) hole[i] = measured[i] == 0;
+  hole = dilate(s, erode(s, hole, 1), 1);
+
+  const std::vector<std::int64_t> majority = box_sums(s, votes, kVoteRadius);
+  std::vector<std::uint8_t> strewn(n);
+  for (std::size_t i = 0; i < n; ++i) strewn[i] = closed[i] != 0 && majority[i] > 0;
+  strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
+  strewn = erode(s, dilate(s, strewn, kCloseRadius), kCloseRadius);
+  bool any = false;
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool filled = measured[i] == 0 && closed[i] != 0 && hole[i] != 0;
+    if (filled) model.flags[i] |= kModelFilled;
+    if (filled || (strewn[i] != 0 && closed[i] != 0)) model.flags[i] |= kModelStands, any = true;
+  }
+  if (!any) return model;
+
+  std::vector<std::uint8_t> stands(n);
+  for (std::size_t i = 0; i < n; ++i) stands[i] = model.flags[i] & kModelStands;
+  // Medians where something stands or depends on it: its fill, its noise, its diffusion.
+  const std::vector<std::uint8_t> near = dilate(s, stands, kActiveMargin + kFillRounds);
+  model.height = median5(s, model.height, near);
+  fill_empty(s, closed, model.height, model.rgba);
+  model.height = median5(s, model.height, near);
+  std::vector<std::int64_t> off(n, 0), counted(n, 0);
+  for (std::size_t i = 0; i < n; ++i)
+    if (measured[i] != 0 && near[i] != 0)
+      off[i] = std::abs(std::int64_t{layers[i].height} - model.height[i]), counted[i] = 1;
+  off = box_sums(s, off, kNoiseRadius), counted = box_sums(s, counted, kNoiseRadius);
+  for (std::size_t i = 0; i < n; ++i)
+    model.noise[i] = counted[i] > 0 ? static_cast<std::int32_t>(off[i] / counted[i]) : 0;
+  diffuse(s, dilate(s, stands, kActiveMargin), model.noise, model.height);
+
+  std::vector<std::uint8_t> rim = dilate(s, stands, kRimColumns, false);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (stands[i] != 0 && model.height[i] == kNoHeight) model.flags[i] = 0;
+    if ((model.flags[i] & kModelStands) != 0 && rim[i] == 0) model.flags[i] |= kModelRim;
+  }
+  return model;
+}
+
+namespace {
+
+/// Slope at a column along one axis, cells a cell.
+float slope(const SurfaceModel& model, std::size_t before, std::size_t here, std::size_t after) {
+  constexpr float kPerCell = 1.0f / kQuantaPerCell;
+  const auto step = [&](std::size_t a, std::size_t b) {
+    return static_cast<float>(model.height[b] - model.height[a]) * kPerCell;
+  };
+  const bool left = model.height[before] != kNoHeight, right = model.height[after] != kNoHeight;
+  if (left && right) return minmod(step(before, here), step(here, after));
+  return left ? step(before, here) : right ? step(here, after) : 0.0f;
+}
+
+}  // namespace
+
+void sample_surface_model(const SurfaceModel& model, int first, int last,
+                          const std::function<void(const ModelSample&)>& use) {
+  const std::int32_t low = first * kCell, high = last * kCell;
+  const auto inside = [&](const ModelSample& m) {
+    return m.u >= low && m.v >= low && m.u < high && m.v < high;
+  };
+  const auto stands = [&](std::size_t i) { return (model.flags[i] & kModelStands) != 0; };
+  // One beyond the range on the low side: the line to a neighbour may end inside.
+  for (int v = first - 1; v < last; ++v)
+    for (int u = first - 1; u < last; ++u) {
+      const std::size_t i = model.at(u, v);
+      if (model.height[i] == kNoHeight) continue;
+      if (stands(i)) {
+        const float su = slope(model, model.at(u - 1, v), i, model.at(u + 1, v));
+        const float sv = slope(model, model.at(u, v - 1), i, model.at(u, v + 1));
+        const ModelSample m = {u * kCell + kCell / 2,        v * kCell + kCell / 2, model.height[i],
+                               unit(Float3{-su, -sv, 1.0f}), model.rgba[i],         false};
+        if (inside(m)) use(m);
+      }
+      for (int axis = 0; axis < 2; ++axis) {
+        const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
+        if (model.height[j] == kNoHeight || (!stands(i) && !stands(j))) continue;
+        const std::int64_t rise = std::int64_t{model.height[j]} - model.height[i];
+        const std::int64_t lines = std::abs(rise) / kWall;
+        if (lines == 0) continue;
+        const float steep = static_cast<float>(rise) / kQuantaPerCell;
+        Float3 normal = {0.0f, 0.0f, 1.0f};
+        normal[static_cast<std::size_t>(axis)] = -steep;
+        normal = unit(normal);
+        for (std::int64_t k = 1; k <= lines; ++k) {
+          const auto along = static_cast<std::int32_t>(k * kCell / (lines + 1));
+          ModelSample m = {u * kCell + kCell / 2,
+                           v * kCell + kCell / 2,
+                           model.height[i] + static_cast<std::int32_t>(k * rise / (lines + 1)),
+                           normal,
+                           model.rgba[rise > 0 ? j : i],
+                           true};
+          (axis == 0 ? m.u : m.v) += along;
+          if (inside(m)) use(m);
+        }
+      }
+    }
+}
+
+}  // namespace tessera

@@ -1,0 +1,81 @@
+/// \file surface_model.h
+/// The digital surface model of a scan seen from above: what every column of the lattice shows first, regularised by its
+/// neighbours with steps kept, and the samples of it that stand in for points that lie on no surface of their own: crowns,
+/// noise of dense matching. Heights are integers (quanta along up), and a column depends on nothing farther away than
+/// kSurfaceModelHalo: the same on every machine and for every cut. Sources: P. Perona, J. Malik, "Scale-Space and Edge
+/// Detection Using Anisotropic Diffusion", 1990 (the steps that keep edges); ALGORITHMS section 13.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+
+/// Height of a column that shows nothing.
+inline constexpr std::int32_t kNoHeight = std::numeric_limits<std::int32_t>::min();
+/// Columns beyond its rim that the model of a raster depends on.
+inline constexpr int kSurfaceModelHalo = kBrickCells;
+
+/// A point of a brick column.
+struct ColumnPoint {
+  std::uint16_t column = 0;  ///< v * kBrickCells + u inside the brick column
+  std::uint16_t volumetric = 0;
+  std::int32_t height = 0;  ///< quanta along up
+  std::uint32_t rgba = 0;
+};
+
+/// What a column shows first.
+struct TopLayer {
+  std::int32_t height = kNoHeight;  ///< median of the layer
+  std::uint16_t points = 0;         ///< of the layer
+  std::uint16_t volumetric = 0;     ///< of these
+  std::uint32_t rgba = 0;           ///< mean of the coloured ones
+};
+
+/// Of every column the highest layer of four cells that holds its share of the column's points: not the highest point, so
+/// that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
+void find_top_layers(std::span<ColumnPoint> points, std::span<TopLayer> layers);
+
+/// Bits of SurfaceModel::flags.
+enum ModelFlag : std::uint8_t {
+  kModelStands = 1,  ///< samples of the model stand in for what was measured
+  kModelRim = 2,     ///< of these: near the rim of all that stand
+  kModelFilled = 4,  ///< nothing was measured here, but all around
+};
+
+/// The model over a square of columns, u fastest.
+struct SurfaceModel {
+  int edge = 0;
+  std::vector<std::int32_t> height;  ///< kNoHeight where there is none
+  std::vector<std::int32_t> noise;   ///< mean distance of the layers from the model around here, quanta
+  std::vector<std::uint32_t> rgba;
+  std::vector<std::uint8_t> flags;
+
+  std::size_t at(int u, int v) const {
+    return static_cast<std::size_t>(v) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(u);
+  }
+  /// Measured points of a column that stands lie on what the samples stand for from so far below its height on, quanta.
+  std::int32_t reach(std::size_t column) const;
+};
+
+/// \param layers  edge^2, u fastest; the rim of kSurfaceModelHalo columns is context
+SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge);
+
+/// A sample of a model. Position in quanta from the corner of column (0, 0), height along up.
+struct ModelSample {
+  std::int32_t u = 0, v = 0, height = 0;
+  Float3 normal = {};  ///< along u, v, up; unit
+  std::uint32_t rgba = 0;
+  bool step = false;  ///< of the wall between two columns of different height
+};
+
+/// One sample on every column that stands, and a line of them, a cell apart, down every step to a neighbour. Calls use for
+/// those that lie over columns [first, last)^2. \pre kSurfaceModelHalo <= first, last <= edge - kSurfaceModelHalo
+void sample_surface_model(const SurfaceModel& model, int first, int last,
+                          const std::function<void(const ModelSample&)>& use);
+
+}  // namespace tessera

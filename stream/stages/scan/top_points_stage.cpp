@@ -1,0 +1,168 @@
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "stream/files/task_files.h"
+#include "stream/points/plan.h"
+#include "stream/points/point_overlay.h"
+#include "stream/points/point_sort.h"
+#include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
+#include "stream/points/top_store.h"
+#include "stream/stages/scan/top_stage.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+/// Cosine with up from which a point lies level.
+constexpr float kLevelCosine = 0.5f;
+
+class TopPointsStage : public Stage {
+ public:
+  explicit TopPointsStage(const JobState& state)
+      : axes_(ViewAxes::along(reconstruct_options(state).up.value_or(Double3{0, 0, 1}))), top_(state.work) {
+    auto overlay = PointOverlay::open(state.work);
+    if (!overlay || overlay->volumetric() != VolumetricUse::kTop) return;
+    points_ = std::make_unique<PointStore>(list_task_files(state.work / kScanPointFolder, kPointExtension),
+                                           overlay);
+    for (const PlanBucket& bucket : Plan::of_work(state.work).buckets) first_key_.push_back(bucket.first_key);
+    if (!first_key_.empty()) first_key_.front() = 0;  // samples may lie in bricks before the first
+    first_key_.push_back(~std::uint64_t{0});
+  }
+
+  std::string name() const override { return "top-points"; }
+  std::size_t task_count() const override { return points_ ? first_key_.size() - 1 : 0; }
+  std::uint64_t units() const override { return points_ ? points_->point_count() : 0; }
+  std::string unit_name() const override { return "points"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t maximum = 0;
+    for_bricks_of(task, [&](std::uint64_t key, const BrickEntry* brick) {
+      maximum = std::max(maximum, top_points_task_bytes(brick ? brick->points : 0, top_.sample_count(key)));
+    });
+    return maximum;
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    PointFileWriter writer(
+        context.create(std::string(kSurfacePointFolder) + "/" + task_file_stem(task) + kPointExtension));
+    BrickSorter sorter;
+    Counts counts;
+    for_bricks_of(task, [&](std::uint64_t key, const BrickEntry* brick) {
+      context.check_stop();
+      std::vector<PointRecord> records;
+      if (brick) {
+        records = points_->records(static_cast<std::size_t>(brick - points_->bricks().data()));
+        context.count_read(brick->points * sizeof(PointRecord));
+        keep_measured(key, records, counts);
+        context.advance(brick->points);
+      }
+      const std::vector<PointRecord> samples = top_.samples(key);
+      records.insert(records.end(), samples.begin(), samples.end());
+      if (records.empty()) return;
+      const std::span<const PointRecord> sorted = samples.empty() ? records : sorter.sort(records);
+      writer.brick(key, sorted);
+      counts.points += sorted.size();
+    });
+    context.count_written(writer.finish());
+    return {{"points", counts.points},
+            {"volumetric_covered", counts.covered},
+            {"volumetric_left_out", counts.left_out},
+            {"measured_replaced", counts.replaced}};
+  }
+
+  std::uint64_t finish_bytes() const override { return 1u << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    if (!points_) return {{"needed", false}};
+    json sum = {{"needed", true}};
+    for (const json& s : summaries)
+      for (const auto& [key, value] : s.items())
+        sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
+    return sum;
+  }
+
+  std::vector<std::string> obsolete() const override {
+    if (!points_) return {};
+    return {std::string(kScanPointFolder) + "/", std::string(PointOverlay::kFolder) + "/",
+            std::string(TopStore::kFolder) + "/"};
+  }
+
+ private:
+  struct Counts {
+    std::uint64_t points = 0;
+    std::uint64_t covered = 0;   ///< strewn points in columns that samples stand in for
+    std::uint64_t left_out = 0;  ///< strewn points elsewhere: wires, poles, what lies below a surface
+    std::uint64_t replaced = 0;  ///< points of surfaces that samples stand in for
+  };
+
+  /// use(key, brick or null) for the bricks of a task that hold points or samples, ascending.
+  template <class Use>
+  void for_bricks_of(std::size_t task, const Use& use) const {
+    const auto below = [](const BrickEntry& b, std::uint64_t key) { return b.key < key; };
+    const std::span<const BrickEntry> all = points_->bricks();
+    auto b = std::lower_bound(all.begin(), all.end(), first_key_[task], below);
+    const auto end = std::lower_bound(all.begin(), all.end(), first_key_[task + 1], below);
+    auto s = std::lower_bound(top_.bricks().begin(), top_.bricks().end(), first_key_[task]);
+    const auto last = std::lower_bound(top_.bricks().begin(), top_.bricks().end(), first_key_[task + 1]);
+    while (b != end || s != last) {
+      const std::uint64_t key = s == last ? b->key : b == end ? *s : std::min(b->key, *s);
+      const bool here = b != end && b->key == key;
+      use(key, here ? &*b : nullptr);
+      if (here) ++b;
+      if (s != last && *s == key) ++s;
+    }
+  }
+
+  /// Takes strewn points out, and in columns that samples stand in for what lies on or above them, or level just inside
+  /// their rim: there the wall between the top and the ground beside it meets the ground.
+  void keep_measured(std::uint64_t key, std::vector<PointRecord>& records, Counts& counts) const {
+    Int3 at = brick_of_key(key);
+    at[axes_.up] = 0;
+    const std::vector<ModelColumn> model = top_.model(brick_key(at));
+    constexpr std::int32_t kMask = kBrickCells - 1;
+    std::erase_if(records, [&](const PointRecord& p) {
+      if ((p.flags & kPointOutlier) != 0) return true;
+      const bool strewn = (p.flags & kPointVolumetric) != 0;
+      const ModelColumn* c =
+          model.empty()
+              ? nullptr
+              : &model[static_cast<std::size_t>((p.q[axes_.v] >> kQuantumBits & kMask) * kBrickCells +
+                                                (p.q[axes_.u] >> kQuantumBits & kMask))];
+      const bool stands = c && (c->flags & kModelStands) != 0;
+      if (strewn) {
+        ++(stands ? counts.covered : counts.left_out);
+        return true;
+      }
+      if (!stands) return false;
+      bool gone = axes_.sign * p.q[axes_.up] > c->height - static_cast<std::int32_t>(c->reach);
+      if (!gone && (c->flags & kModelRim) != 0)
+        gone = std::fabs(decode_normal(p.normal)[axes_.up]) > kLevelCosine;
+      counts.replaced += gone;
+      return gone;
+    });
+  }
+
+  ViewAxes axes_;
+  TopStore top_;
+  std::unique_ptr<PointStore> points_;    ///< null where no top surface is wanted
+  std::vector<std::uint64_t> first_key_;  ///< of every task, and one past
+};
+
+}  // namespace
+
+std::uint64_t top_points_task_bytes(std::uint64_t brick_points, std::uint64_t samples) {
+  const std::uint64_t all = brick_points + samples;
+  return all * 2 * sizeof(PointRecord) + samples * sizeof(PointRecord) + BrickSorter::bytes(all) +
+         DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+}
+
+std::unique_ptr<Stage> make_top_points_stage(const JobState& state) {
+  return std::make_unique<TopPointsStage>(state);
+}
+
+}  // namespace tessera

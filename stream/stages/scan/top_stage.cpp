@@ -1,0 +1,215 @@
+#include "stream/stages/scan/top_stage.h"
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "kernels/points/surface_model.h"
+#include "stream/files/task_files.h"
+#include "stream/points/point_overlay.h"
+#include "stream/points/point_sort.h"
+#include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
+#include "stream/points/top_store.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+/// Brick columns of a task along an edge: a multiple more than the context around them, which is fitted twice.
+constexpr int kGroupColumns = 8;
+constexpr int kModelEdge = (kGroupColumns + 2) * kBrickCells;
+/// Layers, the model and the rasters of its filters, a column; a brick's block of points; samples while they are put in order.
+constexpr std::uint64_t kModelColumnBytes = sizeof(TopLayer) + 13 + 4 * 8 + 8;
+constexpr std::uint64_t kBlockPointBytes = 42;
+constexpr std::uint64_t kTopFixedBytes = 16u << 20;
+/// Samples that a group may take besides: steps between columns are few.
+constexpr std::uint64_t kSampleBytes =
+    3 * sizeof(PointRecord) * kGroupColumns * kGroupColumns * kBrickCells * kBrickCells;
+
+/// Bricks of a brick column, from its point store.
+using BrickColumns = std::map<std::pair<int, int>, std::vector<std::size_t>>;
+
+class TopStage : public Stage {
+ public:
+  explicit TopStage(const JobState& state)
+      : axes_(ViewAxes::along(reconstruct_options(state).up.value_or(Double3{0, 0, 1}))) {
+    auto overlay = PointOverlay::open(state.work);
+    if (!overlay || overlay->volumetric() != VolumetricUse::kTop) return;
+    store_ = std::make_unique<PointStore>(list_task_files(state.work / kScanPointFolder, kPointExtension),
+                                          overlay);
+    for (std::size_t b = 0; b < store_->bricks().size(); ++b) {
+      const Int3 at = brick_of_key(store_->bricks()[b].key);
+      columns_[{at[axes_.u], at[axes_.v]}].push_back(b);
+    }
+    for (const auto& [at, bricks] : columns_)
+      groups_.emplace_back(at.first / kGroupColumns, at.second / kGroupColumns);
+    std::sort(groups_.begin(), groups_.end());
+    groups_.erase(std::unique(groups_.begin(), groups_.end()), groups_.end());
+  }
+
+  std::string name() const override { return "top"; }
+  std::size_t task_count() const override { return groups_.size(); }
+  std::uint64_t units() const override { return columns_.size(); }
+  std::string unit_name() const override { return "brick columns"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t fullest = 0, brick = 0;
+    for_columns(task, [&](int, int, const std::vector<std::size_t>& bricks) {
+      std::uint64_t points = 0;
+      for (const std::size_t b : bricks) {
+        points += store_->bricks()[b].points;
+        brick = std::max(brick, store_->bricks()[b].points);
+      }
+      fullest = std::max(fullest, points);
+    });
+    return top_task_bytes(fullest, brick);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    const int gu = groups_[task].first * kGroupColumns - 1, gv = groups_[task].second * kGroupColumns - 1;
+    SurfaceModel model;
+    {
+      std::vector<TopLayer> layers(std::size_t{kModelEdge} * kModelEdge);
+      std::vector<TopLayer> column(std::size_t{kBrickCells} * kBrickCells);
+      for_columns(task, [&](int u, int v, const std::vector<std::size_t>& bricks) {
+        context.check_stop();
+        std::fill(column.begin(), column.end(), TopLayer{});
+        std::vector<ColumnPoint> points = load(bricks, context);
+        find_top_layers(points, column);
+        for (int row = 0; row < kBrickCells; ++row)
+          std::copy_n(column.begin() + row * kBrickCells, kBrickCells,
+                      layers.begin() + ((v - gv) * kBrickCells + row) * kModelEdge + (u - gu) * kBrickCells);
+        if (is_core(u - gu) && is_core(v - gv)) context.advance(1);
+      });
+      context.check_stop();
+      model = fit_surface_model(layers, kModelEdge);
+    }
+    context.check_stop();
+    TopFileWriter writer(
+        context.create(std::string(TopStore::kFolder) + "/" + task_file_stem(task) + TopStore::kExtension));
+    json summary = write(model, gu, gv, writer);
+    context.count_written(writer.finish());
+    return summary;
+  }
+
+  std::uint64_t finish_bytes() const override { return 1u << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    if (!store_) return {{"needed", false}};
+    json sum = {{"needed", true}, {"columns", 0}, {"filled_columns", 0}, {"samples", 0}, {"step_samples", 0}};
+    for (const json& s : summaries)
+      for (const auto& [key, value] : s.items())
+        sum[key] = sum.at(key).get<std::uint64_t>() + value.get<std::uint64_t>();
+    return sum;
+  }
+
+ private:
+  static bool is_core(int column) { return column >= 1 && column <= kGroupColumns; }
+
+  /// use(u, v, bricks) for the brick columns of a task and those around them.
+  template <class Use>
+  void for_columns(std::size_t task, const Use& use) const {
+    const int u0 = groups_[task].first * kGroupColumns - 1, v0 = groups_[task].second * kGroupColumns - 1;
+    for (int u = u0; u < u0 + kGroupColumns + 2; ++u)
+      for (int v = v0; v < v0 + kGroupColumns + 2; ++v)
+        if (const auto found = columns_.find({u, v}); found != columns_.end()) use(u, v, found->second);
+  }
+
+  std::vector<ColumnPoint> load(const std::vector<std::size_t>& bricks, TaskContext& context) const {
+    std::vector<ColumnPoint> points;
+    std::size_t count = 0;
+    for (const std::size_t b : bricks) count += store_->bricks()[b].points;
+    points.reserve(count);
+    for (const std::size_t b : bricks) {
+      const Int3 at = brick_of_key(store_->bricks()[b].key);
+      const PointBlock block = store_->load({at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells},
+                                            {kBrickCells, kBrickCells, kBrickCells}, 0, false, true);
+      const std::array<const std::vector<float>*, 3> position = {&block.x, &block.y, &block.z};
+      const std::vector<float>&pu = *position[axes_.u], &pv = *position[axes_.v], &pt = *position[axes_.up];
+      const std::int32_t base = at[axes_.up] * kBrickCells * kQuantaPerCell;
+      for (std::size_t i = 0; i < block.size(); ++i) {
+        ColumnPoint p;
+        p.column =
+            static_cast<std::uint16_t>(static_cast<int>(pv[i]) * kBrickCells + static_cast<int>(pu[i]));
+        p.volumetric = (block.flags[i] & kPointVolumetric) != 0;
+        p.height = axes_.sign * (base + static_cast<std::int32_t>(pt[i] * kQuantaPerCell));
+        p.rgba = block.rgba.empty() ? 0 : block.rgba[i];
+        points.push_back(p);
+      }
+      context.count_read(block.size() * sizeof(PointRecord));
+      context.check_stop();
+    }
+    return points;
+  }
+
+  json write(const SurfaceModel& model, int gu, int gv, TopFileWriter& writer) const {
+    std::uint64_t stands = 0, filled = 0, samples = 0, steps = 0;
+    for (int u = 1; u <= kGroupColumns; ++u)
+      for (int v = 1; v <= kGroupColumns; ++v) {
+        std::vector<ModelColumn> columns(std::size_t{kBrickCells} * kBrickCells);
+        bool any = false;
+        for (int row = 0; row < kBrickCells; ++row)
+          for (int k = 0; k < kBrickCells; ++k) {
+            const std::size_t i = model.at(u * kBrickCells + k, v * kBrickCells + row);
+            if ((model.flags[i] & kModelStands) == 0) continue;
+            any = true;
+            ++stands;
+            filled += (model.flags[i] & kModelFilled) != 0;
+            ModelColumn& c = columns[static_cast<std::size_t>(row * kBrickCells + k)];
+            c.height = model.height[i], c.flags = model.flags[i];
+            c.reach = static_cast<std::uint32_t>(model.reach(i));
+          }
+        if (!any) continue;
+        Int3 at = {0, 0, 0};
+        at[axes_.u] = gu + u, at[axes_.v] = gv + v;
+        writer.model(brick_key(at), columns);
+      }
+    std::map<std::uint64_t, std::vector<PointRecord>> bricks;
+    if (stands > 0 ||
+        std::any_of(model.flags.begin(), model.flags.end(), [](std::uint8_t f) { return f != 0; }))
+      sample_surface_model(model, kBrickCells, (kGroupColumns + 1) * kBrickCells, [&](const ModelSample& m) {
+        PointRecord r;
+        r.q[axes_.u] = gu * kBrickCells * kQuantaPerCell + m.u;
+        r.q[axes_.v] = gv * kBrickCells * kQuantaPerCell + m.v;
+        r.q[axes_.up] = axes_.sign * m.height;
+        Float3 n = {};
+        n[axes_.u] = m.normal[0], n[axes_.v] = m.normal[1];
+        n[axes_.up] = static_cast<float>(axes_.sign) * m.normal[2];
+        r.normal = encode_normal(n[0], n[1], n[2]);
+        r.rgba = m.rgba;
+        r.flags = kPointSynthetic;
+        constexpr int kShift = kBrickBits + kQuantumBits;
+        bricks[brick_key({r.q[0] >> kShift, r.q[1] >> kShift, r.q[2] >> kShift})].push_back(r);
+        ++samples;
+        steps += m.step;
+      });
+    BrickSorter sorter;
+    for (const auto& [key, records] : bricks) {
+      const std::span<const PointRecord> sorted = sorter.sort(records);
+      writer.samples(key, {sorted.begin(), sorted.end()});
+    }
+    return {{"columns", stands}, {"filled_columns", filled}, {"samples", samples}, {"step_samples", steps}};
+  }
+
+  ViewAxes axes_;
+  std::unique_ptr<PointStore> store_;  ///< null where no top surface is wanted
+  BrickColumns columns_;
+  std::vector<std::pair<int, int>> groups_;
+};
+
+}  // namespace
+
+std::uint64_t top_task_bytes(std::uint64_t column_points, std::uint64_t brick_points) {
+  return std::uint64_t{kModelEdge} * kModelEdge * kModelColumnBytes + kSampleBytes +
+         column_points * sizeof(ColumnPoint) + brick_points * kBlockPointBytes + kTopFixedBytes;
+}
+
+std::unique_ptr<Stage> make_top_stage(const JobState& state) {
+  return std::make_unique<TopStage>(state);
+}
+
+}  // namespace tessera

@@ -1,0 +1,21 @@
+/// \file top_stage.h
+/// Passes of scenes seen from above whose strewn points the top surface stands in for; no task in others.
+///   top         points -> the model of the top surface by brick column, and its samples by brick
+///   top-points  points and samples -> the points that the surface is made of, in place of the scan's
+#pragma once
+#include <cstdint>
+#include <memory>
+
+#include "stream/runtime/stage.h"
+
+namespace tessera {
+
+/// What a task takes at most. \param column_points  of its fullest brick column \param brick_points  of its fullest brick
+std::uint64_t top_task_bytes(std::uint64_t column_points, std::uint64_t brick_points);
+/// \param brick_points  of its fullest brick \param samples  in that brick
+std::uint64_t top_points_task_bytes(std::uint64_t brick_points, std::uint64_t samples);
+
+std::unique_ptr<Stage> make_top_stage(const JobState& state);
+std::unique_ptr<Stage> make_top_points_stage(const JobState& state);
+
+}  // namespace tessera
