@@ -51,11 +51,13 @@ PointBlock average_normals(const PointBlock& points) {
                 bz = block_of(points.z[begin]);
     // Positions relative to the block: the same floats whatever the origin of the points.
     float px = 0.0f, py = 0.0f, pz = 0.0f, nx = 0.0f, ny = 0.0f, nz = 0.0f, count = 0.0f;
+    bool synthetic = false;
     std::size_t end = begin;
     for (; end < n; ++end) {
       const float x = points.x[end] - 2.0f * bx, y = points.y[end] - 2.0f * by, z = points.z[end] - 2.0f * bz;
       if (x < 0.0f || y < 0.0f || z < 0.0f || x >= 2.0f || y >= 2.0f || z >= 2.0f) break;
       if (points.nx[end] == 0.0f && points.ny[end] == 0.0f && points.nz[end] == 0.0f) continue;
+      synthetic = synthetic || (!points.flags.empty() && (points.flags[end] & kPointSynthetic) != 0);
       px += x;
       py += y;
       pz += z;
@@ -63,6 +65,10 @@ PointBlock average_normals(const PointBlock& points) {
       ny += points.ny[end];
       nz += points.nz[end];
       count += 1.0f;
+    }
+    if (synthetic) {
+      begin = end;
+      continue;
     }
     const auto push = [&](const Float3& sum, float of, const Float3& normal) {
       const auto quantum = [&](float coordinate, float corner) {

@@ -11,7 +11,7 @@ namespace {
 constexpr std::int32_t kCell = kQuantaPerCell;
 
 /// Depth of a layer, and the share of its column that it must hold: one in so many, at least two of several.
-constexpr std::int32_t kLayerDepth = 4 * kCell;
+constexpr std::int32_t kLayerDepth = 3 * kCell;
 constexpr std::size_t kLayerShare = 8;
 
 /// Holes no wider than twice this are filled, chessboard columns.
@@ -24,15 +24,27 @@ constexpr std::int32_t kFillRise = kCell / 2;
 /// Steps of diffusion, and the height across which it does not go: a part for the lattice, and times the local noise.
 constexpr int kDiffusionSteps = 16;
 constexpr std::int32_t kStepCells = 2 * kCell;
-constexpr std::int32_t kStepNoise = 3;
+constexpr std::int32_t kStepNoise = 3, kMaxNoise = 2 * kCell;
 constexpr int kNoiseRadius = 2;
 constexpr int kVoteRadius = 2;  ///< of the majority of strewn points
 constexpr int kOpenRadius = 2;  ///< wires, poles and people are thinner
-constexpr int kCloseRadius = 1;
+constexpr int kCloseRadius = 2;
 constexpr int kRimColumns = 3;
 constexpr int kActiveMargin = 2;  ///< columns around those that stand that take part in the diffusion
-/// Steps between neighbours from which samples go down them.
-constexpr std::int32_t kWall = kCell;
+/// Samples go down the steps of the model a cell apart.
+constexpr std::int32_t kSampleStep = kCell;
+/// A step so high is a wall: measured, or bare. Nothing measured stays so near behind
+/// bare ones.
+constexpr std::int32_t kBareStep = 3 * kCell;
+constexpr int kBareMargin = 1, kBareColumns = 3;
+/// A wall was measured where steep points no farther away than this hold half of its height, with one in two cells.
+constexpr int kWallColumns = 4;
+constexpr int kWallFacing = 38;  ///< of 127, towards the low side
+constexpr std::int32_t kWallGap = 2 * kCell;
+/// A layer so far from the median around it is rough.
+constexpr std::int32_t kRoughCells = kCell;
+/// Pits in what stands, no wider than twice this, are closed.
+constexpr int kPitRadius = 2;
 
 /// Columns of a square, u fastest.
 struct Square {
@@ -123,6 +135,31 @@ void fill_empty(Square s, const std::vector<std::uint8_t>& inside, std::vector<s
   }
 }
 
+/// Closes pits: the lowest of the highest around, where it is wanted.
+void close_pits(Square s, const std::vector<std::uint8_t>& wanted, std::vector<std::int32_t>& height) {
+  const auto around = [&](const std::vector<std::int32_t>& from, int u, int v, bool highest) {
+    std::int32_t best = kNoHeight;
+    for (int dv = -kPitRadius; dv <= kPitRadius; ++dv)
+      for (int du = -kPitRadius; du <= kPitRadius; ++du) {
+        if (u + du < 0 || v + dv < 0 || u + du >= s.edge || v + dv >= s.edge) continue;
+        const std::int32_t h = from[s.at(u + du, v + dv)];
+        if (h != kNoHeight && (best == kNoHeight || (highest ? h > best : h < best))) best = h;
+      }
+    return best;
+  };
+  const std::vector<std::uint8_t> near = dilate(s, wanted, kPitRadius);
+  std::vector<std::int32_t> high(height.size(), kNoHeight);
+  for (int v = 0; v < s.edge; ++v)
+    for (int u = 0; u < s.edge; ++u)
+      if (near[s.at(u, v)] != 0) high[s.at(u, v)] = around(height, u, v, true);
+  for (int v = 0; v < s.edge; ++v)
+    for (int u = 0; u < s.edge; ++u) {
+      const std::size_t i = s.at(u, v);
+      if (wanted[i] != 0 && height[i] != kNoHeight)
+        height[i] = std::max(height[i], around(high, u, v, false));
+    }
+}
+
 /// Steps of diffusion between neighbours no farther apart than the step that the noise allows.
 void diffuse(Square s, const std::vector<std::uint8_t>& active, const std::vector<std::int32_t>& noise,
              std::vector<std::int32_t>& height) {
@@ -141,13 +178,51 @@ void diffuse(Square s, const std::vector<std::uint8_t>& active, const std::vecto
         const auto n = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(i) + around[k]);
         if (height[n] == kNoHeight) continue;
         const std::int64_t d = std::int64_t{height[n]} - height[i];
-        const std::int64_t limit = kStepCells + std::int64_t{kStepNoise} * (noise[i] + noise[n]) / 2;
+        const std::int64_t limit =
+            kStepCells + kStepNoise * (std::min(noise[i], kMaxNoise) + std::min(noise[n], kMaxNoise)) / 2;
         if (std::abs(d) <= limit) flow += k < 4 ? 2 * d : d;
       }
       next[c] = height[i] + static_cast<std::int32_t>((flow + 8) >> 4);
     }
     for (std::size_t c = 0; c < columns.size(); ++c) height[columns[c]] = next[c];
   }
+}
+
+/// Did steep points below the high side of a step, or at its foot, show its wall? A roof may hang over it. \param axis  of
+/// the step between column (u, v) and the next
+bool is_measured(const SurfaceModel& model, int u, int v, int axis, std::int32_t here, std::int32_t there) {
+  const auto [low, high] = std::minmax(here, there);
+  const bool rises = there > here;
+  for (int k = -1; k <= kWallColumns; ++k)  // from the foot to below what is above
+    for (int side = -1; side <= 1; ++side) {
+      const int along = rises ? k + 1 : -k;
+      const int cu = u + (axis == 0 ? along : side), cv = v + (axis == 0 ? side : along);
+      if (cu < 0 || cv < 0 || cu >= model.edge || cv >= model.edge) continue;
+      const std::size_t i = model.at(cu, cv);
+      const int facing = axis == 0 ? model.wall_u[i] : model.wall_v[i];
+      if ((rises ? -facing : facing) < kWallFacing) continue;
+      const std::int32_t both = std::min(model.wall_high[i], high) - std::max(model.wall_low[i], low);
+      if (2 * std::int64_t{both} >= high - low) return true;
+    }
+  return false;
+}
+
+/// Columns on either side of steps whose wall was not measured. \param wanted  looks at these alone
+std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vector<std::uint8_t>& wanted) {
+  std::vector<std::uint8_t> out(model.height.size());
+  for (int v = 0; v + 1 < model.edge; ++v)
+    for (int u = 0; u + 1 < model.edge; ++u) {
+      const std::size_t i = model.at(u, v);
+      if (wanted[i] == 0 || model.height[i] == kNoHeight) continue;
+      for (int axis = 0; axis < 2; ++axis) {
+        const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
+        if (wanted[j] == 0 || model.height[j] == kNoHeight) continue;
+        if (std::abs(std::int64_t{model.height[i]} - model.height[j]) >= kBareStep &&
+            !is_measured(model, u, v, axis, model.height[i], model.height[j]))
+          out[i] = out[j] = 1;
+      }
+    }
+  return out;
 }
 
 /// The smaller of both slopes where they agree in sign, 0 where not: no overshoot at steps.
@@ -175,6 +250,18 @@ void find_top_layers(std::span<ColumnPoint> points, std::span<TopLayer> layers) 
     const std::size_t count = std::min<std::size_t>(below - top, 0xffff);
     layer.points = static_cast<std::uint16_t>(count);
     std::uint64_t volumetric = 0, coloured = 0;
+    std::int64_t steep = 0, normal_u = 0, normal_v = 0;
+    for (std::size_t i = first; i < end; ++i) {
+      if (!points[i].steep) continue;
+      if (steep++ == 0) layer.wall_high = points[i].height;
+      layer.wall_low = points[i].height;
+      normal_u += points[i].normal_u, normal_v += points[i].normal_v;
+    }
+    if (steep > 0) {
+      layer.wall_u = static_cast<std::int8_t>(normal_u / steep);
+      layer.wall_v = static_cast<std::int8_t>(normal_v / steep);
+    }
+    if (steep * kWallGap < layer.wall_high - layer.wall_low) layer.wall_low = layer.wall_high;
     std::array<std::uint64_t, 3> colour{};
     for (std::size_t i = top; i < below; ++i) {
       volumetric += points[i].volumetric;
@@ -194,7 +281,7 @@ void find_top_layers(std::span<ColumnPoint> points, std::span<TopLayer> layers) 
 }
 
 std::int32_t SurfaceModel::reach(std::size_t column) const {
-  return kLayerDepth + 2 * noise[column];
+  return 2 * kCell + 2 * noise[column];
 }
 
 SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
@@ -202,13 +289,14 @@ SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
   SurfaceModel model;
   model.edge = edge;
   const std::size_t n = layers.size();
+  model.wall_low.resize(n), model.wall_high.resize(n), model.wall_u.resize(n), model.wall_v.resize(n);
   model.height.resize(n), model.noise.resize(n), model.rgba.resize(n), model.flags.assign(n, 0);
   std::vector<std::uint8_t> measured(n);
-  std::vector<std::int64_t> votes(n);  // of strewn points against the others
   for (std::size_t i = 0; i < n; ++i) {
     model.height[i] = layers[i].height, model.rgba[i] = layers[i].rgba;
     measured[i] = layers[i].height != kNoHeight;
-    votes[i] = 2 * std::int64_t{layers[i].volumetric} - std::int64_t{layers[i].points};
+    model.wall_low[i] = layers[i].wall_low, model.wall_high[i] = layers[i].wall_high;
+    model.wall_u[i] = layers[i].wall_u, model.wall_v[i] = layers[i].wall_v;
   }
   // Columns between samples are no holes: those with nothing all around are.
   const std::vector<std::uint8_t> closed = erode(s, dilate(s, measured, kFillRadius), kFillRadius);
@@ -216,26 +304,34 @@ SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
   for (std::size_t i = 0; i < n; ++i) hole[i] = measured[i] == 0;
   hole = dilate(s, erode(s, hole, 1), 1);
 
+  // Strewn points and rough layers against the others.
+  const std::vector<std::int32_t> smooth = median5(s, model.height, measured);
+  std::vector<std::int64_t> votes(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool rough = measured[i] != 0 && std::abs(std::int64_t{layers[i].height} - smooth[i]) > kRoughCells;
+    votes[i] = rough ? layers[i].points : 2 * std::int64_t{layers[i].volumetric} - layers[i].points;
+  }
   const std::vector<std::int64_t> majority = box_sums(s, votes, kVoteRadius);
   std::vector<std::uint8_t> strewn(n);
   for (std::size_t i = 0; i < n; ++i) strewn[i] = closed[i] != 0 && majority[i] > 0;
   strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
   strewn = erode(s, dilate(s, strewn, kCloseRadius), kCloseRadius);
-  bool any = false;
+  model.height = smooth;
+  model.height = smooth;
+  const std::vector<std::uint8_t> beside = dilate(s, bare_steps(model, measured), kBareMargin);
+  std::vector<std::uint8_t> stands(n), unsure(n);
   for (std::size_t i = 0; i < n; ++i) {
     const bool filled = measured[i] == 0 && closed[i] != 0 && hole[i] != 0;
     if (filled) model.flags[i] |= kModelFilled;
-    if (filled || (strewn[i] != 0 && closed[i] != 0)) model.flags[i] |= kModelStands, any = true;
+    unsure[i] = filled || (strewn[i] != 0 && closed[i] != 0);
+    stands[i] = unsure[i] != 0 || (beside[i] != 0 && closed[i] != 0);
   }
-  if (!any) return model;
 
-  std::vector<std::uint8_t> stands(n);
-  for (std::size_t i = 0; i < n; ++i) stands[i] = model.flags[i] & kModelStands;
-  // Medians where something stands or depends on it: its fill, its noise, its diffusion.
+  // The fit, where something stands or depends on it: its fill, its noise, its diffusion.
   const std::vector<std::uint8_t> near = dilate(s, stands, kActiveMargin + kFillRounds);
-  model.height = median5(s, model.height, near);
   fill_empty(s, closed, model.height, model.rgba);
   model.height = median5(s, model.height, near);
+  close_pits(s, unsure, model.height);
   std::vector<std::int64_t> off(n, 0), counted(n, 0);
   for (std::size_t i = 0; i < n; ++i)
     if (measured[i] != 0 && near[i] != 0)
@@ -243,12 +339,20 @@ SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
   off = box_sums(s, off, kNoiseRadius), counted = box_sums(s, counted, kNoiseRadius);
   for (std::size_t i = 0; i < n; ++i)
     model.noise[i] = counted[i] > 0 ? static_cast<std::int32_t>(off[i] / counted[i]) : 0;
-  diffuse(s, dilate(s, stands, kActiveMargin), model.noise, model.height);
+  diffuse(s, dilate(s, unsure, kActiveMargin), model.noise, model.height);
 
-  std::vector<std::uint8_t> rim = dilate(s, stands, kRimColumns, false);
+  const std::vector<std::uint8_t> inner = erode(s, stands, kRimColumns);
+  const std::vector<std::uint8_t> bare = dilate(s, bare_steps(model, closed), kBareMargin);
+  const std::vector<std::uint8_t> by_step = dilate(s, bare, kBareColumns);
   for (std::size_t i = 0; i < n; ++i) {
-    if (stands[i] != 0 && model.height[i] == kNoHeight) model.flags[i] = 0;
-    if ((model.flags[i] & kModelStands) != 0 && rim[i] == 0) model.flags[i] |= kModelRim;
+    if (model.height[i] == kNoHeight) {
+      model.flags[i] = 0;
+      continue;
+    }
+    if (stands[i] != 0) model.flags[i] |= kModelStands;
+    if (stands[i] != 0 && inner[i] == 0) model.flags[i] |= kModelRim;
+    if (bare[i] != 0) model.flags[i] |= kModelBare;
+    if (by_step[i] != 0) model.flags[i] |= kModelStep;
   }
   return model;
 }
@@ -289,10 +393,13 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
       }
       for (int axis = 0; axis < 2; ++axis) {
         const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
-        if (model.height[j] == kNoHeight || (!stands(i) && !stands(j))) continue;
+        if (model.height[j] == kNoHeight) continue;
         const std::int64_t rise = std::int64_t{model.height[j]} - model.height[i];
-        const std::int64_t lines = std::abs(rise) / kWall;
-        if (lines == 0) continue;
+        const bool bare = (model.flags[i] & model.flags[j] & kModelBare) != 0 && std::abs(rise) >= kBareStep;
+        if (!bare && !stands(i) && !stands(j)) continue;
+        if (std::abs(rise) >= kBareStep && is_measured(model, u, v, axis, model.height[i], model.height[j]))
+          continue;
+        const std::int64_t lines = std::abs(rise) / kSampleStep;
         const float steep = static_cast<float>(rise) / kQuantaPerCell;
         Float3 normal = {0.0f, 0.0f, 1.0f};
         normal[static_cast<std::size_t>(axis)] = -steep;

@@ -23,17 +23,21 @@ inline constexpr int kSurfaceModelHalo = kBrickCells;
 /// A point of a brick column.
 struct ColumnPoint {
   std::uint16_t column = 0;  ///< v * kBrickCells + u inside the brick column
-  std::uint16_t volumetric = 0;
-  std::int32_t height = 0;  ///< quanta along up
+  bool volumetric = false;
+  bool steep = false;                      ///< on a surface that stands steep
+  std::int8_t normal_u = 0, normal_v = 0;  ///< of steep points: their normal across up, 127 = 1
+  std::int32_t height = 0;                 ///< quanta along up
   std::uint32_t rgba = 0;
 };
 
 /// What a column shows first.
 struct TopLayer {
-  std::int32_t height = kNoHeight;  ///< median of the layer
-  std::uint16_t points = 0;         ///< of the layer
-  std::uint16_t volumetric = 0;     ///< of these
-  std::uint32_t rgba = 0;           ///< mean of the coloured ones
+  std::int32_t height = kNoHeight;           ///< median of the layer
+  std::uint16_t points = 0;                  ///< of the layer
+  std::uint16_t volumetric = 0;              ///< of these
+  std::uint32_t rgba = 0;                    ///< mean of the coloured ones
+  std::int32_t wall_low = 0, wall_high = 0;  ///< where steep surfaces were measured; equal where none
+  std::int8_t wall_u = 0, wall_v = 0;        ///< their mean normal across up, 127 = 1
 };
 
 /// Of every column the highest layer of four cells that holds its share of the column's points: not the highest point, so
@@ -45,6 +49,8 @@ enum ModelFlag : std::uint8_t {
   kModelStands = 1,  ///< samples of the model stand in for what was measured
   kModelRim = 2,     ///< of these: near the rim of all that stand
   kModelFilled = 4,  ///< nothing was measured here, but all around
+  kModelStep = 8,    ///< near a step whose wall was not measured
+  kModelBare = 16,   ///< at such a step: samples go down it, and nothing measured stays behind them
 };
 
 /// The model over a square of columns, u fastest.
@@ -54,6 +60,8 @@ struct SurfaceModel {
   std::vector<std::int32_t> noise;   ///< mean distance of the layers from the model around here, quanta
   std::vector<std::uint32_t> rgba;
   std::vector<std::uint8_t> flags;
+  std::vector<std::int32_t> wall_low, wall_high;  ///< TopLayer
+  std::vector<std::int8_t> wall_u, wall_v;
 
   std::size_t at(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(u);
@@ -73,8 +81,8 @@ struct ModelSample {
   bool step = false;  ///< of the wall between two columns of different height
 };
 
-/// One sample on every column that stands, and a line of them, a cell apart, down every step to a neighbour. Calls use for
-/// those that lie over columns [first, last)^2. \pre kSurfaceModelHalo <= first, last <= edge - kSurfaceModelHalo
+/// One sample on every column that stands, and a line of them, a cell apart, down every step to a neighbour whose wall was
+/// not measured. Calls use for those that lie over columns [first, last)^2. \pre kSurfaceModelHalo <= first, last <= edge - kSurfaceModelHalo
 void sample_surface_model(const SurfaceModel& model, int first, int last,
                           const std::function<void(const ModelSample&)>& use);
 

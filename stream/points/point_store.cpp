@@ -62,6 +62,7 @@ const BrickEntry* find_brick(std::span<const BrickEntry> bricks, std::uint64_t k
 struct PointStore::Impl {
   PackedTables<BrickEntry> bricks;
   std::shared_ptr<const PointOverlay> overlay;
+  bool holds_samples = false;  ///< of the top surface, told by their flags
 
   std::vector<DiskBlock> blocks_of(const BrickEntry& brick) const {
     return bricks.file_of(brick).load<DiskBlock>(brick.block_table());
@@ -101,7 +102,11 @@ PointStore::~PointStore() = default;
 
 PointStore PointStore::of_surface(const std::filesystem::path& work) {
   const auto made = list_task_files(work / kSurfacePointFolder, kPointExtension);
-  if (!made.empty()) return PointStore(made);
+  if (!made.empty()) {
+    PointStore store(made);
+    store.impl_->holds_samples = true;
+    return store;
+  }
   return PointStore(list_task_files(work / kScanPointFolder, kPointExtension), PointOverlay::open(work));
 }
 
@@ -200,6 +205,7 @@ void for_bricks(const Bricks& store, const CellBox& box, const Use& use) {
 
 PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int halo_cells, bool with_sensor,
                             bool with_flags) const {
+  with_flags = with_flags || impl_->holds_samples;
   const CellBox box = cell_box_of(origin_cells, cells, halo_cells);
   std::vector<Segment> segments;
   for_bricks(impl_->bricks, box, [&](const BrickEntry& brick, const Int3& at, bool whole) {

@@ -78,7 +78,7 @@ class PointStore {
   /// All points of a brick as the overlay has them, outliers too.
   std::vector<PointRecord> records(std::size_t brick) const;
   /// Points of the box [origin - halo, origin + cells + halo), cells, canonical order, outliers skipped.
-  /// \param with_sensor, with_flags  fill PointBlock::sensor, flags
+  /// \param with_sensor, with_flags  fill PointBlock::sensor, flags; flags also where samples of the top surface are among them
   /// \pre cells + 2 halo below 2^14 per axis, so that positions are exact floats
   /// \cost about 40 bytes a point of memory, the result included
   PointBlock load(const Int3& origin_cells, const Int3& cells, int halo_cells, bool with_sensor = false,

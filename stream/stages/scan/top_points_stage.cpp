@@ -20,6 +20,8 @@ using json = nlohmann::json;
 
 /// Cosine with up from which a point lies level.
 constexpr float kLevelCosine = 0.5f;
+/// And up to which it shows down: the underside of what hangs over a step.
+constexpr float kDownCosine = -0.2f;
 
 class TopPointsStage : public Stage {
  public:
@@ -72,7 +74,8 @@ class TopPointsStage : public Stage {
     return {{"points", counts.points},
             {"volumetric_covered", counts.covered},
             {"volumetric_left_out", counts.left_out},
-            {"measured_replaced", counts.replaced}};
+            {"measured_at_top", counts.at_top},
+            {"measured_behind", counts.behind}};
   }
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
@@ -97,7 +100,8 @@ class TopPointsStage : public Stage {
     std::uint64_t points = 0;
     std::uint64_t covered = 0;   ///< strewn points in columns that samples stand in for
     std::uint64_t left_out = 0;  ///< strewn points elsewhere: wires, poles, what lies below a surface
-    std::uint64_t replaced = 0;  ///< points of surfaces that samples stand in for
+    std::uint64_t at_top = 0;    ///< points of surfaces that samples stand in for
+    std::uint64_t behind = 0;    ///< points of surfaces behind the walls of samples
   };
 
   /// use(key, brick or null) for the bricks of a task that hold points or samples, ascending.
@@ -119,7 +123,7 @@ class TopPointsStage : public Stage {
   }
 
   /// Takes strewn points out, and in columns that samples stand in for what lies on or above them, or level just inside
-  /// their rim: there the wall between the top and the ground beside it meets the ground.
+  /// their rim: there the wall between the top and the ground beside it meets the ground. Behind bare steps nothing stays.
   void keep_measured(std::uint64_t key, std::vector<PointRecord>& records, Counts& counts) const {
     Int3 at = brick_of_key(key);
     at[axes_.up] = 0;
@@ -138,12 +142,18 @@ class TopPointsStage : public Stage {
         ++(stands ? counts.covered : counts.left_out);
         return true;
       }
-      if (!stands) return false;
-      bool gone = axes_.sign * p.q[axes_.up] > c->height - static_cast<std::int32_t>(c->reach);
-      if (!gone && (c->flags & kModelRim) != 0)
-        gone = std::fabs(decode_normal(p.normal)[axes_.up]) > kLevelCosine;
-      counts.replaced += gone;
-      return gone;
+      if (!c || c->flags == 0) return false;
+      const bool below = axes_.sign * p.q[axes_.up] <= c->height - static_cast<std::int32_t>(c->reach);
+      const float facing = static_cast<float>(axes_.sign) * decode_normal(p.normal)[axes_.up];
+      const bool by_step = (c->flags & kModelStep) != 0;
+      if (stands && !below) {
+        ++counts.at_top;
+        return true;
+      }
+      const bool rim = stands && (c->flags & kModelRim) != 0 && facing > kLevelCosine;
+      const bool behind = by_step && (stands || (below && facing < kDownCosine));
+      counts.behind += rim || behind;
+      return rim || behind;
     });
   }
 

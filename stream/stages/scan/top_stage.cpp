@@ -1,6 +1,8 @@
 #include "stream/stages/scan/top_stage.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -29,6 +31,9 @@ constexpr std::uint64_t kTopFixedBytes = 16u << 20;
 /// Samples that a group may take besides: steps between columns are few.
 constexpr std::uint64_t kSampleBytes =
     3 * sizeof(PointRecord) * kGroupColumns * kGroupColumns * kBrickCells * kBrickCells;
+
+/// Cosine with up up to which a surface stands steep.
+constexpr float kSteepCosine = 0.5f;
 
 /// Bricks of a brick column, from its point store.
 using BrickColumns = std::map<std::pair<int, int>, std::vector<std::size_t>>;
@@ -129,6 +134,7 @@ class TopStage : public Stage {
       const PointBlock block = store_->load({at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells},
                                             {kBrickCells, kBrickCells, kBrickCells}, 0, false, true);
       const std::array<const std::vector<float>*, 3> position = {&block.x, &block.y, &block.z};
+      const std::array<const std::vector<float>*, 3> normal = {&block.nx, &block.ny, &block.nz};
       const std::vector<float>&pu = *position[axes_.u], &pv = *position[axes_.v], &pt = *position[axes_.up];
       const std::int32_t base = at[axes_.up] * kBrickCells * kQuantaPerCell;
       for (std::size_t i = 0; i < block.size(); ++i) {
@@ -136,6 +142,11 @@ class TopStage : public Stage {
         p.column =
             static_cast<std::uint16_t>(static_cast<int>(pv[i]) * kBrickCells + static_cast<int>(pu[i]));
         p.volumetric = (block.flags[i] & kPointVolumetric) != 0;
+        const auto across = [&](std::size_t axis) {
+          return static_cast<std::int8_t>((*normal[axis])[i] * 127.0f);
+        };
+        p.normal_u = across(axes_.u), p.normal_v = across(axes_.v);
+        p.steep = !p.volumetric && std::fabs((*normal[axes_.up])[i]) < kSteepCosine;
         p.height = axes_.sign * (base + static_cast<std::int32_t>(pt[i] * kQuantaPerCell));
         p.rgba = block.rgba.empty() ? 0 : block.rgba[i];
         points.push_back(p);
@@ -155,9 +166,9 @@ class TopStage : public Stage {
         for (int row = 0; row < kBrickCells; ++row)
           for (int k = 0; k < kBrickCells; ++k) {
             const std::size_t i = model.at(u * kBrickCells + k, v * kBrickCells + row);
-            if ((model.flags[i] & kModelStands) == 0) continue;
+            if (model.flags[i] == 0) continue;
             any = true;
-            ++stands;
+            stands += (model.flags[i] & kModelStands) != 0;
             filled += (model.flags[i] & kModelFilled) != 0;
             ModelColumn& c = columns[static_cast<std::size_t>(row * kBrickCells + k)];
             c.height = model.height[i], c.flags = model.flags[i];
@@ -169,24 +180,22 @@ class TopStage : public Stage {
         writer.model(brick_key(at), columns);
       }
     std::map<std::uint64_t, std::vector<PointRecord>> bricks;
-    if (stands > 0 ||
-        std::any_of(model.flags.begin(), model.flags.end(), [](std::uint8_t f) { return f != 0; }))
-      sample_surface_model(model, kBrickCells, (kGroupColumns + 1) * kBrickCells, [&](const ModelSample& m) {
-        PointRecord r;
-        r.q[axes_.u] = gu * kBrickCells * kQuantaPerCell + m.u;
-        r.q[axes_.v] = gv * kBrickCells * kQuantaPerCell + m.v;
-        r.q[axes_.up] = axes_.sign * m.height;
-        Float3 n = {};
-        n[axes_.u] = m.normal[0], n[axes_.v] = m.normal[1];
-        n[axes_.up] = static_cast<float>(axes_.sign) * m.normal[2];
-        r.normal = encode_normal(n[0], n[1], n[2]);
-        r.rgba = m.rgba;
-        r.flags = kPointSynthetic;
-        constexpr int kShift = kBrickBits + kQuantumBits;
-        bricks[brick_key({r.q[0] >> kShift, r.q[1] >> kShift, r.q[2] >> kShift})].push_back(r);
-        ++samples;
-        steps += m.step;
-      });
+    sample_surface_model(model, kBrickCells, (kGroupColumns + 1) * kBrickCells, [&](const ModelSample& m) {
+      PointRecord r;
+      r.q[axes_.u] = gu * kBrickCells * kQuantaPerCell + m.u;
+      r.q[axes_.v] = gv * kBrickCells * kQuantaPerCell + m.v;
+      r.q[axes_.up] = axes_.sign * m.height;
+      Float3 n = {};
+      n[axes_.u] = m.normal[0], n[axes_.v] = m.normal[1];
+      n[axes_.up] = static_cast<float>(axes_.sign) * m.normal[2];
+      r.normal = encode_normal(n[0], n[1], n[2]);
+      r.rgba = m.rgba;
+      r.flags = kPointSynthetic;
+      constexpr int kShift = kBrickBits + kQuantumBits;
+      bricks[brick_key({r.q[0] >> kShift, r.q[1] >> kShift, r.q[2] >> kShift})].push_back(r);
+      ++samples;
+      steps += m.step;
+    });
     BrickSorter sorter;
     for (const auto& [key, records] : bricks) {
       const std::span<const PointRecord> sorted = sorter.sort(records);
