@@ -29,7 +29,6 @@ constexpr int kNoiseRadius = 2;
 constexpr int kVoteRadius = 2;  ///< of the majority of strewn points
 constexpr int kOpenRadius = 2;  ///< wires, poles and people are thinner
 constexpr int kCloseRadius = 2;
-constexpr int kRimColumns = 3;
 constexpr int kActiveMargin = 2;  ///< columns around those that stand that take part in the diffusion
 /// Samples go down the steps of the model a cell apart.
 constexpr std::int32_t kSampleStep = kCell;
@@ -135,29 +134,30 @@ void fill_empty(Square s, const std::vector<std::uint8_t>& inside, std::vector<s
   }
 }
 
-/// Closes pits: the lowest of the highest around, where it is wanted.
-void close_pits(Square s, const std::vector<std::uint8_t>& wanted, std::vector<std::int32_t>& height) {
-  const auto around = [&](const std::vector<std::int32_t>& from, int u, int v, bool highest) {
-    std::int32_t best = kNoHeight;
-    for (int dv = -kPitRadius; dv <= kPitRadius; ++dv)
-      for (int du = -kPitRadius; du <= kPitRadius; ++du) {
-        if (u + du < 0 || v + dv < 0 || u + du >= s.edge || v + dv >= s.edge) continue;
-        const std::int32_t h = from[s.at(u + du, v + dv)];
-        if (h != kNoHeight && (best == kNoHeight || (highest ? h > best : h < best))) best = h;
-      }
-    return best;
-  };
-  const std::vector<std::uint8_t> near = dilate(s, wanted, kPitRadius);
-  std::vector<std::int32_t> high(height.size(), kNoHeight);
-  for (int v = 0; v < s.edge; ++v)
-    for (int u = 0; u < s.edge; ++u)
-      if (near[s.at(u, v)] != 0) high[s.at(u, v)] = around(height, u, v, true);
+/// The lowest or highest of the columns around those wanted; kNoHeight elsewhere.
+std::vector<std::int32_t> extreme_around(Square s, const std::vector<std::int32_t>& height,
+                                         const std::vector<std::uint8_t>& wanted, int radius, bool highest) {
+  std::vector<std::int32_t> out(height.size(), kNoHeight);
   for (int v = 0; v < s.edge; ++v)
     for (int u = 0; u < s.edge; ++u) {
-      const std::size_t i = s.at(u, v);
-      if (wanted[i] != 0 && height[i] != kNoHeight)
-        height[i] = std::max(height[i], around(high, u, v, false));
+      if (wanted[s.at(u, v)] == 0) continue;
+      std::int32_t& best = out[s.at(u, v)];
+      for (int y = std::max(0, v - radius); y <= std::min(s.edge - 1, v + radius); ++y)
+        for (int x = std::max(0, u - radius); x <= std::min(s.edge - 1, u + radius); ++x) {
+          const std::int32_t h = height[s.at(x, y)];
+          if (h != kNoHeight && (best == kNoHeight || (highest ? h > best : h < best))) best = h;
+        }
     }
+  return out;
+}
+
+/// Closes pits where it is wanted: the lowest of the highest around.
+void close_pits(Square s, const std::vector<std::uint8_t>& wanted, std::vector<std::int32_t>& height) {
+  const std::vector<std::int32_t> high =
+      extreme_around(s, height, dilate(s, wanted, kPitRadius), kPitRadius, true);
+  const std::vector<std::int32_t> closed = extreme_around(s, high, wanted, kPitRadius, false);
+  for (std::size_t i = 0; i < height.size(); ++i)
+    if (wanted[i] != 0 && height[i] != kNoHeight) height[i] = std::max(height[i], closed[i]);
 }
 
 /// Steps of diffusion between neighbours no farther apart than the step that the noise allows.
@@ -341,16 +341,15 @@ SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
     model.noise[i] = counted[i] > 0 ? static_cast<std::int32_t>(off[i] / counted[i]) : 0;
   diffuse(s, dilate(s, unsure, kActiveMargin), model.noise, model.height);
 
-  const std::vector<std::uint8_t> inner = erode(s, stands, kRimColumns);
   const std::vector<std::uint8_t> bare = dilate(s, bare_steps(model, closed), kBareMargin);
   const std::vector<std::uint8_t> by_step = dilate(s, bare, kBareColumns);
+  model.foot = extreme_around(s, model.height, by_step, kBareColumns, false);
   for (std::size_t i = 0; i < n; ++i) {
     if (model.height[i] == kNoHeight) {
       model.flags[i] = 0;
       continue;
     }
     if (stands[i] != 0) model.flags[i] |= kModelStands;
-    if (stands[i] != 0 && inner[i] == 0) model.flags[i] |= kModelRim;
     if (bare[i] != 0) model.flags[i] |= kModelBare;
     if (by_step[i] != 0) model.flags[i] |= kModelStep;
   }

@@ -47,10 +47,9 @@ void find_top_layers(std::span<ColumnPoint> points, std::span<TopLayer> layers);
 /// Bits of SurfaceModel::flags.
 enum ModelFlag : std::uint8_t {
   kModelStands = 1,  ///< samples of the model stand in for what was measured
-  kModelRim = 2,     ///< of these: near the rim of all that stand
-  kModelFilled = 4,  ///< nothing was measured here, but all around
-  kModelStep = 8,    ///< near a step whose wall was not measured
-  kModelBare = 16,   ///< at such a step: samples go down it, and nothing measured stays behind them
+  kModelFilled = 2,  ///< nothing was measured here, but all around
+  kModelStep = 4,    ///< near a step whose wall was not measured
+  kModelBare = 8,    ///< at such a step: samples go down it, and nothing measured stays behind them
 };
 
 /// The model over a square of columns, u fastest.
@@ -58,6 +57,7 @@ struct SurfaceModel {
   int edge = 0;
   std::vector<std::int32_t> height;  ///< kNoHeight where there is none
   std::vector<std::int32_t> noise;   ///< mean distance of the layers from the model around here, quanta
+  std::vector<std::int32_t> foot;    ///< the lowest height around, where kModelStep
   std::vector<std::uint32_t> rgba;
   std::vector<std::uint8_t> flags;
   std::vector<std::int32_t> wall_low, wall_high;  ///< TopLayer

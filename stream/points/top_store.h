@@ -25,11 +25,12 @@ struct ViewAxes {
 /// What the model says of one column of a brick column.
 struct ModelColumn {
   std::int32_t height = kNoHeight;  ///< quanta along up from the lattice origin
+  std::int32_t foot = kNoHeight;    ///< SurfaceModel::foot
   std::uint32_t reach = 0;          ///< SurfaceModel::reach
   std::uint8_t flags = 0;           ///< ModelFlag
   std::uint8_t unused[3] = {0, 0, 0};
 };
-static_assert(sizeof(ModelColumn) == 12);
+static_assert(sizeof(ModelColumn) == 16);
 
 /// One section of a top file.
 struct TopEntry {

@@ -18,9 +18,9 @@ namespace {
 
 using json = nlohmann::json;
 
-/// Cosine with up from which a point lies level.
-constexpr float kLevelCosine = 0.5f;
-/// And up to which it shows down: the underside of what hangs over a step.
+/// Walls of samples hide what lies behind them down to so far below their foot, quanta.
+constexpr std::int32_t kFootDepth = 2 * kQuantaPerCell;
+/// Cosine with up up to which a point shows down: the underside of what hangs over a step.
 constexpr float kDownCosine = -0.2f;
 
 class TopPointsStage : public Stage {
@@ -150,10 +150,10 @@ class TopPointsStage : public Stage {
         ++counts.at_top;
         return true;
       }
-      const bool rim = stands && (c->flags & kModelRim) != 0 && facing > kLevelCosine;
-      const bool behind = by_step && (stands || (below && facing < kDownCosine));
-      counts.behind += rim || behind;
-      return rim || behind;
+      const bool behind = by_step && below && axes_.sign * p.q[axes_.up] > c->foot - kFootDepth;
+      const bool gone = behind && (stands || facing < kDownCosine);
+      counts.behind += gone;
+      return gone;
     });
   }
 

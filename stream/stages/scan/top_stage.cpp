@@ -171,7 +171,7 @@ class TopStage : public Stage {
             stands += (model.flags[i] & kModelStands) != 0;
             filled += (model.flags[i] & kModelFilled) != 0;
             ModelColumn& c = columns[static_cast<std::size_t>(row * kBrickCells + k)];
-            c.height = model.height[i], c.flags = model.flags[i];
+            c.height = model.height[i], c.flags = model.flags[i], c.foot = model.foot[i];
             c.reach = static_cast<std::uint32_t>(model.reach(i));
           }
         if (!any) continue;
