@@ -42,6 +42,8 @@ constexpr int kWallFacing = 38;  ///< of 127, towards the low side
 constexpr std::int32_t kWallGap = 2 * kCell;
 /// A layer so far from the median around it is rough.
 constexpr std::int32_t kRoughCells = kCell;
+/// A bottom so near the median around it is smooth.
+constexpr std::int32_t kSmoothBottom = kCell;
 /// Pits in what stands, no wider than twice this, are closed.
 constexpr int kPitRadius = 2;
 
@@ -81,6 +83,13 @@ std::vector<std::uint8_t> dilate(Square s, const std::vector<std::uint8_t>& mask
   std::vector<std::uint8_t> out(mask.size());
   for (std::size_t i = 0; i < mask.size(); ++i) out[i] = (sums[i] > 0) == set;
   return out;
+}
+/// Columns within `radius` of those with this flag.
+std::vector<std::uint8_t> dilate_flags(Square s, const std::vector<std::uint8_t>& flags, std::uint8_t flag,
+                                       int radius) {
+  std::vector<std::uint8_t> mask(flags.size());
+  for (std::size_t i = 0; i < flags.size(); ++i) mask[i] = (flags[i] & flag) != 0;
+  return dilate(s, mask, radius);
 }
 std::vector<std::uint8_t> erode(Square s, const std::vector<std::uint8_t>& mask, int radius) {
   return dilate(s, mask, radius, false);
@@ -230,9 +239,76 @@ float minmod(float a, float b) {
   return a * b <= 0.0f ? 0.0f : std::fabs(a) < std::fabs(b) ? a : b;
 }
 
+/// \pre at least one point
+PointLayer layer_of(std::span<const ColumnPoint> points) {
+  PointLayer layer;
+  layer.height = points[points.size() / 2].height;
+  std::uint64_t volumetric = 0, coloured = 0;
+  std::array<std::uint64_t, 3> colour{};
+  for (const ColumnPoint& p : points) {
+    volumetric += p.volumetric;
+    if ((p.rgba >> 24) == 0) continue;
+    ++coloured;
+    for (unsigned k = 0; k < 3; ++k) colour[k] += p.rgba >> (8 * k) & 0xff;
+  }
+  // Where there are more than can be told, a share of them, as they are.
+  const std::size_t count = std::min<std::size_t>(points.size(), 0xffff);
+  layer.points = static_cast<std::uint16_t>(count);
+  layer.volumetric = static_cast<std::uint16_t>(volumetric * count / points.size());
+  if (coloured > 0) {
+    layer.rgba = 0xff000000u;
+    for (unsigned k = 0; k < 3; ++k)
+      layer.rgba |= static_cast<std::uint32_t>((colour[k] + coloured / 2) / coloured) << (8 * k);
+  }
+  return layer;
+}
+
+/// \param points  of a column, from above
+void measure_walls(std::span<const ColumnPoint> points, ColumnLayers& out) {
+  std::int64_t steep = 0, normal_u = 0, normal_v = 0;
+  for (const ColumnPoint& p : points) {
+    if (!p.steep) continue;
+    if (steep++ == 0) out.wall_high = p.height;
+    out.wall_low = p.height;
+    normal_u += p.normal_u, normal_v += p.normal_v;
+  }
+  if (steep == 0) return;
+  out.wall_u = static_cast<std::int8_t>(normal_u / steep);
+  out.wall_v = static_cast<std::int8_t>(normal_v / steep);
+  if (steep * kWallGap < out.wall_high - out.wall_low) out.wall_low = out.wall_high;
+}
+
+/// Where what stands hides a smooth bottom whose points are called strewn, for the scatter above them: the ground below crowns.
+void find_ground(Square s, std::span<const ColumnLayers> layers, const std::vector<std::uint8_t>& measured,
+                 SurfaceModel& model) {
+  const std::size_t n = layers.size();
+  std::vector<std::int32_t> bottom(n);
+  for (std::size_t i = 0; i < n; ++i) bottom[i] = layers[i].bottom.height;
+  const std::vector<std::int32_t> smooth = median5(s, bottom, dilate_flags(s, model.flags, kModelStands, 3));
+  std::vector<std::int64_t> near(n), all(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    all[i] = measured[i];
+    near[i] = measured[i] != 0 && std::abs(std::int64_t{bottom[i]} - smooth[i]) <= kSmoothBottom;
+  }
+  const std::vector<std::int64_t> near_around = box_sums(s, near, 2), all_around = box_sums(s, all, 2);
+  std::vector<std::uint8_t> wanted(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (near[i] == 0 || (model.flags[i] & kModelStands) == 0) continue;
+    const PointLayer& layer = layers[i].bottom;
+    const bool apart = model.height[i] - smooth[i] > kLevelReach + kCell;
+    const bool behind = (model.flags[i] & kModelStep) != 0 && smooth[i] > model.foot[i] - kBareStep;
+    wanted[i] =
+        apart && !behind && 2 * layer.volumetric > layer.points && 10 * near_around[i] >= 7 * all_around[i];
+  }
+  std::vector<std::int32_t> fitted = median5(s, smooth, wanted);
+  diffuse(s, wanted, std::vector<std::int32_t>(n), fitted);
+  for (std::size_t i = 0; i < n; ++i)
+    if (wanted[i] != 0) model.ground[i] = fitted[i], model.ground_rgba[i] = layers[i].bottom.rgba;
+}
+
 }  // namespace
 
-void find_top_layers(std::span<ColumnPoint> points, std::span<TopLayer> layers) {
+void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers) {
   std::sort(points.begin(), points.end(), [](const ColumnPoint& a, const ColumnPoint& b) {
     if (a.column != b.column) return a.column < b.column;
     return a.height > b.height;
@@ -240,42 +316,20 @@ void find_top_layers(std::span<ColumnPoint> points, std::span<TopLayer> layers) 
   for (std::size_t first = 0; first < points.size();) {
     std::size_t end = first;
     while (end < points.size() && points[end].column == points[first].column) ++end;
-    const std::size_t n = end - first, wanted = std::min(n, std::max<std::size_t>(2, n / kLayerShare));
-    std::size_t top = first;  // of a window of `wanted` points no deeper than a layer
-    while (top + wanted < end && points[top].height - points[top + wanted - 1].height > kLayerDepth) ++top;
-    std::size_t below = top;
-    while (below < end && points[top].height - points[below].height <= kLayerDepth) ++below;
-    TopLayer& layer = layers[points[first].column];
-    layer.height = points[top + (below - top) / 2].height;
-    const std::size_t count = std::min<std::size_t>(below - top, 0xffff);
-    layer.points = static_cast<std::uint16_t>(count);
-    std::uint64_t volumetric = 0, coloured = 0;
-    std::int64_t steep = 0, normal_u = 0, normal_v = 0;
-    for (std::size_t i = first; i < end; ++i) {
-      if (!points[i].steep) continue;
-      if (steep++ == 0) layer.wall_high = points[i].height;
-      layer.wall_low = points[i].height;
-      normal_u += points[i].normal_u, normal_v += points[i].normal_v;
-    }
-    if (steep > 0) {
-      layer.wall_u = static_cast<std::int8_t>(normal_u / steep);
-      layer.wall_v = static_cast<std::int8_t>(normal_v / steep);
-    }
-    if (steep * kWallGap < layer.wall_high - layer.wall_low) layer.wall_low = layer.wall_high;
-    std::array<std::uint64_t, 3> colour{};
-    for (std::size_t i = top; i < below; ++i) {
-      volumetric += points[i].volumetric;
-      if ((points[i].rgba >> 24) == 0) continue;
-      ++coloured;
-      for (unsigned k = 0; k < 3; ++k) colour[k] += points[i].rgba >> (8 * k) & 0xff;
-    }
-    // A share of the points told, as they are.
-    layer.volumetric = static_cast<std::uint16_t>(volumetric * count / (below - top));
-    if (coloured > 0) {
-      layer.rgba = 0xff000000u;
-      for (unsigned k = 0; k < 3; ++k)
-        layer.rgba |= static_cast<std::uint32_t>((colour[k] + coloured / 2) / coloured) << (8 * k);
-    }
+    const std::span<const ColumnPoint> column = points.subspan(first, end - first);
+    ColumnLayers& out = layers[points[first].column];
+    const std::size_t n = column.size(), wanted = std::min(n, std::max<std::size_t>(2, n / kLayerShare));
+    // Windows of so many points, from above and from below, until one is no deeper than a layer.
+    std::size_t top = 0, bottom = n;
+    while (top + wanted < n && column[top].height - column[top + wanted - 1].height > kLayerDepth) ++top;
+    while (bottom > wanted && column[bottom - wanted].height - column[bottom - 1].height > kLayerDepth)
+      --bottom;
+    std::size_t below = top, above = bottom;
+    while (below < n && column[top].height - column[below].height <= kLayerDepth) ++below;
+    while (above > 0 && column[above - 1].height - column[bottom - 1].height <= kLayerDepth) --above;
+    out.top = layer_of(column.subspan(top, below - top));
+    out.bottom = layer_of(column.subspan(above, bottom - above));
+    measure_walls(column, out);
     first = end;
   }
 }
@@ -284,17 +338,18 @@ std::int32_t SurfaceModel::reach(std::size_t column) const {
   return 2 * kCell + 2 * noise[column];
 }
 
-SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
+SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
   const Square s{edge};
   SurfaceModel model;
   model.edge = edge;
   const std::size_t n = layers.size();
   model.wall_low.resize(n), model.wall_high.resize(n), model.wall_u.resize(n), model.wall_v.resize(n);
   model.height.resize(n), model.noise.resize(n), model.rgba.resize(n), model.flags.assign(n, 0);
+  model.ground.assign(n, kNoHeight), model.ground_rgba.resize(n);
   std::vector<std::uint8_t> measured(n);
   for (std::size_t i = 0; i < n; ++i) {
-    model.height[i] = layers[i].height, model.rgba[i] = layers[i].rgba;
-    measured[i] = layers[i].height != kNoHeight;
+    model.height[i] = layers[i].top.height, model.rgba[i] = layers[i].top.rgba;
+    measured[i] = layers[i].top.height != kNoHeight;
     model.wall_low[i] = layers[i].wall_low, model.wall_high[i] = layers[i].wall_high;
     model.wall_u[i] = layers[i].wall_u, model.wall_v[i] = layers[i].wall_v;
   }
@@ -308,8 +363,10 @@ SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
   const std::vector<std::int32_t> smooth = median5(s, model.height, measured);
   std::vector<std::int64_t> votes(n);
   for (std::size_t i = 0; i < n; ++i) {
-    const bool rough = measured[i] != 0 && std::abs(std::int64_t{layers[i].height} - smooth[i]) > kRoughCells;
-    votes[i] = rough ? layers[i].points : 2 * std::int64_t{layers[i].volumetric} - layers[i].points;
+    const bool rough =
+        measured[i] != 0 && std::abs(std::int64_t{layers[i].top.height} - smooth[i]) > kRoughCells;
+    votes[i] =
+        rough ? layers[i].top.points : 2 * std::int64_t{layers[i].top.volumetric} - layers[i].top.points;
   }
   const std::vector<std::int64_t> majority = box_sums(s, votes, kVoteRadius);
   std::vector<std::uint8_t> strewn(n);
@@ -335,7 +392,7 @@ SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
   std::vector<std::int64_t> off(n, 0), counted(n, 0);
   for (std::size_t i = 0; i < n; ++i)
     if (measured[i] != 0 && near[i] != 0)
-      off[i] = std::abs(std::int64_t{layers[i].height} - model.height[i]), counted[i] = 1;
+      off[i] = std::abs(std::int64_t{layers[i].top.height} - model.height[i]), counted[i] = 1;
   off = box_sums(s, off, kNoiseRadius), counted = box_sums(s, counted, kNoiseRadius);
   for (std::size_t i = 0; i < n; ++i)
     model.noise[i] = counted[i] > 0 ? static_cast<std::int32_t>(off[i] / counted[i]) : 0;
@@ -353,20 +410,31 @@ SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge) {
     if (bare[i] != 0) model.flags[i] |= kModelBare;
     if (by_step[i] != 0) model.flags[i] |= kModelStep;
   }
+  find_ground(s, layers, measured, model);
   return model;
 }
 
 namespace {
 
-/// Slope at a column along one axis, cells a cell.
-float slope(const SurfaceModel& model, std::size_t before, std::size_t here, std::size_t after) {
+/// Slope of a raster at a column along one axis, cells a cell.
+float slope(const std::vector<std::int32_t>& height, std::size_t before, std::size_t here,
+            std::size_t after) {
   constexpr float kPerCell = 1.0f / kQuantaPerCell;
   const auto step = [&](std::size_t a, std::size_t b) {
-    return static_cast<float>(model.height[b] - model.height[a]) * kPerCell;
+    return static_cast<float>(height[b] - height[a]) * kPerCell;
   };
-  const bool left = model.height[before] != kNoHeight, right = model.height[after] != kNoHeight;
+  const bool left = height[before] != kNoHeight, right = height[after] != kNoHeight;
   if (left && right) return minmod(step(before, here), step(here, after));
   return left ? step(before, here) : right ? step(here, after) : 0.0f;
+}
+
+/// On the raster at a column.
+ModelSample level_sample(const SurfaceModel& model, const std::vector<std::int32_t>& height, int u, int v,
+                         std::uint32_t rgba) {
+  const std::size_t i = model.at(u, v);
+  const float su = slope(height, model.at(u - 1, v), i, model.at(u + 1, v));
+  const float sv = slope(height, model.at(u, v - 1), i, model.at(u, v + 1));
+  return {u * kCell + kCell / 2, v * kCell + kCell / 2, height[i], unit(Float3{-su, -sv, 1.0f}), rgba, false};
 }
 
 }  // namespace
@@ -383,11 +451,12 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
     for (int u = first - 1; u < last; ++u) {
       const std::size_t i = model.at(u, v);
       if (model.height[i] == kNoHeight) continue;
+      if (model.ground[i] != kNoHeight) {
+        const ModelSample m = level_sample(model, model.ground, u, v, model.ground_rgba[i]);
+        if (inside(m)) use(m);
+      }
       if (stands(i)) {
-        const float su = slope(model, model.at(u - 1, v), i, model.at(u + 1, v));
-        const float sv = slope(model, model.at(u, v - 1), i, model.at(u, v + 1));
-        const ModelSample m = {u * kCell + kCell / 2,        v * kCell + kCell / 2, model.height[i],
-                               unit(Float3{-su, -sv, 1.0f}), model.rgba[i],         false};
+        const ModelSample m = level_sample(model, model.height, u, v, model.rgba[i]);
         if (inside(m)) use(m);
       }
       for (int axis = 0; axis < 2; ++axis) {

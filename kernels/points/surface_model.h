@@ -17,6 +17,8 @@ namespace tessera {
 
 /// Height of a column that shows nothing.
 inline constexpr std::int32_t kNoHeight = std::numeric_limits<std::int32_t>::min();
+/// Measured points that lie level are not on what stands from so far below it on, quanta: ground below low crowns.
+inline constexpr std::int32_t kLevelReach = 6 * kQuantaPerCell;
 /// Columns beyond its rim that the model of a raster depends on.
 inline constexpr int kSurfaceModelHalo = kBrickCells;
 
@@ -30,19 +32,24 @@ struct ColumnPoint {
   std::uint32_t rgba = 0;
 };
 
-/// What a column shows first.
-struct TopLayer {
-  std::int32_t height = kNoHeight;           ///< median of the layer
-  std::uint16_t points = 0;                  ///< of the layer
-  std::uint16_t volumetric = 0;              ///< of these
-  std::uint32_t rgba = 0;                    ///< mean of the coloured ones
+/// A layer of the points of a column.
+struct PointLayer {
+  std::int32_t height = kNoHeight;  ///< median
+  std::uint16_t points = 0;
+  std::uint16_t volumetric = 0;  ///< of these
+  std::uint32_t rgba = 0;        ///< mean of the coloured ones
+};
+
+/// What a column shows from above, and what lies lowest in it.
+struct ColumnLayers {
+  PointLayer top, bottom;
   std::int32_t wall_low = 0, wall_high = 0;  ///< where steep surfaces were measured; equal where none
   std::int8_t wall_u = 0, wall_v = 0;        ///< their mean normal across up, 127 = 1
 };
 
-/// Of every column the highest layer of four cells that holds its share of the column's points: not the highest point, so
-/// that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
-void find_top_layers(std::span<ColumnPoint> points, std::span<TopLayer> layers);
+/// Of every column the highest and the lowest layer of three cells that hold their share of the column's points: not the
+/// highest point, so that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
+void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers);
 
 /// Bits of SurfaceModel::flags.
 enum ModelFlag : std::uint8_t {
@@ -60,7 +67,10 @@ struct SurfaceModel {
   std::vector<std::int32_t> foot;    ///< the lowest height around, where kModelStep
   std::vector<std::uint32_t> rgba;
   std::vector<std::uint8_t> flags;
-  std::vector<std::int32_t> wall_low, wall_high;  ///< TopLayer
+  std::vector<std::int32_t>
+      ground;  ///< below what stands, where points called strewn lie on a smooth bottom; kNoHeight elsewhere
+  std::vector<std::uint32_t> ground_rgba;
+  std::vector<std::int32_t> wall_low, wall_high;  ///< ColumnLayers
   std::vector<std::int8_t> wall_u, wall_v;
 
   std::size_t at(int u, int v) const {
@@ -71,7 +81,7 @@ struct SurfaceModel {
 };
 
 /// \param layers  edge^2, u fastest; the rim of kSurfaceModelHalo columns is context
-SurfaceModel fit_surface_model(std::span<const TopLayer> layers, int edge);
+SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge);
 
 /// A sample of a model. Position in quanta from the corner of column (0, 0), height along up.
 struct ModelSample {
@@ -81,7 +91,7 @@ struct ModelSample {
   bool step = false;  ///< of the wall between two columns of different height
 };
 
-/// One sample on every column that stands, and a line of them, a cell apart, down every step to a neighbour whose wall was
+/// One sample on every column that stands and one on its ground, and a line of them, a cell apart, down every step to a neighbour whose wall was
 /// not measured. Calls use for those that lie over columns [first, last)^2. \pre kSurfaceModelHalo <= first, last <= edge - kSurfaceModelHalo
 void sample_surface_model(const SurfaceModel& model, int first, int last,
                           const std::function<void(const ModelSample&)>& use);

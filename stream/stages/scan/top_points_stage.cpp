@@ -20,6 +20,8 @@ using json = nlohmann::json;
 
 /// Walls of samples hide what lies behind them down to so far below their foot, quanta.
 constexpr std::int32_t kFootDepth = 2 * kQuantaPerCell;
+/// Cosine with up from which a point lies level.
+constexpr float kLevelCosine = 0.7f;
 /// Cosine with up up to which a point shows down: the underside of what hangs over a step.
 constexpr float kDownCosine = -0.2f;
 
@@ -143,8 +145,10 @@ class TopPointsStage : public Stage {
         return true;
       }
       if (!c || c->flags == 0) return false;
-      const bool below = axes_.sign * p.q[axes_.up] <= c->height - static_cast<std::int32_t>(c->reach);
       const float facing = static_cast<float>(axes_.sign) * decode_normal(p.normal)[axes_.up];
+      const auto reach = static_cast<std::int32_t>(c->reach);
+      const bool below = axes_.sign * p.q[axes_.up] <=
+                         c->height - (facing > kLevelCosine ? std::min(reach, kLevelReach) : reach);
       const bool by_step = (c->flags & kModelStep) != 0;
       if (stands && !below) {
         ++counts.at_top;

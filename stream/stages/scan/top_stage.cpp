@@ -25,7 +25,7 @@ using json = nlohmann::json;
 constexpr int kGroupColumns = 8;
 constexpr int kModelEdge = (kGroupColumns + 2) * kBrickCells;
 /// Layers, the model and the rasters of its filters, a column; a brick's block of points; samples while they are put in order.
-constexpr std::uint64_t kModelColumnBytes = sizeof(TopLayer) + 13 + 4 * 8 + 8;
+constexpr std::uint64_t kModelColumnBytes = sizeof(ColumnLayers) + 35 + 4 * 8 + 8;
 constexpr std::uint64_t kBlockPointBytes = 42;
 constexpr std::uint64_t kTopFixedBytes = 16u << 20;
 /// Samples that a group may take besides: steps between columns are few.
@@ -78,13 +78,13 @@ class TopStage : public Stage {
     const int gu = groups_[task].first * kGroupColumns - 1, gv = groups_[task].second * kGroupColumns - 1;
     SurfaceModel model;
     {
-      std::vector<TopLayer> layers(std::size_t{kModelEdge} * kModelEdge);
-      std::vector<TopLayer> column(std::size_t{kBrickCells} * kBrickCells);
+      std::vector<ColumnLayers> layers(std::size_t{kModelEdge} * kModelEdge);
+      std::vector<ColumnLayers> column(std::size_t{kBrickCells} * kBrickCells);
       for_columns(task, [&](int u, int v, const std::vector<std::size_t>& bricks) {
         context.check_stop();
-        std::fill(column.begin(), column.end(), TopLayer{});
+        std::fill(column.begin(), column.end(), ColumnLayers{});
         std::vector<ColumnPoint> points = load(bricks, context);
-        find_top_layers(points, column);
+        find_column_layers(points, column);
         for (int row = 0; row < kBrickCells; ++row)
           std::copy_n(column.begin() + row * kBrickCells, kBrickCells,
                       layers.begin() + ((v - gv) * kBrickCells + row) * kModelEdge + (u - gu) * kBrickCells);
