@@ -27,10 +27,6 @@ constexpr double kSkyScale = 0.25 * kVoteScale;
 /// And of given normals, where such a share of a group's agrees.
 constexpr std::int64_t kGivenScale = 4 * kVoteScale;
 constexpr double kClearMajority = 0.75;
-/// Share of the level area below other surfaces up to which a scene was seen from above: 0 to 0.17 of landscapes,
-/// towns and quarries, 0.45 to 0.7 of objects and rooms.
-constexpr double kMaxCovered = 0.3;
-
 /// `up` is taken to that part of its word: ceilings and the undersides of trees show downwards.
 constexpr std::int64_t kAboveShare = 8;
 
@@ -114,7 +110,9 @@ std::vector<PatchVote> votes_of_scene(const std::vector<JobSurfel>& surfels, std
   {
     const TopSurface tops(surfels, viewers.up);
     entry["covered_fraction"] = tops.covered_share();
-    if (viewers.scene == "above" || (viewers.scene == "auto" && tops.covered_share() < kMaxCovered)) {
+    entry["roofed_fraction"] = tops.roofed_share();
+    entry["level_fraction"] = tops.level_share();
+    if (viewers.scene == "above" || (viewers.scene == "auto" && tops.seen_from_above())) {
       entry["scene"] = kSeenFromAbove;
       return tops.votes(groups, kSkyScale);
     }
