@@ -49,7 +49,9 @@ bool lies_level(const JobSurfel& s, const Float3& up) {
 
 }  // namespace
 
-TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up) : surfels_(surfels), up_(up) {
+TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up,
+                       std::span<const std::uint32_t> group)
+    : surfels_(surfels), up_(up) {
   // Columns along the lattice where up is one of its axes.
   std::size_t flat = 0;
   for (std::size_t a = 1; a < 3; ++a)
@@ -59,7 +61,7 @@ TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up) : s
   u_ = unit(u_ - up * dot(u_, up));
   v_ = cross(up, u_);
   columns_ = tops([](const JobSurfel&) { return true; });
-  measure();
+  measure(group);
 }
 
 template <class Counts>
@@ -95,15 +97,16 @@ double TopSurface::area_below(const std::vector<Column>& columns, float depth) c
   return area;
 }
 
-void TopSurface::measure() {
-  std::size_t patches = 0;
-  for (const JobSurfel& s : surfels_) patches = std::max<std::size_t>(patches, s.patch + std::size_t{1});
-  std::vector<double> width(patches, 0.0);
+void TopSurface::measure(std::span<const std::uint32_t> group) {
+  const auto group_of = [&](const JobSurfel& s) { return group.empty() ? s.patch : group[s.patch]; };
+  std::size_t groups = 0;
+  for (const JobSurfel& s : surfels_) groups = std::max<std::size_t>(groups, group_of(s) + std::size_t{1});
+  std::vector<double> width(groups, 0.0);
   double all = 0.0, along_up = 0.0, level_area = 0.0;
   for (const JobSurfel& s : surfels_) {
     const auto along = static_cast<double>(std::fabs(dot(s.area, up_)));
     all += static_cast<double>(norm(s.area)), along_up += along;
-    if (lies_level(s, up_)) width[s.patch] += along, level_area += along;
+    if (lies_level(s, up_)) width[group_of(s)] += along, level_area += along;
   }
   if (!(level_area > 0.0)) return;
   level_share_ = along_up / all;
@@ -114,7 +117,7 @@ void TopSurface::measure() {
   const double wide = kColumnArea * std::clamp(columns / kWidePart, 1.0, kWideColumns);
   covered_share_ = area_below(columns_, depth) / level_area;
   roofed_share_ =
-      area_below(tops([&](const JobSurfel& s) { return lies_level(s, up_) && width[s.patch] >= wide; }),
+      area_below(tops([&](const JobSurfel& s) { return lies_level(s, up_) && width[group_of(s)] >= wide; }),
                  depth) /
       level_area;
 }
@@ -158,8 +161,8 @@ double TopSurface::steep_side(const JobSurfel& s, const ColumnHeight& at, float 
   return 0.0;
 }
 
-std::vector<PatchVote> TopSurface::votes(std::size_t groups, double scale) const {
-  std::vector<double> shown(groups, 0.0), hidden(groups, 0.0);
+std::vector<PatchVote> TopSurface::votes(std::size_t patches, double scale) const {
+  std::vector<double> shown(patches, 0.0), hidden(patches, 0.0);
   for (const JobSurfel& s : surfels_) {
     const float area = norm(s.area);
     if (!(area > 0.0f)) continue;
@@ -173,10 +176,10 @@ std::vector<PatchVote> TopSurface::votes(std::size_t groups, double scale) const
     (vote < 0.0 ? hidden : shown)[s.patch] += std::fabs(vote) * s.surfels;
   }
   std::vector<PatchVote> out;
-  for (std::uint32_t g = 0; g < groups; ++g) {
-    const PatchVote v = {g, static_cast<std::uint32_t>(groups),
-                         static_cast<std::int64_t>(std::floor(scale * shown[g] + 0.5)),
-                         static_cast<std::int64_t>(std::floor(scale * hidden[g] + 0.5))};
+  for (std::uint32_t p = 0; p < patches; ++p) {
+    const PatchVote v = {p, static_cast<std::uint32_t>(patches),
+                         static_cast<std::int64_t>(std::floor(scale * shown[p] + 0.5)),
+                         static_cast<std::int64_t>(std::floor(scale * hidden[p] + 0.5))};
     if (v.same != v.opposite) out.push_back(v);
   }
   return out;

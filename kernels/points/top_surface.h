@@ -16,12 +16,13 @@ namespace tessera {
 class TopSurface {
  public:
   /// \param up  unit
-  TopSurface(std::span<const JobSurfel> surfels, const Float3& up);
+  /// \param group  of every patch: surfaces end where groups do; empty = patches are groups
+  TopSurface(std::span<const JobSurfel> surfels, const Float3& up, std::span<const std::uint32_t> group = {});
 
   /// Share of the level area that lies well below the top of its column: 12 cells, in small scenes a sixth of their width.
   /// Balls and rooms have a half, bare land and towns next to none, forests as much as balls.
   double covered_share() const { return covered_share_; }
-  /// The same below the highest level surface of one patch that is wide: below ceilings and the upper sides of objects. Crowns
+  /// The same below the highest level surface of one group that is wide: below ceilings and the upper sides of objects. Crowns
   /// of trees are no surface of such a width.
   double roofed_share() const { return roofed_share_; }
   /// How much of its area the scene shows along up: a half where it faces every way, all of level ground.
@@ -29,9 +30,9 @@ class TopSurface {
   /// Little is covered; or it is by crowns alone, and the scene is large enough to tell them from ceilings.
   bool seen_from_above() const;
 
-  /// Votes for the side that groups show, as SightVotes::sides.
+  /// Votes for the side that patches show, as VisibilityVotes::sides.
   /// \param scale  weight of one fine surfel's vote
-  std::vector<PatchVote> votes(std::size_t groups, double scale) const;
+  std::vector<PatchVote> votes(std::size_t patches, double scale) const;
 
  private:
   struct Column {
@@ -50,7 +51,7 @@ class TopSurface {
   static const Column* find(const std::vector<Column>& columns, const ColumnHeight& at);
   /// Area along up of the level surfels whose planes pass so far below the top of their column.
   double area_below(const std::vector<Column>& columns, float depth) const;
-  void measure();
+  void measure(std::span<const std::uint32_t> group);
   /// \returns the top of the column; less than everything where there is none
   float top(const ColumnHeight& at) const;
   double steep_side(const JobSurfel& s, const ColumnHeight& at, float across) const;
