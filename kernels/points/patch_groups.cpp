@@ -5,7 +5,8 @@ namespace tessera {
 PatchGroups group_patches(std::span<const std::uint64_t> weight, const std::vector<PatchVote>& links,
                           const ContractionLimits& limits) {
   const Contraction tree = contract_signs(weight, links, limits);
-  PatchGroups groups{std::vector<std::uint32_t>(weight.size()), std::vector<std::int8_t>(weight.size(), 1), {}};
+  PatchGroups groups{
+      std::vector<std::uint32_t>(weight.size()), std::vector<std::int8_t>(weight.size(), 1), {}};
   for (const std::uint32_t p : tree.joined_last) {
     const std::uint32_t parent = tree.parent[p];
     if (parent == p) {
