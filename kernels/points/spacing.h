@@ -5,6 +5,7 @@
 /// lion-takanawa, where 0.7 mm, 0.4 mm, 0.58 mm and 0.02 are known to be good.
 #pragma once
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <span>
 #include <string>
@@ -93,6 +94,7 @@ struct ChosenSpacing {
 /// sampled at 2 h or closer, which the field still closes. Scans of fewer than 16384 points get the lattice that so many would
 /// have, down to half: limbs of a few points' width need cells, and cost little. Never below what averages the noise.
 /// \param points  of the scan
-ChosenSpacing choose_spacing(const SpacingSummary& measured, std::uint64_t points);
+ChosenSpacing choose_spacing(const SpacingSummary& measured,
+                             std::uint64_t points = std::numeric_limits<std::uint64_t>::max());
 
 }  // namespace tessera
