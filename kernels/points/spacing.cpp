@@ -286,11 +286,14 @@ SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHi
   return s;
 }
 
-ChosenSpacing choose_spacing(const SpacingSummary& measured) {
+ChosenSpacing choose_spacing(const SpacingSummary& measured, std::uint64_t points) {
   constexpr double kEven = 1.5;
   constexpr double kDense = 3.0;
   constexpr double kClosable = 2.0;
   constexpr double kLittle = 1.15;
+  constexpr double kFewPoints = 16384.0;
+  constexpr double kFinestOfFew = 0.5;
+  const double few = std::clamp(std::sqrt(static_cast<double>(points) / kFewPoints), kFinestOfFew, 1.0);
   const double even = kEven * measured.spacing;
   const double dense = kDense * measured.dense;
   const double closing = measured.wide / kClosable;
@@ -298,23 +301,26 @@ ChosenSpacing choose_spacing(const SpacingSummary& measured) {
   // Where that makes little difference, density is even.
   const double finer = std::max(dense, closing);
   const double wanted = even < kLittle * finer ? even : finer;
+  const double fine = std::max(few * std::min(even, wanted), closing);
   const auto text = [](double value) {
     std::ostringstream out;
     out << std::setprecision(3) << value;
     return out.str();
   };
-  if (averaging > wanted)
+  if (averaging > fine)
     return {averaging, "1.5 times the noise of " + text(measured.noise) + ", which it averages"};
+  const std::string part =
+      few < 1.0 ? text(few) + " (for only " + std::to_string(points) + " points) times " : std::string();
   if (even <= wanted)
-    return {even, "1.5 times the spacing of " + text(measured.spacing) +
+    return {fine, part + "1.5 times the spacing of " + text(measured.spacing) +
                       ", at which 90 % of the surface is sampled or closer"};
-  if (closing > dense)
-    return {closing, "half the spacing of " + text(measured.wide) +
-                         ", so that 70 % of the surface closes; the densest quarter is sampled at " +
-                         text(measured.dense)};
-  return {dense, "3 times the spacing of " + text(measured.dense) +
-                     " of the densest quarter of the surface; 70 % of it is sampled at " +
-                     text(measured.wide) + " or closer and closes"};
+  if (closing > few * dense)
+    return {fine, "half the spacing of " + text(measured.wide) +
+                      ", so that 70 % of the surface closes; the densest quarter is sampled at " +
+                      text(measured.dense)};
+  return {fine, part + "3 times the spacing of " + text(measured.dense) +
+                    " of the densest quarter of the surface; 70 % of it is sampled at " +
+                    text(measured.wide) + " or closer and closes"};
 }
 
 }  // namespace tessera

@@ -5,6 +5,7 @@
 /// lion-takanawa, where 0.7 mm, 0.4 mm, 0.58 mm and 0.02 are known to be good.
 #pragma once
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <span>
 #include <string>
@@ -90,7 +91,10 @@ struct ChosenSpacing {
 };
 /// One lattice for all of a scan. Even density: one and a half spacings, which keep what the scan holds. Where density
 /// varies, finer: 3 times the spacing of the densest quarter of the surface, as long as 70 % of the surface is
-/// sampled at 2 h or closer, which the field still closes. Never below what averages the noise.
-ChosenSpacing choose_spacing(const SpacingSummary& measured);
+/// sampled at 2 h or closer, which the field still closes. Scans of fewer than 16384 points get the lattice that so many would
+/// have, down to half: limbs of a few points' width need cells, and cost little. Never below what averages the noise.
+/// \param points  of the scan
+ChosenSpacing choose_spacing(const SpacingSummary& measured,
+                             std::uint64_t points = std::numeric_limits<std::uint64_t>::max());
 
 }  // namespace tessera

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "kernels/points/orientation.h"
 #include "octree/portable_math.h"
@@ -28,6 +29,7 @@ constexpr double kShut = 0.1;  ///< share of looks into the open below which a s
 constexpr double kRoom =
     0.01;                      ///< share of enclosed surfels from which the job is a room; objects have 0.004
 constexpr double kAmid = 3.0;  ///< spread of densities (1: even) from which the scanner stood amid its scene
+constexpr std::uint64_t kTellingSurfels = 8192;  ///< in fewer a dense part of an object spreads them as much
 constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from which it is an object
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;
@@ -221,9 +223,10 @@ class Looker {
     const double mean = ended > 0.0 ? deep / ended : 0.0;
     out.enclosed = looked > 0.0 ? enclosed / looked : 0.0;
     const bool shell = shells > kShell * looked;
+    const std::uint64_t fine = std::accumulate(all_.begin(), all_.end(), std::uint64_t{0});
     if (known)
       out.scene = *known;
-    else if (out.enclosed > kRoom || (shell && density_spread() > kAmid))
+    else if (out.enclosed > kRoom || (shell && fine >= kTellingSurfels && density_spread() > kAmid))
       out.scene = SceneKind::kRoom;
     else
       out.scene = shell ? SceneKind::kObject : SceneKind::kLand;

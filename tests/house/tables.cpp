@@ -152,7 +152,6 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/render", "kernels/picture",
        {"caption", "gl_functions", "picture", "picture_shaders", "rasterizer"});
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
-    by("stream/stages/scan/survey", "kernels/points", {"spacing"});
     by("kernels/remesh/remesh", "kernels/remesh",
        {"reference_surface", "remesher", "remesher_checks", "remesher_finish", "remesher_refine",
         "remesher_relax"});

@@ -2,6 +2,7 @@
 // it.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
@@ -12,6 +13,7 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/e57_writer.h"
 #include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
 #include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/serial_job.h"
 
@@ -83,6 +85,57 @@ TEST_CASE("orient: a city scanned from the air shows upwards, roofs too, with no
   INFO(entry.dump());
   CHECK(entry.at("scene") == "from above");
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.997);
+}
+
+TEST_CASE("orient: an animal of a few rings of points is an object, in one piece", "[pipeline]") {
+  // Points 2 apart along rings 5 apart, as some shape collections hold; legs are three rings' distance thick.
+  const TempFolder folder;
+  std::string text;
+  const auto limb = [&](std::array<double, 3> at, std::array<double, 3> axis, double length, double radius) {
+    const int around = static_cast<int>(std::max(8.0, 6.2832 * radius / 2.0));
+    const std::size_t flat = axis[2] != 0.0 ? 0 : 2;
+    for (double along = 0.0; along <= length; along += 5.0)
+      for (int k = 0; k < around; ++k) {
+        const double angle = 6.283185307 * k / around;
+        std::array<double, 3> p = at;
+        for (std::size_t a = 0; a < 3; ++a) p[a] += along * axis[a];
+        p[flat] += radius * std::cos(angle), p[1] += radius * std::sin(angle);
+        for (const double v : p) text += std::to_string(v) + " ";
+        text += "\n";
+      }
+  };
+  limb({0, 0, 100}, {1, 0, 0}, 180, 25);
+  for (const double x : {15.0, 165.0})
+    for (const double y : {-14.0, 14.0}) limb({x, y, 0}, {0, 0, 1}, 80, 8);
+  const auto out = folder.path() / "mesh.ply";
+  const nlohmann::json report = reconstructed(folder.write("animal.xyz", text), out, {});
+  const nlohmann::json entry = orient_entry(out);
+  INFO(entry.dump());
+  CHECK(entry.at("scene") == "object");
+  CHECK(entry.at("covered_fraction").get<double>() > 0.3);
+  CHECK(checked(out, folder.path()).components == 1);
+}
+
+TEST_CASE("orient: a forest without return numbers was seen from above", "[pipeline]") {
+  const TempFolder folder;
+  Random random(4);
+  std::string text;
+  const auto point = [&](double x, double y, double z) {
+    text += std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n";
+  };
+  for (int i = 0; i < 150000; ++i) point(random.in(0, 200), random.in(0, 200), random.in(0, 0.1));
+  for (int tree = 0; tree < 250; ++tree) {
+    const double x = random.in(0, 200), y = random.in(0, 200), z = random.in(25, 40);
+    for (int i = 0; i < 800; ++i)
+      point(x + 4.0 * random.gaussian(), y + 4.0 * random.gaussian(), z + 4.0 * random.gaussian());
+  }
+  const auto out = folder.path() / "mesh.ply";
+  reconstructed(folder.write("forest.xyz", text), out, {});
+  const nlohmann::json entry = orient_entry(out);
+  INFO(entry.dump());
+  CHECK(entry.at("scene") == "from above");
+  CHECK(entry.at("covered_fraction").get<double>() > 0.3);
+  CHECK(entry.at("roofed_fraction").get<double>() < 0.1);
 }
 
 TEST_CASE("orient: same bytes whatever tiles, threads and cap", "[property]") {

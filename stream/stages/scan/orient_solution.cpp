@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "kernels/points/patch_groups.h"
 #include "kernels/points/top_surface.h"
 #include "kernels/points/visibility.h"
 #include "stream/runtime/parallel.h"
@@ -27,10 +28,6 @@ constexpr double kSkyScale = 0.25 * kVoteScale;
 /// And of given normals, where such a share of a group's agrees.
 constexpr std::int64_t kGivenScale = 4 * kVoteScale;
 constexpr double kClearMajority = 0.75;
-/// Share of the level area below other surfaces up to which a scene was seen from above: 0 to 0.17 of landscapes,
-/// towns and quarries, 0.45 to 0.7 of objects and rooms.
-constexpr double kMaxCovered = 0.3;
-
 /// `up` is taken to that part of its word: ceilings and the undersides of trees show downwards.
 constexpr std::int64_t kAboveShare = 8;
 
@@ -109,21 +106,30 @@ PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, std::vector<Patc
 }
 
 /// Votes for sides and between groups of patches by how the scene was scanned, which the entry tells.
-std::vector<PatchVote> votes_of_scene(const std::vector<JobSurfel>& surfels, std::uint32_t groups,
-                                      const Viewers& viewers, const TaskContext& context, json& entry) {
+/// \param surfels  with the signs that they have inside their group
+/// \param groups  torn where the scene tells that they are wrong
+std::vector<PatchVote> votes_of_scene(std::vector<JobSurfel>& surfels,
+                                      const std::vector<std::uint64_t>& weight, const Viewers& viewers,
+                                      const TaskContext& context, PatchGroups& groups, json& entry) {
   {
-    const TopSurface tops(surfels, viewers.up);
+    const TopSurface tops(surfels, viewers.up, groups.of);
     entry["covered_fraction"] = tops.covered_share();
-    if (viewers.scene == "above" || (viewers.scene == "auto" && tops.covered_share() < kMaxCovered)) {
+    entry["roofed_fraction"] = tops.roofed_share();
+    entry["level_fraction"] = tops.level_share();
+    if (viewers.scene == "above" || (viewers.scene == "auto" && tops.seen_from_above())) {
       entry["scene"] = kSeenFromAbove;
-      return tops.votes(groups, kSkyScale);
+      std::vector<PatchVote> sides = tops.votes(weight.size(), kSkyScale);
+      tear_groups(sides, weight, kClearMajority, groups);
+      for (PatchVote& v : sides) v.a = groups.of[v.a], v.b = groups.count();
+      return sides;
     }
   }
+  for (JobSurfel& s : surfels) s.patch = groups.of[s.patch];
   std::optional<SceneKind> known;
   if (viewers.scene == "around") known = SceneKind::kObject;
   if (viewers.scene == "inside") known = SceneKind::kRoom;
   VisibilityVotes visibility =
-      vote_by_visibility(surfels, groups, viewers.up, kVisibilityScale, known,
+      vote_by_visibility(surfels, groups.count(), viewers.up, kVisibilityScale, known,
                          [&](std::size_t count, const std::function<void(std::size_t)>& body) {
                            parallel_for(count, [&](std::size_t i) {
                              context.check_stop();
@@ -175,28 +181,13 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
                         const std::vector<PatchStats>& stats, std::vector<JobSurfel> surfels,
                         const Viewers& viewers, const TaskContext& context, json& entry) {
   const auto patches = static_cast<std::uint32_t>(weight.size());
-  const Contraction tree = contract_signs(weight, links, kGroupLimits);
-  std::vector<std::uint32_t> group(patches);
-  std::vector<std::int8_t> sign(patches, 1);
-  std::vector<std::uint64_t> size;
-  for (const std::uint32_t p : tree.joined_last) {
-    const std::uint32_t parent = tree.parent[p];
-    if (parent == p) {
-      group[p] = static_cast<std::uint32_t>(size.size());
-      size.push_back(0);
-    } else {
-      group[p] = group[parent];
-      sign[p] = static_cast<std::int8_t>(sign[parent] * tree.relation[p]);
-    }
-    size[group[p]] += weight[p];
-  }
-  const auto groups = static_cast<std::uint32_t>(size.size());
+  PatchGroups grouped = group_patches(weight, links, kGroupLimits);
   context.check_stop();
-  for (JobSurfel& s : surfels) {
-    for (float& a : s.area) a *= static_cast<float>(sign[s.patch]);
-    s.patch = group[s.patch];
-  }
-  std::vector<PatchVote> votes = votes_of_scene(surfels, groups, viewers, context, entry);
+  for (JobSurfel& s : surfels)
+    for (float& a : s.area) a *= static_cast<float>(grouped.sign[s.patch]);
+  std::vector<PatchVote> votes = votes_of_scene(surfels, weight, viewers, context, grouped, entry);
+  const auto& [group, sign, size] = grouped;
+  const std::uint32_t groups = grouped.count();
   // In a room as much shows down as up: there `up` says where the sky is, no more.
   if (entry.at("scene") != name_of(SceneKind::kRoom))
     for (const PatchVote& v : votes_of(stats)) {

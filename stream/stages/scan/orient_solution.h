@@ -34,8 +34,9 @@ struct Viewers {
 };
 
 /// Fills decisions.patch. Entry gets: patches, components, points by who decided (`decided`), uncertain_points and
-/// _fraction, frustrated_fraction, enclosed_fraction and scene where nobody was known to see, and where given
-/// normals were kept aside, `agreement` with them (`near_axis`: with those within 60 degrees of the plane's axis).
+/// _fraction, frustrated_fraction; scene, where nobody was known to see with what told it (covered_, roofed_, level_ and
+/// enclosed_fraction: top_surface.h, visibility.h); and where given normals were kept aside, `agreement` with them
+/// (`near_axis`: with those within 60 degrees of the plane's axis).
 /// \param boundary_votes  between patches of different bricks, numbered over all bricks; any order
 void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes,
                        const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,

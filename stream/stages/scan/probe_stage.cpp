@@ -248,7 +248,7 @@ class SpacingStage : public MeasuringStage {
     const bool guessed = probes.size() < kMinMeasured;
     if (guessed) s.dense = s.middle = s.wide = s.spacing = guess;
     s.noise = summarise_spacing({}, layers.residuals(3.0 * choose_spacing(s).h)).noise;
-    ChosenSpacing chosen = choose_spacing(s);
+    ChosenSpacing chosen = choose_spacing(s, probe_.at("points").get<std::uint64_t>());
     if (guessed)
       chosen.reason = "1.5 times a spacing guessed from a few points, too few lie together to measure it";
     if (s.outliers > 0.0)

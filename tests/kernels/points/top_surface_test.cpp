@@ -3,6 +3,8 @@
 #include <cmath>
 
 #include "kernels/points/top_surface.h"
+#include "octree/vector.h"
+#include "tests/helpers/random.h"
 #include "tests/kernels/points/job_surfels.h"
 
 namespace top_surface_test {
@@ -31,7 +33,88 @@ std::int64_t shown(const std::vector<PatchVote>& votes, std::uint32_t group) {
   return 0;
 }
 
+/// Surfels of a crown, each a patch of its own that faces any way.
+void add_crown(std::vector<JobSurfel>& surfels, test::Random& random, const Float3& middle, float radius) {
+  for (int i = 0; i < 60; ++i) {
+    Float3 at, normal;
+    for (std::size_t a = 0; a < 3; ++a) {
+      at[a] = middle[a] + static_cast<float>(random.in(-1.0, 1.0)) * radius;
+      normal[a] = static_cast<float>(random.in(-1.0, 1.0));
+    }
+    const auto patch = static_cast<std::uint32_t>(surfels.size());
+    surfels.push_back(surfel(at, unit(normal), patch));
+    for (float& a : surfels.back().area) a *= 0.3f;
+  }
+}
+
+/// Rings of surfels about a limb from `from` to `to` that face away from it.
+void add_limb(std::vector<JobSurfel>& surfels, const Float3& from, const Float3& to, float radius) {
+  const Float3 axis = unit(to - from);
+  const Float3 u = unit(cross(axis, std::fabs(axis[2]) < 0.5f ? Float3{0, 0, 1} : Float3{1, 0, 0}));
+  const Float3 v = cross(axis, u);
+  const float length = norm(to - from);
+  for (float along = 0.0f; along <= length; along += 5.0f)
+    for (int k = 0; k < 8; ++k) {
+      const float angle = 0.7853982f * static_cast<float>(k);
+      const Float3 out = u * std::cos(angle) + v * std::sin(angle);
+      surfels.push_back(surfel(from + axis * along + out * radius, out, static_cast<std::uint32_t>(k % 2)));
+    }
+}
+
 }  // namespace
+
+TEST_CASE("top surface: a forest was seen from above though its crowns cover the ground", "[unit]") {
+  std::vector<JobSurfel> surfels;
+  test::Random random(3);
+  add_square(surfels, 4.0f, 400.0f, 100.0f, 0);
+  for (float y = 20.0f; y < 400.0f; y += 40.0f)
+    for (float x = 20.0f; x < 400.0f; x += 40.0f) add_crown(surfels, random, {x, y, 160.0f}, 20.0f);
+  const TopSurface above(surfels, {0, 0, 1});
+  CHECK(above.covered_share() > 0.5);
+  CHECK(above.roofed_share() < 0.01);
+  CHECK(above.seen_from_above());
+  // The same crowns as one surface are a ceiling.
+  std::vector<std::uint32_t> group(surfels.size(), 1);
+  group[0] = 0;
+  const TopSurface roofed(surfels, {0, 0, 1}, group);
+  CHECK(roofed.covered_share() == above.covered_share());
+  CHECK(roofed.roofed_share() > 0.5);
+  CHECK_FALSE(roofed.seen_from_above());
+}
+
+TEST_CASE("top surface: a room was not seen from above, however small or wide", "[unit]") {
+  const float wide = GENERATE(60.0f, 400.0f), high = GENERATE(20.0f, 60.0f);
+  CAPTURE(wide, high);
+  std::vector<JobSurfel> surfels;
+  add_square(surfels, 4.0f, wide, 100.0f, 0);
+  add_square(surfels, 4.0f, wide, 100.0f + high, 1);
+  for (float z = 104.0f; z < 100.0f + high; z += 8.0f)
+    for (float x = 4.0f; x < wide; x += 8.0f) {
+      surfels.push_back(surfel({x, 4.0f, z}, {0, 1, 0}, 2));
+      surfels.push_back(surfel({x, wide, z}, {0, -1, 0}, 3));
+    }
+  const TopSurface room(surfels, {0, 0, 1});
+  CHECK(room.covered_share() == Approx(0.5).margin(0.02));
+  CHECK(room.roofed_share() == Approx(0.5).margin(0.02));
+  CHECK_FALSE(room.seen_from_above());
+}
+
+TEST_CASE("top surface: a small animal was not seen from above, a small slope was", "[unit]") {
+  std::vector<JobSurfel> animal;
+  add_limb(animal, {10, 16, 30}, {50, 16, 30}, 4.0f);
+  for (const float x : {12.0f, 48.0f})
+    for (const float y : {13.0f, 19.0f}) add_limb(animal, {x, y, 0}, {x, y, 26}, 1.5f);
+  CHECK(TopSurface(animal, {0, 0, 1}).covered_share() > 0.3);
+  CHECK_FALSE(TopSurface(animal, {0, 0, 1}).seen_from_above());
+
+  // Steeper than the depth that counts as covered, measured within a column.
+  std::vector<JobSurfel> slope;
+  for (float y = 1.0f; y < 48.0f; y += 2.0f)
+    for (float x = 1.0f; x < 48.0f; x += 2.0f)
+      slope.push_back(surfel({x, y, 10.0f + 1.4f * x}, unit(Float3{-1.4f, 0, 1}), 0));
+  CHECK(TopSurface(slope, {0, 0, 1}).covered_share() == 0.0);
+  CHECK(TopSurface(slope, {0, 0, 1}).level_share() == Approx(1.0 / std::sqrt(1.0 + 1.4 * 1.4)).margin(1e-4));
+}
 
 TEST_CASE("top surface: roofs over a street show upwards like the street", "[unit]") {
   std::vector<JobSurfel> surfels;
