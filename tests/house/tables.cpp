@@ -53,6 +53,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/deform/deform_write_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/shape_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/scan/orient_stage.cpp", "stream/stages/scan/normals_stage.h"},
+      {"stream/stages/scan/top_points_stage.cpp", "stream/stages/scan/top_stage.h"},
       {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/smooth/noise_stage.cpp", "stream/stages/smooth/smooth_before.h"},
       {"stream/stages/smooth/reach_stage.cpp", "stream/stages/smooth/smooth_stage.h"},
@@ -197,6 +198,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
        {"forecast_composer", "forecast_list", "forecast_rates", "planned_patches"});
     by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});
+    by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct", {"brick_needs"});
     by("tools/levels", "stream/stages/surface",
        {"level_fields", "level_files", "level_surface_stage", "levels_stage"});
     by("tools/site", "stream/stages/reconstruct", {"site_after"});
@@ -209,6 +211,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/scan/unpack", "stream/stages/scan", {"unpack_stage"});
     by("tools/orient", "stream/stages/scan",
        {"normals_mode", "normals_stage", "orient_solution", "orient_stage", "uncertain_picture"});
+    by("tools/top_surface_model", "stream/stages/scan", {"top_points_stage", "top_stage"});
     by("tools/smooth_before", "stream/stages/smooth", {"noise_stage", "smooth_before", "smooth_needs"});
     by("tools/smooth_command", "stream/stages/smooth",
        {"coarse_files", "coarse_stages", "reach_stage", "smooth_job", "smooth_stage", "smooth_tiles"});

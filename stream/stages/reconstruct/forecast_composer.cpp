@@ -13,6 +13,7 @@
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/reconstruct/brick_needs.h"
 #include "stream/stages/reconstruct/forecast_list.h"
 #include "stream/stages/reconstruct/forecast_rates.h"
 #include "stream/stages/reconstruct/planned_patches.h"
@@ -103,6 +104,7 @@ class Composer {
           static_cast<double>(patches + forecast_.output_bytes));
     forecast_.peak_disk_bytes =
         std::max({inputs_.unpacked_bytes + run_bytes_, run_bytes_ + store_bytes_,
+                  top_bytes_ > 0 ? 2 * store_bytes_ + overlay_bytes_ + top_bytes_ : 0,
                   store_bytes_ + overlay_bytes_ + closing + patches,
                   patches + smoothed + forecast_.output_bytes + store_bytes_ + overlay_bytes_ + closing});
     if (options_.decimates() && !fused)  // the raw mesh, its vertices and faces dealt out, its store
@@ -153,6 +155,13 @@ class Composer {
                                times(blocks, noise * kBlockVotes), times(blocks, 1.5 + noise * kBlockCoarse)),
          orient_solution_bytes(0, 0, 0)},
         0, buckets, points_ * kOrientTime, static_cast<double>(overlay_bytes_));
+    if (!may_have_top(options_)) return;
+    const TopNeeds top = planned_top_needs(run_, options_, bricks_);
+    const auto read = static_cast<double>(store_bytes_ + overlay_bytes_);
+    top_bytes_ = times(points_, kTopBytes);
+    add("top", top.tasks, {top.task_bytes, 0, 0}, top_bytes_, top.tasks, points_ * kTopTime, read);
+    add("top-points", buckets, {top.points_task_bytes, 0, 0}, store_bytes_, buckets, points_ * kTopPointsTime,
+        read + static_cast<double>(store_bytes_));
   }
 
   /// \returns what it leaves on disk
@@ -164,21 +173,7 @@ class Composer {
     std::uint64_t bytes = 0;
     for_each_tile([&](const Tile& t) { bytes = std::max(bytes, boundaries_tile_bytes(bricks_, t, halo_)); });
     add("rims", groups_.size(), known(bytes, 0), ends, groups_.size(), faces_ * kBoundaryTime, read);
-    // What a brick's neighbours lend depends on where in them the points lie: about a quarter.
-    std::uint64_t lent = 0;
-    for (const BrickEntry& b : bricks_) {
-      const Tile tile{brick_of_key(b.key), 1};
-      CloseCounts counts;
-      for (int d = 0; d < 27; ++d) {
-        const Int3 n = {tile.brick[0] + d % 3 - 1, tile.brick[1] + d / 3 % 3 - 1, tile.brick[2] + d / 9 - 1};
-        if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
-        if (const BrickEntry* e = find_brick(bricks_, brick_key(n)))
-          counts.visit_points += d == 13 ? e->points : e->points / 4;
-      }
-      counts.near_bytes = MultipoleStore::near_bytes(bricks_, tile.corner(), tile.edges());
-      counts.far_bytes = 2 * sizeof(Multipole) * bricks_.size();
-      lent = std::max(lent, close_bytes(run_, counts));
-    }
+    const std::uint64_t lent = planned_close_bytes(run_, bricks_);
     add("close", 0, {0, lent, close_bytes(run_, {})}, 0, 1, 0.0, 0.0);
     return multipoles + ends;
   }
@@ -334,7 +329,7 @@ class Composer {
   int halo_ = 0;
   std::vector<TileGroup> groups_;
   PlannedPatches patches_;
-  std::uint64_t largest_brick_ = 0, max_blocks_ = 0, blocks_ = 0;
+  std::uint64_t largest_brick_ = 0, max_blocks_ = 0, blocks_ = 0, top_bytes_ = 0;
   PatchEntry largest_;  ///< patch
   ForecastList list_{run_.threads};
   Forecast forecast_;

@@ -21,16 +21,12 @@ namespace {
 
 using json = nlohmann::json;
 
-/// Brick columns of a task along an edge: a multiple more than the context around them, which is fitted twice.
-constexpr int kGroupColumns = 8;
-constexpr int kModelEdge = (kGroupColumns + 2) * kBrickCells;
-/// Layers, the model and the rasters of its filters, a column; a brick's block of points; samples while they are put in order.
-constexpr std::uint64_t kModelColumnBytes = sizeof(ColumnLayers) + 35 + 4 * 8 + 8;
+/// Layers, the model and the rasters of its filters, a column; a brick's block of points.
+constexpr std::uint64_t kModelColumnBytes = sizeof(ColumnLayers) + 35 + 5 * 8 + 8;
 constexpr std::uint64_t kBlockPointBytes = 42;
-constexpr std::uint64_t kTopFixedBytes = 16u << 20;
-/// Samples that a group may take besides: steps between columns are few.
-constexpr std::uint64_t kSampleBytes =
-    3 * sizeof(PointRecord) * kGroupColumns * kGroupColumns * kBrickCells * kBrickCells;
+constexpr std::uint64_t kTopFixedBytes = 12u << 20;
+/// Samples a column while they are put in order: steps between columns are few.
+constexpr std::uint64_t kColumnSampleBytes = 3 * sizeof(PointRecord);
 
 /// Cosine with up up to which a surface stands steep.
 constexpr float kSteepCosine = 0.5f;
@@ -50,8 +46,8 @@ class TopStage : public Stage {
       const Int3 at = brick_of_key(store_->bricks()[b].key);
       columns_[{at[axes_.u], at[axes_.v]}].push_back(b);
     }
-    for (const auto& [at, bricks] : columns_)
-      groups_.emplace_back(at.first / kGroupColumns, at.second / kGroupColumns);
+    edge_ = top_group_columns(state.run);
+    for (const auto& [at, bricks] : columns_) groups_.emplace_back(at.first / edge_, at.second / edge_);
     std::sort(groups_.begin(), groups_.end());
     groups_.erase(std::unique(groups_.begin(), groups_.end()), groups_.end());
   }
@@ -71,14 +67,15 @@ class TopStage : public Stage {
       }
       fullest = std::max(fullest, points);
     });
-    return top_task_bytes(fullest, brick);
+    return top_task_bytes(edge_, fullest, brick);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    const int gu = groups_[task].first * kGroupColumns - 1, gv = groups_[task].second * kGroupColumns - 1;
+    const int gu = groups_[task].first * edge_ - 1, gv = groups_[task].second * edge_ - 1;
+    const int raster = (edge_ + 2) * kBrickCells;
     SurfaceModel model;
     {
-      std::vector<ColumnLayers> layers(std::size_t{kModelEdge} * kModelEdge);
+      std::vector<ColumnLayers> layers(static_cast<std::size_t>(raster) * static_cast<std::size_t>(raster));
       std::vector<ColumnLayers> column(std::size_t{kBrickCells} * kBrickCells);
       for_columns(task, [&](int u, int v, const std::vector<std::size_t>& bricks) {
         context.check_stop();
@@ -87,11 +84,11 @@ class TopStage : public Stage {
         find_column_layers(points, column);
         for (int row = 0; row < kBrickCells; ++row)
           std::copy_n(column.begin() + row * kBrickCells, kBrickCells,
-                      layers.begin() + ((v - gv) * kBrickCells + row) * kModelEdge + (u - gu) * kBrickCells);
+                      layers.begin() + ((v - gv) * kBrickCells + row) * raster + (u - gu) * kBrickCells);
         if (is_core(u - gu) && is_core(v - gv)) context.advance(1);
       });
       context.check_stop();
-      model = fit_surface_model(layers, kModelEdge);
+      model = fit_surface_model(layers, raster);
     }
     context.check_stop();
     TopFileWriter writer(
@@ -113,14 +110,14 @@ class TopStage : public Stage {
   }
 
  private:
-  static bool is_core(int column) { return column >= 1 && column <= kGroupColumns; }
+  bool is_core(int column) const { return column >= 1 && column <= edge_; }
 
   /// use(u, v, bricks) for the brick columns of a task and those around them.
   template <class Use>
   void for_columns(std::size_t task, const Use& use) const {
-    const int u0 = groups_[task].first * kGroupColumns - 1, v0 = groups_[task].second * kGroupColumns - 1;
-    for (int u = u0; u < u0 + kGroupColumns + 2; ++u)
-      for (int v = v0; v < v0 + kGroupColumns + 2; ++v)
+    const int u0 = groups_[task].first * edge_ - 1, v0 = groups_[task].second * edge_ - 1;
+    for (int u = u0; u < u0 + edge_ + 2; ++u)
+      for (int v = v0; v < v0 + edge_ + 2; ++v)
         if (const auto found = columns_.find({u, v}); found != columns_.end()) use(u, v, found->second);
   }
 
@@ -159,8 +156,8 @@ class TopStage : public Stage {
 
   json write(const SurfaceModel& model, int gu, int gv, TopFileWriter& writer) const {
     std::uint64_t stands = 0, filled = 0, samples = 0, steps = 0;
-    for (int u = 1; u <= kGroupColumns; ++u)
-      for (int v = 1; v <= kGroupColumns; ++v) {
+    for (int u = 1; u <= edge_; ++u)
+      for (int v = 1; v <= edge_; ++v) {
         std::vector<ModelColumn> columns(std::size_t{kBrickCells} * kBrickCells);
         bool any = false;
         for (int row = 0; row < kBrickCells; ++row)
@@ -180,7 +177,7 @@ class TopStage : public Stage {
         writer.model(brick_key(at), columns);
       }
     std::map<std::uint64_t, std::vector<PointRecord>> bricks;
-    sample_surface_model(model, kBrickCells, (kGroupColumns + 1) * kBrickCells, [&](const ModelSample& m) {
+    sample_surface_model(model, kBrickCells, (edge_ + 1) * kBrickCells, [&](const ModelSample& m) {
       PointRecord r;
       r.q[axes_.u] = gu * kBrickCells * kQuantaPerCell + m.u;
       r.q[axes_.v] = gv * kBrickCells * kQuantaPerCell + m.v;
@@ -205,6 +202,7 @@ class TopStage : public Stage {
   }
 
   ViewAxes axes_;
+  int edge_ = 0;                       ///< brick columns of a task along an edge
   std::unique_ptr<PointStore> store_;  ///< null where no top surface is wanted
   BrickColumns columns_;
   std::vector<std::pair<int, int>> groups_;
@@ -212,8 +210,21 @@ class TopStage : public Stage {
 
 }  // namespace
 
-std::uint64_t top_task_bytes(std::uint64_t column_points, std::uint64_t brick_points) {
-  return std::uint64_t{kModelEdge} * kModelEdge * kModelColumnBytes + kSampleBytes +
+int top_group_columns(const RunOptions& run) {
+  // As many as the cap allows: the context around them is fitted once more.
+  int edge = 8;
+  while (edge > 1 &&
+         top_task_bytes(edge, 0, 0) > run.memory_bytes / 4 / static_cast<std::uint64_t>(run.threads))
+    edge /= 2;
+  return edge;
+}
+
+std::uint64_t top_task_bytes(int group_columns, std::uint64_t column_points, std::uint64_t brick_points) {
+  const auto square = [](int bricks) {
+    const auto columns = static_cast<std::uint64_t>(bricks * kBrickCells);
+    return columns * columns;
+  };
+  return square(group_columns + 2) * kModelColumnBytes + square(group_columns) * kColumnSampleBytes +
          column_points * sizeof(ColumnPoint) + brick_points * kBlockPointBytes + kTopFixedBytes;
 }
 

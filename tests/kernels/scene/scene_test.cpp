@@ -38,7 +38,7 @@ Samples sample_all(const SurfaceSampler& sampler) {
   return all;
 }
 
-Double3 random_in(const Box3& box, std::uint64_t i) {
+Double3 random_in(const synth::Box3& box, std::uint64_t i) {
   const auto u = [&](std::uint64_t stream) { return to_unit(random_bits(7, stream, i)); };
   const Double3 d = box.hi - box.lo;
   return {box.lo[0] + d[0] * u(1), box.lo[1] + d[1] * u(2), box.lo[2] + d[2] * u(3)};
@@ -208,7 +208,7 @@ TEST_CASE("rays hit the surface where nothing is before it", "[property]") {
   for (const auto& name : kParametric) {
     CAPTURE(name);
     const auto scene = make_scene({name, 3, 0});
-    const Box3 box = scene->bounds();
+    const synth::Box3 box = scene->bounds();
     const double size = norm(box.hi - box.lo);
     const Samples targets = sample_all(SurfaceSampler(*scene, 300, 9));
     int hits = 0;

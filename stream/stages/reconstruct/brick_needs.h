@@ -1,0 +1,27 @@
+/// \file brick_needs.h
+/// Memory that stages take by the bricks of a plan.
+#pragma once
+#include <cstdint>
+#include <span>
+
+#include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
+#include "stream/runtime/options.h"
+
+namespace tessera {
+
+/// Of the end of the close stage. \param bricks  ascending key
+std::uint64_t planned_close_bytes(const RunOptions& run, std::span<const BrickEntry> bricks);
+
+/// Of the stages of the top surface.
+struct TopNeeds {
+  std::uint64_t tasks = 0, task_bytes = 0;  ///< of the top stage
+  std::uint64_t points_task_bytes = 0;      ///< of the top-points stage
+};
+TopNeeds planned_top_needs(const RunOptions& run, const ReconstructOptions& options,
+                           std::span<const BrickEntry> bricks);
+
+/// Whether the top surface may stand in for strewn points: the orient stage knows which kind of scene it is.
+bool may_have_top(const ReconstructOptions& options);
+
+}  // namespace tessera

@@ -1,0 +1,124 @@
+// The top surface as a user meets it: crowns over ground become one smooth skin, with nothing given, and the ground stays.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/vector.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
+#include "tests/helpers/reconstruct_command.h"
+
+namespace top_surface_model_test {
+
+using namespace tessera::test;
+
+namespace {
+
+constexpr int kSide = 60;
+
+/// A field with a wood on half of it and a hole of 3 x 3 in the other half, one point a line. \param up_is_y  turned on its side
+std::string wood(const TempFolder& folder, bool up_is_y = false) {
+  Random random(5);
+  std::string text;
+  const auto point = [&](double x, double y, double z) {
+    for (const double c : {x, up_is_y ? z : y, up_is_y ? -y : z}) text += std::to_string(c) + " ";
+    text += "\n";
+  };
+  for (int i = 0; i < 60000; ++i) {
+    const double x = random.in(0, kSide), y = random.in(0, kSide);
+    if (std::fabs(x - 45) > 1.5 || std::fabs(y - 30) > 1.5) point(x, y, 0.5 * std::sin(0.2 * x));
+  }
+  for (int tree = 0; tree < 60; ++tree) {
+    const double x = random.in(3, 27), y = random.in(3, kSide - 3), z = random.in(10, 13);
+    for (int i = 0; i < 1500; ++i)
+      point(x + 1.5 * random.gaussian(), y + 1.5 * random.gaussian(), z + 1.2 * random.gaussian());
+  }
+  return folder.write(up_is_y ? "turned.xyz" : "wood.xyz", text);
+}
+
+/// Share of the squares of one of [x0, x1) x [y0, y1) over which vertices of the mesh lie between two heights.
+double covered(const WholeMesh& mesh, int x0, int x1, int y0, int y1, double low, double high) {
+  std::vector<char> seen(kSide * kSide, 0);
+  for (const auto& p : mesh.points)
+    if (p[2] > low && p[2] < high && p[0] >= 0 && p[1] >= 0 && p[0] < kSide && p[1] < kSide)
+      seen[static_cast<std::size_t>(p[1]) * kSide + static_cast<std::size_t>(p[0])] = 1;
+  double n = 0;
+  for (int y = y0; y < y1; ++y)
+    for (int x = x0; x < x1; ++x) n += seen[static_cast<std::size_t>(y * kSide + x)];
+  return n / ((x1 - x0) * (y1 - y0));
+}
+
+/// Share of the area that shows downwards.
+double downwards(const WholeMesh& mesh) {
+  using namespace tessera;  // vectors
+  double down = 0, all = 0;
+  for (const auto& f : mesh.faces) {
+    const Double3 n = cross(mesh.points[f[1]] - mesh.points[f[0]], mesh.points[f[2]] - mesh.points[f[0]]);
+    all += norm(n);
+    if (n[2] < -0.3 * norm(n)) down += norm(n);
+  }
+  return down / all;
+}
+
+}  // namespace
+
+TEST_CASE("top surface: crowns become one smooth skin, the ground stays, holes are filled", "[pipeline]") {
+  const TempFolder folder;
+  const auto in = wood(folder);
+  const auto out = folder.path() / "mesh.ply";
+  const nlohmann::json report = reconstructed(in, out, {});
+  CHECK(stage_result(report, "orient").at("scene") == "from above");
+  CHECK(stage_result(report, "orient").at("vegetation").at("as") == "top");
+  const nlohmann::json top = stage_result(report, "top");
+  INFO(top.dump());
+  CHECK(top.at("columns").get<int>() > 1000);
+  CHECK(top.at("filled_columns").get<int>() > 10);
+  const WholeMesh mesh = read_whole(out);
+  CHECK(covered(mesh, 6, 25, 6, kSide - 6, 6, 20) > 0.97);
+  CHECK(covered(mesh, 34, kSide - 1, 1, kSide - 1, -1, 1) > 0.999);
+  CHECK(downwards(mesh) < 0.01);
+  const auto dropped = folder.path() / "dropped.ply";
+  const nlohmann::json ground = reconstructed(in, dropped, {"--vegetation", "drop"});
+  CHECK_FALSE(stage_result(ground, "top").at("needed").get<bool>());
+  CHECK(covered(read_whole(dropped), 6, 25, 6, kSide - 6, 6, 20) < 0.1);
+}
+
+TEST_CASE("top surface: up is any axis", "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const nlohmann::json report = reconstructed(wood(folder, true), out, {"--up", "0,1,0", "--from", "above"});
+  CHECK(stage_result(report, "top").at("columns").get<int>() > 1000);
+  WholeMesh mesh = read_whole(out);
+  for (auto& p : mesh.points) p = {p[0], -p[2], p[1]};
+  CHECK(covered(mesh, 6, 25, 6, kSide - 6, 6, 20) > 0.97);
+  CHECK(downwards(mesh) < 0.01);
+}
+
+TEST_CASE("top surface: same bytes whatever tiles, threads, cap and kills", "[property]") {
+  const TempFolder folder;
+  const auto in = wood(folder);
+  std::string first;
+  for (const std::vector<std::string>& run : {std::vector<std::string>{"-t", "1"},
+                                              {"-t", "2", "--tile-size", "64"},
+                                              {"-t", "2", "--memory", "160M"}}) {
+    const auto out = folder.path() / "mesh.ply";
+    std::vector<std::string> more = run;
+    more.push_back("--force");
+    reconstructed(in, out, more);
+    if (first.empty()) first = file_bytes(out);
+    CHECK(file_bytes(out) == first);
+  }
+  const auto out = folder.path() / "killed.ply";
+  const CommandResult r = resumed_after_kills(reconstruct_words(in, out, {"-t", "2"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(file_bytes(out) == first);
+}
+
+}  // namespace top_surface_model_test
