@@ -20,9 +20,9 @@ using namespace tessera::test;
 
 namespace {
 
-constexpr int kSide = 60;
+constexpr int kSide = 80;
 
-/// A field with a wood on half of it and a hole of 3 x 3 in the other half, one point a line. \param up_is_y  turned on its side
+/// A field with a wood on a third of it and a hole of 3 x 3 beside it, one point a line. \param up_is_y  turned on its side
 std::string wood(const TempFolder& folder, bool up_is_y = false) {
   Random random(5);
   std::string text;
@@ -30,11 +30,11 @@ std::string wood(const TempFolder& folder, bool up_is_y = false) {
     for (const double c : {x, up_is_y ? z : y, up_is_y ? -y : z}) text += std::to_string(c) + " ";
     text += "\n";
   };
-  for (int i = 0; i < 60000; ++i) {
+  for (int i = 0; i < 100000; ++i) {
     const double x = random.in(0, kSide), y = random.in(0, kSide);
-    if (std::fabs(x - 45) > 1.5 || std::fabs(y - 30) > 1.5) point(x, y, 0.5 * std::sin(0.2 * x));
+    if (std::fabs(x - 55) > 1.5 || std::fabs(y - 40) > 1.5) point(x, y, 0.5 * std::sin(0.2 * x));
   }
-  for (int tree = 0; tree < 60; ++tree) {
+  for (int tree = 0; tree < 80; ++tree) {
     const double x = random.in(3, 27), y = random.in(3, kSide - 3), z = random.in(10, 13);
     for (int i = 0; i < 1500; ++i)
       point(x + 1.5 * random.gaussian(), y + 1.5 * random.gaussian(), z + 1.2 * random.gaussian());
