@@ -33,6 +33,7 @@ enum PointFlag : std::uint16_t {
   kPointVolumetric =
       8,  ///< strewn through space instead of lying on a surface; where the top surface stands in for it
   kPointSynthetic = 16,  ///< a sample of the top surface: nothing was measured just there
+  kPointUnseen = 32,     ///< of these: of a wall or a hole that nobody saw
 };
 
 /// Unit vector to 16+16 bit octahedral code and back; error below 1e-4 rad. Exact on every machine

@@ -240,7 +240,10 @@ void BrickExtractor::trace_leaf(const LeafMasks& m) {
 void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern, bool at_boundary) {
   const Int3 cell = {m.at[0] * 8 + x, m.at[1] * 8 + y, m.at[2] * 8 + z};
   const bool own = inside_brick(cell);
-  const bool closing = m.leaf->closing[static_cast<std::size_t>(z)] >> (x + 8 * y) & 1;
+  const auto is_of = [&](const LeafWords& cells) {
+    return (cells[static_cast<std::size_t>(z)] >> (x + 8 * y) & 1) != 0;
+  };
+  const bool closing = is_of(m.leaf->closing);
   const std::size_t faces_before = patch_.faces.size();
   CellLoops traced;
   const CellLoops* loops = &unambiguous_loops(pattern);
@@ -291,7 +294,7 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
       emit_plain_loop(cell, number, vertex.data(), root.data(), at_boundary ? boundary_segments(cell) : 0);
     }
   }
-  if (!closing || patch_.faces.size() == faces_before) return;
+  if ((!closing && !is_of(m.leaf->unseen)) || patch_.faces.size() == faces_before) return;
   patch_.synthetic.resize(faces_before, 0);
   patch_.synthetic.resize(patch_.faces.size(), 1);
 }

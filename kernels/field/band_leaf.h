@@ -79,6 +79,7 @@ class BandLeaf {
   Int3 origin;          ///< node coordinates of the min corner, relative to the block, multiples of 8
   LeafWords inside{};   ///< exactly 0 counts as outside; of valid nodes and closing cells
   LeafWords closing{};  ///< cells that take part though not all of their nodes are valid
+  LeafWords unseen{};   ///< cells whose faces nobody saw: unseen_cells.h
   LeafWords quiet{};    ///< cells that are traced elsewhere: where levels meet (brick_levels.h)
   std::array<LeafWords, 3> crossing{};                       ///< per axis: the edge from this node has a root
   std::array<std::array<std::uint32_t, 8>, 3> first_root{};  ///< index of the first root of each word

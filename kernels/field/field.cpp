@@ -12,6 +12,7 @@
 #include "kernels/field/node_fit.h"
 #include "kernels/field/point_leaves.h"
 #include "kernels/field/root_colour.h"
+#include "kernels/field/unseen_cells.h"
 #include "octree/portable_math.h"
 
 namespace tessera {
@@ -187,6 +188,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   }
   find_roots(band.fits, band.sheets, options.noise_cells > kExactNoise, field);
   find_border(band.fits, band.boundaries, field);
+  mark_unseen_cells(points, leaves, field);
   if (!points.rgba.empty())
     colour_roots(points, leaves, support_radius(options), options.bodies, coarser != nullptr, field);
   return field;

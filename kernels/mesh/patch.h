@@ -47,8 +47,9 @@ struct Patch {
   std::vector<std::uint32_t> rgba;        ///< per own vertex; empty if none of them has a colour
   std::vector<VertexClass> vertex_class;  ///< per own vertex
   std::vector<PatchFace> faces;           ///< counter-clockwise from outside
-  std::vector<std::uint8_t> synthetic;    ///< per face: 1 if it closes a hole; empty if none does
-  std::vector<VertexKey> foreign;         ///< ascending, no repeats: vertices of other bricks that faces name
+  std::vector<std::uint8_t>
+      synthetic;  ///< per face: 1 if it closes a hole, or nobody saw what it shows; empty if none does
+  std::vector<VertexKey> foreign;  ///< ascending, no repeats: vertices of other bricks that faces name
   /// Own vertices that other bricks may name (edge points on the min faces, loop centres in the cells of the
   /// max faces): key and own index, ascending by key.
   std::vector<std::pair<VertexKey, std::uint32_t>> exported;

@@ -36,10 +36,12 @@ constexpr std::int32_t kSampleStep = kCell;
 /// bare ones.
 constexpr std::int32_t kBareStep = 3 * kCell;
 constexpr int kBareMargin = 1, kBareColumns = 3;
-/// A wall was measured where steep points no farther away than this hold half of its height, with one in two cells.
+/// A wall was measured where steep points no farther away than this hold half of its height, with one a cell.
 constexpr int kWallColumns = 4;
 constexpr int kWallFacing = 38;  ///< of 127, towards the low side
-constexpr std::int32_t kWallGap = 2 * kCell;
+constexpr std::int32_t kWallGap = kCell;
+/// Such a wall reaches so far beyond its points.
+constexpr std::int32_t kWallMargin = 3 * kCell;
 /// A layer so far from the median around it is rough.
 constexpr std::int32_t kRoughCells = kCell;
 /// A bottom so near the median around it is smooth.
@@ -197,23 +199,45 @@ void diffuse(Square s, const std::vector<std::uint8_t>& active, const std::vecto
   }
 }
 
-/// Did steep points below the high side of a step, or at its foot, show its wall? A roof may hang over it. \param axis  of
-/// the step between column (u, v) and the next
-bool is_measured(const SurfaceModel& model, int u, int v, int axis, std::int32_t here, std::int32_t there) {
-  const auto [low, high] = std::minmax(here, there);
-  const bool rises = there > here;
+/// Steps of a column towards the next one along an axis.
+struct Step {
+  int u, v, axis;
+  std::int32_t here, there;  ///< heights
+};
+
+/// Calls use(low, high) for the walls that steep points show below the high side of a step, or at its foot, facing its low
+/// side; a roof may hang over them. Ends when it gives true. \returns whether it did
+template <class Use>
+bool any_wall_of(const SurfaceModel& model, const Step& step, const Use& use) {
+  const bool rises = step.there > step.here;
   for (int k = -1; k <= kWallColumns; ++k)  // from the foot to below what is above
     for (int side = -1; side <= 1; ++side) {
       const int along = rises ? k + 1 : -k;
-      const int cu = u + (axis == 0 ? along : side), cv = v + (axis == 0 ? side : along);
-      if (cu < 0 || cv < 0 || cu >= model.edge || cv >= model.edge) continue;
-      const std::size_t i = model.at(cu, cv);
-      const int facing = axis == 0 ? model.wall_u[i] : model.wall_v[i];
-      if ((rises ? -facing : facing) < kWallFacing) continue;
-      const std::int32_t both = std::min(model.wall_high[i], high) - std::max(model.wall_low[i], low);
-      if (2 * std::int64_t{both} >= high - low) return true;
+      const int u = step.u + (step.axis == 0 ? along : side), v = step.v + (step.axis == 0 ? side : along);
+      if (u < 0 || v < 0 || u >= model.edge || v >= model.edge) continue;
+      const std::size_t i = model.at(u, v);
+      const int facing = step.axis == 0 ? model.wall_u[i] : model.wall_v[i];
+      if ((rises ? -facing : facing) >= kWallFacing && use(model.wall_low[i], model.wall_high[i]))
+        return true;
     }
   return false;
+}
+
+/// Did one of them show half of the step?
+bool is_measured(const SurfaceModel& model, const Step& step) {
+  const auto [bottom, top] = std::minmax(step.here, step.there);
+  return any_wall_of(model, step,
+                     [&, low = bottom, high = top](std::int32_t wall_low, std::int32_t wall_high) {
+                       return 2 * (std::int64_t{std::min(wall_high, high)} - std::max(wall_low, low)) >=
+                              std::int64_t{high} - low;
+                     });
+}
+
+/// Or this height of it, or nearly so?
+bool is_measured_at(const SurfaceModel& model, const Step& step, std::int32_t height) {
+  return any_wall_of(model, step, [&](std::int32_t low, std::int32_t high) {
+    return low < high && height >= low - kWallMargin && height <= high + kWallMargin;
+  });
 }
 
 /// Columns on either side of steps whose wall was not measured. \param wanted  looks at these alone
@@ -227,7 +251,7 @@ std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vecto
         const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
         if (wanted[j] == 0 || model.height[j] == kNoHeight) continue;
         if (std::abs(std::int64_t{model.height[i]} - model.height[j]) >= kBareStep &&
-            !is_measured(model, u, v, axis, model.height[i], model.height[j]))
+            !is_measured(model, {u, v, axis, model.height[i], model.height[j]}))
           out[i] = out[j] = 1;
       }
     }
@@ -407,7 +431,6 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
       continue;
     }
     if (stands[i] != 0) model.flags[i] |= kModelStands;
-    if (bare[i] != 0) model.flags[i] |= kModelBare;
     if (by_step[i] != 0) model.flags[i] |= kModelStep;
   }
   find_ground(s, layers, measured, model);
@@ -434,7 +457,13 @@ ModelSample level_sample(const SurfaceModel& model, const std::vector<std::int32
   const std::size_t i = model.at(u, v);
   const float su = slope(height, model.at(u - 1, v), i, model.at(u + 1, v));
   const float sv = slope(height, model.at(u, v - 1), i, model.at(u, v + 1));
-  return {u * kCell + kCell / 2, v * kCell + kCell / 2, height[i], unit(Float3{-su, -sv, 1.0f}), rgba, false};
+  return {u * kCell + kCell / 2,
+          v * kCell + kCell / 2,
+          height[i],
+          unit(Float3{-su, -sv, 1.0f}),
+          rgba,
+          false,
+          (model.flags[i] & kModelFilled) != 0};
 }
 
 }  // namespace
@@ -463,10 +492,9 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
         const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
         if (model.height[j] == kNoHeight) continue;
         const std::int64_t rise = std::int64_t{model.height[j]} - model.height[i];
-        const bool bare = (model.flags[i] & model.flags[j] & kModelBare) != 0 && std::abs(rise) >= kBareStep;
-        if (!bare && !stands(i) && !stands(j)) continue;
-        if (std::abs(rise) >= kBareStep && is_measured(model, u, v, axis, model.height[i], model.height[j]))
-          continue;
+        const Step step = {u, v, axis, model.height[i], model.height[j]};
+        const bool tall = std::abs(rise) >= kBareStep, measured = tall && is_measured(model, step);
+        if (!tall && !stands(i) && !stands(j)) continue;
         const std::int64_t lines = std::abs(rise) / kSampleStep;
         const float steep = static_cast<float>(rise) / kQuantaPerCell;
         Float3 normal = {0.0f, 0.0f, 1.0f};
@@ -479,9 +507,10 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
                            model.height[i] + static_cast<std::int32_t>(k * rise / (lines + 1)),
                            normal,
                            model.rgba[rise > 0 ? j : i],
+                           true,
                            true};
           (axis == 0 ? m.u : m.v) += along;
-          if (inside(m)) use(m);
+          if (inside(m) && !(measured && is_measured_at(model, step, m.height))) use(m);
         }
       }
     }

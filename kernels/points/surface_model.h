@@ -56,7 +56,6 @@ enum ModelFlag : std::uint8_t {
   kModelStands = 1,  ///< samples of the model stand in for what was measured
   kModelFilled = 2,  ///< nothing was measured here, but all around
   kModelStep = 4,    ///< near a step whose wall was not measured
-  kModelBare = 8,    ///< at such a step: samples go down it, and nothing measured stays behind them
 };
 
 /// The model over a square of columns, u fastest.
@@ -88,7 +87,8 @@ struct ModelSample {
   std::int32_t u = 0, v = 0, height = 0;
   Float3 normal = {};  ///< along u, v, up; unit
   std::uint32_t rgba = 0;
-  bool step = false;  ///< of the wall between two columns of different height
+  bool step = false;    ///< of the wall between two columns of different height
+  bool unseen = false;  ///< of a wall, or where nothing was measured
 };
 
 /// One sample on every column that stands and one on its ground, and a line of them, a cell apart, down every step to a neighbour whose wall was

@@ -76,8 +76,8 @@ void MergedPoint::add(const MergedPoint& other) {
   first_.sensor = std::min(first_.sensor, other.first_.sensor);
   const unsigned a = first_.flags;
   const unsigned b = other.first_.flags;
-  first_.flags =
-      static_cast<std::uint16_t>((a & b & (kPointNotLast | kPointSynthetic)) | ((a | b) & kPointGround));
+  first_.flags = static_cast<std::uint16_t>((a & b & (kPointNotLast | kPointSynthetic | kPointUnseen)) |
+                                            ((a | b) & kPointGround));
 }
 
 PointRecord MergedPoint::result() const {

@@ -38,6 +38,9 @@ void validate_levels(const ReconstructOptions& o) {
     refuse("--border smooth", "borders are smoothed in lattices of one cell size only");
   if (o.vegetation == "keep")
     refuse("--vegetation keep", "strewn points get bodies in lattices of one cell size only");
+  if (o.vegetation == "top")
+    refuse("--vegetation top",
+           "a surface model stands in for strewn points in lattices of one cell size only");
   if (o.reference == "points")
     refuse("--reference points", "points are measured in lattices of one cell size only");
 }

@@ -119,7 +119,8 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "estimated normals: points that are strewn through space instead of lying on a surface, as leaves, "
         "spray and passers-by; top: the smooth surface that one sees of them from above, down to the ground "
         "beside it; drop: no surface for them; keep: closed bodies around them; surface: as if they lay on "
-        "one, which comes out torn; auto: top in scenes from above, else surface")
+        "one, which comes out torn; auto: top in scenes from above (drop with "
+        "--levels), else surface")
       .one_of({"auto", "top", "drop", "keep", "surface"});
   t.add(
        "normals", &o.normals,

@@ -127,6 +127,7 @@ TEST_CASE("reconstruct --levels: what it cannot do is told before any pass", "[p
   refused({"--max-hole", "20"}, "--max-hole 20");
   refused({"--border", "smooth"}, "--border smooth");
   refused({"--vegetation", "keep"}, "--vegetation keep");
+  refused({"--vegetation", "top"}, "--vegetation top");
   refused({"--tolerance", "0.1", "--reference", "points"}, "--reference points");
   CHECK(tessera_command(reconstruct_words(in, folder.path() / "out.ply", {"--levels", "7"})).code == 2);
   CHECK(tessera_command(reconstruct_words(in, folder.path() / "out.ply", {"--levels", "0"})).code == 2);

@@ -178,7 +178,7 @@ TEST_CASE("reconstruct: plan refuses just the caps that the run refuses, in the 
   for (const std::vector<std::string>& options : kinds) {
     bool refused = false;
     bool done = false;
-    for (unsigned cap = 60; cap <= 220; cap += 16) {
+    for (unsigned cap = 64; cap <= 224; cap += 16) {
       std::vector<std::string> more = {"-t", "2", "--memory", std::to_string(cap) + "M"};
       more.insert(more.end(), options.begin(), options.end());
       std::vector<std::string> words = {"plan", cloud, "--progress", "none", "-q"};

@@ -187,7 +187,7 @@ class TopStage : public Stage {
       n[axes_.up] = static_cast<float>(axes_.sign) * m.normal[2];
       r.normal = encode_normal(n[0], n[1], n[2]);
       r.rgba = m.rgba;
-      r.flags = kPointSynthetic;
+      r.flags = static_cast<std::uint16_t>(kPointSynthetic | (m.unseen ? kPointUnseen : 0));
       constexpr int kShift = kBrickBits + kQuantumBits;
       bricks[brick_key({r.q[0] >> kShift, r.q[1] >> kShift, r.q[2] >> kShift})].push_back(r);
       ++samples;

@@ -152,7 +152,7 @@ TEST_CASE("surface model: no samples where the wall of a step was measured", "[u
   std::uint64_t steps = 0;
   for (const ModelSample& m : samples_of(model)) steps += m.step;
   CHECK((steps == 0) == seen);
-  CHECK((count_of(model, kModelBare) == 0) == seen);
+  CHECK((count_of(model, kModelStep) == 0) == seen);
 }
 
 TEST_CASE("surface model: holes up to twenty columns wide are filled from their low side, wider ones are not",
