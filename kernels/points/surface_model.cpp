@@ -508,7 +508,7 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
                            normal,
                            model.rgba[rise > 0 ? j : i],
                            true,
-                           true};
+                           tall};
           (axis == 0 ? m.u : m.v) += along;
           if (inside(m) && !(measured && is_measured_at(model, step, m.height))) use(m);
         }

@@ -88,7 +88,7 @@ struct ModelSample {
   Float3 normal = {};  ///< along u, v, up; unit
   std::uint32_t rgba = 0;
   bool step = false;    ///< of the wall between two columns of different height
-  bool unseen = false;  ///< of a wall, or where nothing was measured
+  bool unseen = false;  ///< of a wall of three cells and more, or where nothing was measured
 };
 
 /// One sample on every column that stands and one on its ground, and a line of them, a cell apart, down every step to a neighbour whose wall was
