@@ -23,6 +23,8 @@ constexpr std::int32_t kFillRise = kCell / 2;
 
 /// Steps of diffusion, and the height across which it does not go: a part for the lattice, and times the local noise.
 constexpr int kDiffusionSteps = 16;
+/// Of the ground, which depends on more columns by then: all together must stay within the halo.
+constexpr int kGroundSteps = 2;
 constexpr std::int32_t kStepCells = 2 * kCell;
 constexpr std::int32_t kStepNoise = 3, kMaxNoise = 2 * kCell;
 constexpr int kNoiseRadius = 2;
@@ -32,8 +34,7 @@ constexpr int kCloseRadius = 2;
 constexpr int kActiveMargin = 2;  ///< columns around those that stand that take part in the diffusion
 /// Samples go down the steps of the model a cell apart.
 constexpr std::int32_t kSampleStep = kCell;
-/// A step so high is a wall: measured, or bare. Nothing measured stays so near behind
-/// bare ones.
+/// A step so high is a wall, measured or bare. The model stands beside bare ones, and hides what is so near behind them.
 constexpr std::int32_t kBareStep = 3 * kCell;
 constexpr int kBareMargin = 1, kBareColumns = 3;
 /// A wall was measured where steep points no farther away than this hold half of its height, with one a cell.
@@ -76,7 +77,7 @@ std::vector<std::int64_t> box_sums(Square s, const std::vector<std::int64_t>& in
   return out;
 }
 
-/// Columns within `radius` of a set (chessboard), or with `set` turned over, what is left of it.
+/// Columns within `radius` of a set (chessboard); with `set` false of what is not in it, turned over: what is left of it.
 std::vector<std::uint8_t> dilate(Square s, const std::vector<std::uint8_t>& mask, int radius,
                                  bool set = true) {
   std::vector<std::int64_t> count(mask.size());
@@ -173,7 +174,7 @@ void close_pits(Square s, const std::vector<std::uint8_t>& wanted, std::vector<s
 
 /// Steps of diffusion between neighbours no farther apart than the step that the noise allows.
 void diffuse(Square s, const std::vector<std::uint8_t>& active, const std::vector<std::int32_t>& noise,
-             std::vector<std::int32_t>& height) {
+             int steps, std::vector<std::int32_t>& height) {
   std::vector<std::size_t> columns;
   for (int v = 1; v + 1 < s.edge; ++v)
     for (int u = 1; u + 1 < s.edge; ++u)
@@ -181,7 +182,7 @@ void diffuse(Square s, const std::vector<std::uint8_t>& active, const std::vecto
   const auto row = static_cast<std::ptrdiff_t>(s.edge);
   const std::array<std::ptrdiff_t, 8> around = {-row, -1, 1, row, -row - 1, -row + 1, row - 1, row + 1};
   std::vector<std::int32_t> next(columns.size());
-  for (int step = 0; step < kDiffusionSteps; ++step) {
+  for (int step = 0; step < steps; ++step) {
     for (std::size_t c = 0; c < columns.size(); ++c) {
       const std::size_t i = columns[c];
       std::int64_t flow = 0;
@@ -325,7 +326,7 @@ void find_ground(Square s, std::span<const ColumnLayers> layers, const std::vect
         apart && !behind && 2 * layer.volumetric > layer.points && 10 * near_around[i] >= 7 * all_around[i];
   }
   std::vector<std::int32_t> fitted = median5(s, smooth, wanted);
-  diffuse(s, wanted, std::vector<std::int32_t>(n), fitted);
+  diffuse(s, wanted, std::vector<std::int32_t>(n), kGroundSteps, fitted);
   for (std::size_t i = 0; i < n; ++i)
     if (wanted[i] != 0) model.ground[i] = fitted[i], model.ground_rgba[i] = layers[i].bottom.rgba;
 }
@@ -398,7 +399,6 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
   strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
   strewn = erode(s, dilate(s, strewn, kCloseRadius), kCloseRadius);
   model.height = smooth;
-  model.height = smooth;
   const std::vector<std::uint8_t> beside = dilate(s, bare_steps(model, measured), kBareMargin);
   std::vector<std::uint8_t> stands(n), unsure(n);
   for (std::size_t i = 0; i < n; ++i) {
@@ -420,7 +420,7 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
   off = box_sums(s, off, kNoiseRadius), counted = box_sums(s, counted, kNoiseRadius);
   for (std::size_t i = 0; i < n; ++i)
     model.noise[i] = counted[i] > 0 ? static_cast<std::int32_t>(off[i] / counted[i]) : 0;
-  diffuse(s, dilate(s, unsure, kActiveMargin), model.noise, model.height);
+  diffuse(s, dilate(s, unsure, kActiveMargin), model.noise, kDiffusionSteps, model.height);
 
   const std::vector<std::uint8_t> bare = dilate(s, bare_steps(model, closed), kBareMargin);
   const std::vector<std::uint8_t> by_step = dilate(s, bare, kBareColumns);
