@@ -88,7 +88,9 @@ TEST_CASE("check --reference: borders are told apart and count on request", "[pi
 TEST_CASE("check --reference: senseless options and unreadable references say so", "[pipeline]") {
   const test::TempFolder folder;
   const std::string mesh = file(folder, "mesh.ply", test::height_grid(3, 1.0, waves));
-  CHECK(check(mesh, mesh, "").code == 2);
+  const test::Outcome bare = check(mesh, mesh, "");
+  CHECK(bare.code == 2);
+  CHECK(bare.said.find("--reference needs --tolerance") != std::string::npos);
   CHECK(check(mesh, mesh, "--tolerance 0").code == 2);
   CHECK(check(mesh, mesh, "--tolerance -1").code == 2);
   CHECK(check(mesh, mesh, "--tolerance nan").code == 2);
