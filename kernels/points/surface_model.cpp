@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdlib>
 
@@ -10,9 +11,10 @@ namespace {
 
 constexpr std::int32_t kCell = kQuantaPerCell;
 
-/// Depth of a layer, and the share of its column that it must hold: one in so many, at least two of several.
+/// Depth of a layer, and how many points it must hold: one in so many of its column, but at least two of several, and no more
+/// than a wall leaves in it.
 constexpr std::int32_t kLayerDepth = 3 * kCell;
-constexpr std::size_t kLayerShare = 8;
+constexpr std::size_t kLayerShare = 8, kFewestInLayer = 2, kMostInLayer = 3;
 
 /// Holes no wider than twice this are filled, chessboard columns.
 constexpr int kFillRadius = 10;
@@ -22,7 +24,7 @@ constexpr int kFillRounds = 12;
 constexpr std::int32_t kFillRise = kCell / 2;
 
 /// Steps of diffusion, and the height across which it does not go: a part for the lattice, and times the local noise.
-constexpr int kDiffusionSteps = 16;
+constexpr int kDiffusionSteps = 12;
 /// Of the ground, which depends on more columns by then: all together must stay within the halo.
 constexpr int kGroundSteps = 2;
 constexpr std::int32_t kStepCells = 2 * kCell;
@@ -37,8 +39,9 @@ constexpr std::int32_t kSampleStep = kCell;
 /// A step so high is a wall, measured or bare. The model stands beside bare ones, and hides what is so near behind them.
 constexpr std::int32_t kBareStep = 3 * kCell;
 constexpr int kBareMargin = 1, kBareColumns = 3;
-/// A wall was measured where steep points no farther away than this hold half of its height, with one a cell.
-constexpr int kWallColumns = 4;
+/// A wall was measured where steep points hold half of its height, with one a cell. Eaves hang no farther over it than this.
+constexpr int kWallColumns = 24;
+constexpr int kWallParts = 16;   ///< that the height is looked at in
 constexpr int kWallFacing = 38;  ///< of 127, towards the low side
 constexpr std::int32_t kWallGap = kCell;
 /// Such a wall reaches so far beyond its points.
@@ -48,7 +51,7 @@ constexpr std::int32_t kRoughCells = kCell;
 /// A bottom so near the median around it is smooth.
 constexpr std::int32_t kSmoothBottom = kCell;
 /// Pits in what stands, no wider than twice this, are closed.
-constexpr int kPitRadius = 2;
+constexpr int kPitRadius = 4;
 
 /// Columns of a square, u fastest.
 struct Square {
@@ -206,39 +209,55 @@ struct Step {
   std::int32_t here, there;  ///< heights
 };
 
-/// Calls use(low, high) for the walls that steep points show below the high side of a step, or at its foot, facing its low
-/// side; a roof may hang over them. Ends when it gives true. \returns whether it did
+/// Calls use(low, high) for the walls that steep points show at the foot of a step or below its high side, facing back from
+/// there: a roof may hang over them, and where it runs across the lattice its edge has jogs, whose wall lies to their side.
+/// Ends when it gives true.
 template <class Use>
-bool any_wall_of(const SurfaceModel& model, const Step& step, const Use& use) {
-  const bool rises = step.there > step.here;
-  for (int k = -1; k <= kWallColumns; ++k)  // from the foot to below what is above
-    for (int side = -1; side <= 1; ++side) {
-      const int along = rises ? k + 1 : -k;
-      const int u = step.u + (step.axis == 0 ? along : side), v = step.v + (step.axis == 0 ? side : along);
-      if (u < 0 || v < 0 || u >= model.edge || v >= model.edge) continue;
-      const std::size_t i = model.at(u, v);
-      const int facing = step.axis == 0 ? model.wall_u[i] : model.wall_v[i];
-      if ((rises ? -facing : facing) >= kWallFacing && use(model.wall_low[i], model.wall_high[i]))
-        return true;
-    }
-  return false;
+void for_walls_of(const SurfaceModel& model, const Step& step, const Use& use) {
+  const bool rises = step.there > step.here, along_u = step.axis == 0;
+  const int high_u = step.u + (rises && along_u ? 1 : 0), high_v = step.v + (rises && !along_u ? 1 : 0);
+  const int ahead = rises ? 1 : -1;
+  const std::array<std::array<int, 2>, 3> ways = {{{along_u ? ahead : 0, along_u ? 0 : ahead},
+                                                   {along_u ? 0 : 1, along_u ? 1 : 0},
+                                                   {along_u ? 0 : -1, along_u ? -1 : 0}}};
+  for (const auto& [du, dv] : ways)
+    for (int k = -1; k <= kWallColumns; ++k)
+      for (int side = -1; side <= 1; ++side) {
+        const int u = high_u + k * du + side * std::abs(dv), v = high_v + k * dv + side * std::abs(du);
+        if (u < 0 || v < 0 || u >= model.edge || v >= model.edge) continue;
+        const std::size_t i = model.at(u, v);
+        if (model.wall_low[i] == model.wall_high[i]) continue;
+        const int facing = -(model.wall_u[i] * du + model.wall_v[i] * dv);
+        if (facing >= kWallFacing && use(model.wall_low[i], model.wall_high[i])) return;
+      }
 }
 
-/// Did one of them show half of the step?
+/// Parts of the height of a step that they show, a bit each; those of a steep slope show a part of it each.
+unsigned measured_parts(const SurfaceModel& model, const Step& step) {
+  const std::int64_t low = std::min(step.here, step.there), height = std::max(step.here, step.there) - low;
+  unsigned parts = 0;
+  for_walls_of(model, step, [&](std::int64_t wall_low, std::int64_t wall_high) {
+    for (int k = 0; k < kWallParts; ++k) {
+      const std::int64_t middle = low + (2 * k + 1) * height / (2 * kWallParts);
+      if (middle >= wall_low - kCell / 2 && middle <= wall_high + kCell / 2) parts |= 1u << k;
+    }
+    return parts == (1u << kWallParts) - 1;
+  });
+  return parts;
+}
+
+/// Did they show half of the step?
 bool is_measured(const SurfaceModel& model, const Step& step) {
-  const auto [bottom, top] = std::minmax(step.here, step.there);
-  return any_wall_of(model, step,
-                     [&, low = bottom, high = top](std::int32_t wall_low, std::int32_t wall_high) {
-                       return 2 * (std::int64_t{std::min(wall_high, high)} - std::max(wall_low, low)) >=
-                              std::int64_t{high} - low;
-                     });
+  return 2 * std::popcount(measured_parts(model, step)) >= kWallParts;
 }
 
 /// Or this height of it, or nearly so?
 bool is_measured_at(const SurfaceModel& model, const Step& step, std::int32_t height) {
-  return any_wall_of(model, step, [&](std::int32_t low, std::int32_t high) {
-    return low < high && height >= low - kWallMargin && height <= high + kWallMargin;
+  bool found = false;
+  for_walls_of(model, step, [&](std::int32_t low, std::int32_t high) {
+    return found = height >= low - kWallMargin && height <= high + kWallMargin;
   });
+  return found;
 }
 
 /// Columns on either side of steps whose wall was not measured. \param wanted  looks at these alone
@@ -343,7 +362,8 @@ void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> l
     while (end < points.size() && points[end].column == points[first].column) ++end;
     const std::span<const ColumnPoint> column = points.subspan(first, end - first);
     ColumnLayers& out = layers[points[first].column];
-    const std::size_t n = column.size(), wanted = std::min(n, std::max<std::size_t>(2, n / kLayerShare));
+    const std::size_t n = column.size(),
+                      wanted = std::min(n, std::clamp(n / kLayerShare, kFewestInLayer, kMostInLayer));
     // Windows of so many points, from above and from below, until one is no deeper than a layer.
     std::size_t top = 0, bottom = n;
     while (top + wanted < n && column[top].height - column[top + wanted - 1].height > kLayerDepth) ++top;
@@ -408,8 +428,8 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
     stands[i] = unsure[i] != 0 || (beside[i] != 0 && closed[i] != 0);
   }
 
-  // The fit, where something stands or depends on it: its fill, its noise, its diffusion.
-  const std::vector<std::uint8_t> near = dilate(s, stands, kActiveMargin + kFillRounds);
+  // The fit, where the scan tells no surface or the fit depends on it: its fill, its noise, its diffusion.
+  const std::vector<std::uint8_t> near = dilate(s, unsure, kActiveMargin + kFillRounds);
   fill_empty(s, closed, model.height, model.rgba);
   model.height = median5(s, model.height, near);
   close_pits(s, unsure, model.height);
