@@ -39,8 +39,9 @@ constexpr std::int32_t kSampleStep = kCell;
 /// A step so high is a wall, measured or bare. The model stands beside bare ones, and hides what is so near behind them.
 constexpr std::int32_t kBareStep = 3 * kCell;
 constexpr int kBareMargin = 1, kBareColumns = 3;
-/// A wall was measured where steep points hold half of its height, with one a cell. Eaves hang no farther over it than this.
-constexpr int kWallColumns = 24;
+/// A wall was measured where steep points, one a cell, hold half of its height, or farther away, below eaves, eight tenths.
+constexpr int kNearColumns = 4, kWallColumns = 24;
+constexpr double kNearWall = 2.0, kFarWall = 1.25;
 constexpr int kWallParts = 16;   ///< that the height is looked at in
 constexpr int kWallFacing = 38;  ///< of 127, towards the low side
 constexpr std::int32_t kWallGap = kCell;
@@ -209,7 +210,7 @@ struct Step {
   std::int32_t here, there;  ///< heights
 };
 
-/// Calls use(low, high) for the walls that steep points show at the foot of a step or below its high side, facing back from
+/// Calls use(columns to there, low, high) for the walls that steep points show at the foot of a step or below its high side, facing back from
 /// there: a roof may hang over them, and where it runs across the lattice its edge has jogs, whose wall lies to their side.
 /// Ends when it gives true.
 template <class Use>
@@ -228,33 +229,33 @@ void for_walls_of(const SurfaceModel& model, const Step& step, const Use& use) {
         const std::size_t i = model.at(u, v);
         if (model.wall_low[i] == model.wall_high[i]) continue;
         const int facing = -(model.wall_u[i] * du + model.wall_v[i] * dv);
-        if (facing >= kWallFacing && use(model.wall_low[i], model.wall_high[i])) return;
+        if (facing >= kWallFacing && use(k, model.wall_low[i], model.wall_high[i])) return;
       }
 }
 
-/// Parts of the height of a step that they show, a bit each; those of a steep slope show a part of it each.
-unsigned measured_parts(const SurfaceModel& model, const Step& step) {
+/// Did they show half of the step, or farther below eaves nearly all of it? Those of a steep slope show a part of it each.
+bool is_measured(const SurfaceModel& model, const Step& step) {
   const std::int64_t low = std::min(step.here, step.there), height = std::max(step.here, step.there) - low;
-  unsigned parts = 0;
-  for_walls_of(model, step, [&](std::int64_t wall_low, std::int64_t wall_high) {
+  unsigned near = 0, all = 0;
+  const auto enough = [&] {
+    return kNearWall * std::popcount(near) >= kWallParts || kFarWall * std::popcount(all) >= kWallParts;
+  };
+  for_walls_of(model, step, [&](int columns, std::int64_t wall_low, std::int64_t wall_high) {
     for (int k = 0; k < kWallParts; ++k) {
       const std::int64_t middle = low + (2 * k + 1) * height / (2 * kWallParts);
-      if (middle >= wall_low - kCell / 2 && middle <= wall_high + kCell / 2) parts |= 1u << k;
+      if (middle < wall_low - kCell / 2 || middle > wall_high + kCell / 2) continue;
+      all |= 1u << k;
+      if (columns <= kNearColumns) near |= 1u << k;
     }
-    return parts == (1u << kWallParts) - 1;
+    return enough();
   });
-  return parts;
-}
-
-/// Did they show half of the step?
-bool is_measured(const SurfaceModel& model, const Step& step) {
-  return 2 * std::popcount(measured_parts(model, step)) >= kWallParts;
+  return enough();
 }
 
 /// Or this height of it, or nearly so?
 bool is_measured_at(const SurfaceModel& model, const Step& step, std::int32_t height) {
   bool found = false;
-  for_walls_of(model, step, [&](std::int32_t low, std::int32_t high) {
+  for_walls_of(model, step, [&](int, std::int32_t low, std::int32_t high) {
     return found = height >= low - kWallMargin && height <= high + kWallMargin;
   });
   return found;
