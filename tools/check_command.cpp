@@ -61,7 +61,8 @@ MeshComparison compare_with_reference(const CheckCommand& command, const MeshChe
 void run_check(const CheckCommand& command) {
   if (command.mesh.empty()) throw UsageError("no mesh given; name one: tessera check mesh.ply");
   if (!command.reference.empty() && command.compare.tolerance == 0.0)
-    throw UsageError("--reference needs --tolerance D, the largest distance allowed, in the unit of the mesh");
+    throw UsageError(
+        "--reference needs --tolerance D, the largest distance allowed, in the unit of the mesh");
   if (!command.reference.empty()) command.compare.validate();
   if (command.reference.empty() &&
       (command.compare.tolerance != 0.0 || command.with_borders || command.method != CheckCommand().method))
