@@ -47,8 +47,8 @@ struct ColumnLayers {
   std::int8_t wall_u = 0, wall_v = 0;        ///< their mean normal across up, 127 = 1
 };
 
-/// Of every column the highest and the lowest layer of three cells that hold their share of the column's points: not the
-/// highest point, so that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
+/// Of every column the highest and the lowest layer of three cells that hold at least three points of many, two of few: not
+/// the highest point, so that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
 void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers);
 
 /// Bits of SurfaceModel::flags.
