@@ -8,7 +8,7 @@
 namespace tessera {
 
 /// Marks BandLeaf::unseen of the cells in whose surroundings, a cell wide, every sample has kPointUnseen, at least one.
-/// \param leaves  of the points \pre PointBlock::flags are there
+/// None where points bring no flags. \param leaves  of the points
 void mark_unseen_cells(const PointBlock& points, const PointLeaves& leaves, DirectedField& field);
 
 }  // namespace tessera

@@ -71,6 +71,11 @@ void ReconstructOptions::validate() {
   if (!project.empty() && project != "off" && resolution_limit > 0.0)
     throw UsageError(
         "--resolution-limit with --project: octrees are in the units of their files; leave one of them out");
+  if (vegetation == "top" && reference == "points")
+    throw UsageError(
+        "--vegetation top with --reference points: the surface model replaces points that were to be "
+        "measured; "
+        "leave one of them out");
   if (up == Double3{0, 0, 0}) throw UsageError("--up 0,0,0: has no direction");
   if (tolerance == 0.0 && (keep_raw || reference != "surface"))
     throw UsageError(

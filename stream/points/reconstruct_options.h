@@ -46,6 +46,11 @@ struct ReconstructOptions {
   bool local_output = false;
 
   bool has_levels() const { return levels > 1; }
+  /// Whether a surface model may stand in for strewn points: not in columns of the finest of several lattices, and not where
+  /// every point of a surface is to be measured, for it replaces some.
+  bool models_top() const {
+    return vegetation == "top" || (vegetation == "auto" && !has_levels() && reference != "points");
+  }
   bool smooths_border() const {
     return border == "smooth" || (border == "auto" && tolerance == 0.0 && !has_levels());
   }
@@ -120,7 +125,7 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "spray and passers-by; top: the smooth surface that one sees of them from above, down to the ground "
         "beside it; drop: no surface for them; keep: closed bodies around them; surface: as if they lay on "
         "one, which comes out torn; auto: top in scenes from above (drop with "
-        "--levels), else surface")
+        "--levels or --reference points), else surface")
       .one_of({"auto", "top", "drop", "keep", "surface"});
   t.add(
        "normals", &o.normals,
@@ -137,7 +142,8 @@ inline OptionTable option_table(ReconstructOptions& o) {
        "from", &o.from,
        "estimated normals: where the scanner was; above: aircraft, drones, what lies level shows up; around: "
        "an object; inside: rooms; auto: above where LAS pulses have several returns or next to nothing level "
-       "lies below something else, else told by what points see of each other; the report says which")
+       "lies below something else but crowns, else told by what points see of each other; the report says "
+       "which")
       .one_of({"auto", "above", "around", "inside"});
   t.add("up", &o.up, "estimated normals: where the sky is, if not along z");
   add_columns(t, o.columns);

@@ -89,6 +89,20 @@ TEST_CASE("top surface: crowns become one smooth skin, the ground stays, holes a
   CHECK(covered(read_whole(dropped), 6, 25, 6, kSide - 6, 6, 20) < 0.1);
 }
 
+TEST_CASE("top surface: it replaces no point that is to be measured", "[pipeline]") {
+  const TempFolder folder;
+  const auto in = wood(folder);
+  const auto out = folder.path() / "mesh.ply";
+  std::vector<std::string> more = {"--tolerance", "20", "--reference", "points"};
+  const nlohmann::json report = reconstructed(in, out, more);
+  CHECK(stage_result(report, "orient").at("vegetation").at("as") == "dropped");
+  CHECK_FALSE(stage_result(report, "top").at("needed").get<bool>());
+  more.insert(more.end(), {"--vegetation", "top", "--force"});
+  const CommandResult refused = tessera_command(reconstruct_words(in, out, more));
+  CHECK(refused.code == 2);
+  CHECK(refused.errors.find("--vegetation top with --reference points") != std::string::npos);
+}
+
 TEST_CASE("top surface: up is any axis", "[pipeline]") {
   const TempFolder folder;
   const auto out = folder.path() / "mesh.ply";

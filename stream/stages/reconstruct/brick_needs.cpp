@@ -57,7 +57,7 @@ TopNeeds planned_top_needs(const RunOptions& run, const ReconstructOptions& opti
 
 bool may_have_top(const ReconstructOptions& options) {
   const bool above = options.from == "auto" || options.from == "above";
-  return options.vegetation == "top" || (options.vegetation == "auto" && above && !options.has_levels());
+  return options.models_top() && (options.vegetation == "top" || above);
 }
 
 }  // namespace tessera

@@ -82,7 +82,7 @@ class OrientStage : public Stage {
         max_uncertain_(reconstruct_options(state).max_uncertain),
         from_(reconstruct_options(state).from),
         vegetation_(reconstruct_options(state).vegetation),
-        has_levels_(reconstruct_options(state).has_levels()),
+        models_top_(reconstruct_options(state).models_top()),
         memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
         mode_(reconstruct_options(state), state.inputs.size(), plan_, agreement_of_work(state.work)),
@@ -161,10 +161,9 @@ class OrientStage : public Stage {
     const std::string scene = entry.value("scene", "");
     const bool from_above = scene == kAirborne || scene == kSeenFromAbove;
     if (mode_.propagate()) {
-      if (vegetation_ == "drop") decisions.volumetric = VolumetricUse::kDrop;
-      if (vegetation_ == "top") decisions.volumetric = VolumetricUse::kTop;
-      if (vegetation_ == "auto" && from_above)
-        decisions.volumetric = has_levels_ ? VolumetricUse::kDrop : VolumetricUse::kTop;
+      if (vegetation_ == "drop" || (vegetation_ == "auto" && from_above))
+        decisions.volumetric = VolumetricUse::kDrop;
+      if (models_top_ && (vegetation_ == "top" || from_above)) decisions.volumetric = VolumetricUse::kTop;
       if (vegetation_ == "keep") decisions.volumetric = VolumetricUse::kBodies;
       entry["vegetation"] = {{"points", volumetric_count()}, {"as", name_of(decisions.volumetric)}};
     }
@@ -280,7 +279,7 @@ class OrientStage : public Stage {
   double max_uncertain_;
   std::string from_;
   std::string vegetation_;
-  bool has_levels_;  ///< columns of the finest lattice are too narrow for the samples of coarser ones
+  bool models_top_;
   std::uint64_t memory_bytes_;
   Plan plan_;
   NormalsMode mode_;

@@ -22,7 +22,7 @@ namespace {
 using json = nlohmann::json;
 
 /// Layers, the model and the rasters of its filters, a column; a brick's block of points.
-constexpr std::uint64_t kModelColumnBytes = sizeof(ColumnLayers) + 35 + 5 * 8 + 8;
+constexpr std::uint64_t kModelColumnBytes = sizeof(ColumnLayers) + 35 + 12 * 8;
 constexpr std::uint64_t kBlockPointBytes = 42;
 constexpr std::uint64_t kTopFixedBytes = 12u << 20;
 /// Samples a column while they are put in order: steps between columns are few.

@@ -160,7 +160,6 @@ class SamplesStage : public Stage {
     for (std::size_t a = 0; a < 3; ++a) size = std::max(size, near.high[a] - near.low[a]);
     const double rounding = certificate_rounding(std::max(size, faces.largest_coordinate()));
     for (std::size_t i = 0; i < points.size(); ++i) {
-      if (!points.flags.empty() && (points.flags[i] & kPointSynthetic) != 0) continue;  // nobody measured it
       const Double3 p = {world(0, corner[0] + double{points.x[i]}), world(1, corner[1] + double{points.y[i]}),
                          world(2, corner[2] + double{points.z[i]})};
       const Double3 local = {p[0] - near.low[0], p[1] - near.low[1], p[2] - near.low[2]};
