@@ -239,7 +239,8 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
   return tree;
 }
 
-SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const PatchVote> votes) {
+SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const PatchVote> votes,
+                         std::span<const std::uint8_t> anchors) {
   const Contraction tree = contract_signs(weight, {votes.begin(), votes.end()}, {});
   const std::size_t n = weight.size();
   SignSolution out;
@@ -248,10 +249,11 @@ SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const 
   out.uncertain.assign(n, 0);
   for (const std::uint32_t v : tree.joined_last) {
     const std::uint32_t p = tree.parent[v];
-    out.component[v] = p == v ? v : out.component[p];
+    const bool anchor = p == v || (!anchors.empty() && anchors[v] != 0);
+    out.component[v] = anchor ? v : out.component[p];
     if (p == v) continue;
     out.sign[v] = static_cast<std::int8_t>(out.sign[p] * tree.relation[v]);
-    out.uncertain[v] = out.uncertain[p] != 0 || tree.confidence[v] < kUncertain ? 1 : 0;
+    out.uncertain[v] = !anchor && (out.uncertain[p] != 0 || tree.confidence[v] < kUncertain) ? 1 : 0;
   }
   Flips(tree, votes, out.sign).run();
   for (const PatchVote& v : votes) {

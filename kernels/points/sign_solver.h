@@ -47,16 +47,20 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
                            const ContractionLimits& limits);
 
 struct SignSolution {
-  std::vector<std::int8_t> sign;         ///< per patch, +1 or -1; +1 for the root of its component
-  std::vector<std::uint32_t> component;  ///< per patch, the root of its component
-  std::vector<std::uint8_t> uncertain;   ///< per patch: somewhere on its way to the root the votes were split
-  std::uint64_t frustrated_votes = 0;    ///< weight of votes that the solution breaks
+  std::vector<std::int8_t> sign;  ///< per patch, +1 or -1; +1 for the root of its component
+  std::vector<std::uint32_t>
+      component;  ///< per patch, the nearest anchor that it hangs on, or the root of its component
+  std::vector<std::uint8_t> uncertain;  ///< per patch: somewhere on its way to that the votes were split
+  std::uint64_t frustrated_votes = 0;   ///< weight of votes that the solution breaks
   std::uint64_t total_votes = 0;
 };
 
 /// Signs that break few votes: contraction to the end, then flips of whole subtrees of the contraction,
 /// largest gain first, and of single nodes, while they gain, a fixed number of sweeps.
+/// \param anchors  per patch, those whose signs are decided elsewhere, where more votes are known: the others hang on them;
+///     empty = none
 /// \pre votes are merged, a < b, every index below weight.size()
-SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const PatchVote> votes);
+SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const PatchVote> votes,
+                         std::span<const std::uint8_t> anchors = {});
 
 }  // namespace tessera

@@ -34,6 +34,8 @@ constexpr double kBelowTop = 0.2;
 constexpr double kOneSeen = 0.5;  ///< weight of a side that is free where the other one holds no data
 constexpr float kNoTop = -std::numeric_limits<float>::infinity();
 constexpr std::int64_t kColumnBias = std::int64_t{1} << 31;
+constexpr double kColumnArea = kCoarseCells * kCoarseCells;
+constexpr std::size_t kMergeAt = 1 << 16;  ///< columns, while surfels are added
 
 std::uint64_t column_key(std::int64_t u, std::int64_t v) {
   return static_cast<std::uint64_t>(v + kColumnBias) << 32 | static_cast<std::uint64_t>(u + kColumnBias);
@@ -47,11 +49,56 @@ bool lies_level(const JobSurfel& s, const Float3& up) {
   return std::fabs(dot(s.area, up)) > kLevel * norm(s.area);
 }
 
+/// Level area of every group of a batch, along up.
+std::vector<double> level_areas(std::span<const JobSurfel> surfels, std::span<const std::uint32_t> group,
+                                const Float3& up) {
+  std::vector<double> areas;
+  for (const JobSurfel& s : surfels) {
+    if (!lies_level(s, up)) continue;
+    const std::size_t g = group.empty() ? s.patch : group[s.patch];
+    if (g >= areas.size()) areas.resize(g + 1, 0.0);
+    areas[g] += static_cast<double>(std::fabs(dot(s.area, up)));
+  }
+  return areas;
+}
+
+/// Area along up of the level surfels whose planes pass so far below the top of their column.
+double area_below(std::span<const JobSurfel> surfels, const TopColumns& columns, float depth) {
+  double area = 0.0;
+  for (const JobSurfel& s : surfels) {
+    if (!lies_level(s, columns.up())) continue;
+    const TopColumns::Column* column = columns.find(s.position);
+    if (column == nullptr) continue;
+    // Against the plane: slopes rise by more than that within their own column.
+    const float along = dot(s.area, columns.up());
+    if (dot(s.area, column->position - s.position) / along > depth)
+      area += static_cast<double>(std::fabs(along));
+  }
+  return area;
+}
+
+/// 1 where the front of a steep surfel is free, -1 where its back is, 0 where the tops tell neither.
+double steep_side(const JobSurfel& s, const TopColumns& columns, float across) {
+  const Float3& up = columns.up();
+  const float height = dot(s.position, up);
+  const Float3 direction = (s.area - up * dot(s.area, up)) * (1.0f / across);
+  for (int k = 1; k <= kAcross; ++k) {
+    const Float3 off = direction * static_cast<float>(k * kCoarseCells);
+    const float front = columns.top(s.position + off), back = columns.top(s.position - off);
+    // Nobody looked to where there is no data: then the other side was seen, if one could see over what is there.
+    if (front == kNoTop && back == kNoTop) continue;
+    if (front == kNoTop || back == kNoTop) {
+      if (std::max(front, back) < height - kStep) return back == kNoTop ? kOneSeen : -kOneSeen;
+      continue;
+    }
+    if (std::fabs(front - back) > kStep) return front < back ? 1.0 : -1.0;
+  }
+  return 0.0;
+}
+
 }  // namespace
 
-TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up,
-                       std::span<const std::uint32_t> group)
-    : surfels_(surfels), up_(up) {
+TopColumns::TopColumns(const Float3& up) : up_(up), merge_at_(kMergeAt) {
   // Columns along the lattice where up is one of its axes.
   std::size_t flat = 0;
   for (std::size_t a = 1; a < 3; ++a)
@@ -60,119 +107,109 @@ TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up,
   u_[flat] = 1.0f;
   u_ = unit(u_ - up * dot(u_, up));
   v_ = cross(up, u_);
-  columns_ = tops([](const JobSurfel&) { return true; });
-  measure(group);
+}
+
+TopColumns::TopColumns(const Float3& up, std::vector<Column> columns) : TopColumns(up) {
+  columns_ = std::move(columns);
 }
 
 template <class Counts>
-std::vector<TopSurface::Column> TopSurface::tops(Counts&& counts) const {
-  std::vector<Column> columns;
-  columns.reserve(surfels_.size());
-  for (std::uint32_t i = 0; i < surfels_.size(); ++i) {
-    if (!counts(surfels_[i])) continue;
-    const ColumnHeight at = column_height(surfels_[i].position);
-    columns.push_back({column_key(at.u, at.v), at.height, i});
+void TopColumns::add(std::span<const JobSurfel> surfels, Counts&& counts) {
+  for (const JobSurfel& s : surfels) {
+    if (!counts(s)) continue;
+    columns_.push_back(column_at(s.position));
+    if (columns_.size() >= merge_at_) {
+      merge();
+      merge_at_ = columns_.size() + columns_.size() / 4 + kMergeAt;
+    }
   }
-  std::sort(columns.begin(), columns.end(), [](const Column& l, const Column& r) {
-    return l.key != r.key ? l.key < r.key : l.top != r.top ? l.top > r.top : l.surfel < r.surfel;
+}
+
+void TopColumns::finish() {
+  merge();
+  columns_.shrink_to_fit();
+}
+
+void TopColumns::merge() {
+  std::stable_sort(columns_.begin(), columns_.end(), [](const Column& l, const Column& r) {
+    return l.key != r.key ? l.key < r.key : l.top > r.top;
   });
-  columns.erase(std::unique(columns.begin(), columns.end(),
-                            [](const Column& l, const Column& r) { return l.key == r.key; }),
-                columns.end());
-  columns.shrink_to_fit();
-  return columns;
+  columns_.erase(std::unique(columns_.begin(), columns_.end(),
+                             [](const Column& l, const Column& r) { return l.key == r.key; }),
+                 columns_.end());
 }
 
-double TopSurface::area_below(const std::vector<Column>& columns, float depth) const {
-  double area = 0.0;
-  for (const JobSurfel& s : surfels_) {
-    if (!lies_level(s, up_)) continue;
-    const Column* column = find(columns, column_height(s.position));
-    if (column == nullptr) continue;
-    // Against the plane: slopes rise by more than that within their own column.
-    const float along = dot(s.area, up_);
-    if (dot(s.area, surfels_[column->surfel].position - s.position) / along > depth)
-      area += static_cast<double>(std::fabs(along));
-  }
-  return area;
+TopColumns::Column TopColumns::column_at(const Float3& position) const {
+  return {column_key(column_of(dot(position, u_)), column_of(dot(position, v_))), dot(position, up_),
+          position};
 }
 
-void TopSurface::measure(std::span<const std::uint32_t> group) {
-  const auto group_of = [&](const JobSurfel& s) { return group.empty() ? s.patch : group[s.patch]; };
-  std::size_t groups = 0;
-  for (const JobSurfel& s : surfels_) groups = std::max<std::size_t>(groups, group_of(s) + std::size_t{1});
-  std::vector<double> width(groups, 0.0);
-  double all = 0.0, along_up = 0.0, level_area = 0.0;
-  for (const JobSurfel& s : surfels_) {
-    const auto along = static_cast<double>(std::fabs(dot(s.area, up_)));
-    all += static_cast<double>(norm(s.area)), along_up += along;
-    if (lies_level(s, up_)) width[group_of(s)] += along, level_area += along;
-  }
-  if (!(level_area > 0.0)) return;
-  level_share_ = along_up / all;
-  constexpr double kColumnArea = kCoarseCells * kCoarseCells;
-  const auto columns = static_cast<double>(columns_.size());
-  const auto depth = static_cast<float>(
-      std::clamp(std::sqrt(columns * kColumnArea) / kScenePart, kMinCovered, static_cast<double>(kCovered)));
-  const double wide = kColumnArea * std::clamp(columns / kWidePart, 1.0, kWideColumns);
-  covered_share_ = area_below(columns_, depth) / level_area;
-  roofed_share_ =
-      area_below(tops([&](const JobSurfel& s) { return lies_level(s, up_) && width[group_of(s)] >= wide; }),
-                 depth) /
-      level_area;
-}
-
-bool TopSurface::seen_from_above() const {
-  return covered_share_ < kMaxCovered ||
-         (columns_.size() >= kTellingColumns && roofed_share_ < kMaxRoofed && level_share_ > kMinLevel);
-}
-
-TopSurface::ColumnHeight TopSurface::column_height(const Float3& position) const {
-  return {column_of(dot(position, u_)), column_of(dot(position, v_)), dot(position, up_)};
-}
-
-const TopSurface::Column* TopSurface::find(const std::vector<Column>& columns, const ColumnHeight& at) {
-  const std::uint64_t key = column_key(at.u, at.v);
-  const auto found = std::lower_bound(columns.begin(), columns.end(), key,
+const TopColumns::Column* TopColumns::find(const Float3& position) const {
+  const std::uint64_t key = column_key(column_of(dot(position, u_)), column_of(dot(position, v_)));
+  const auto found = std::lower_bound(columns_.begin(), columns_.end(), key,
                                       [](const Column& c, std::uint64_t k) { return c.key < k; });
-  return found != columns.end() && found->key == key ? &*found : nullptr;
+  return found != columns_.end() && found->key == key ? &*found : nullptr;
 }
 
-float TopSurface::top(const ColumnHeight& at) const {
-  const Column* column = find(columns_, at);
+float TopColumns::top(const Float3& position) const {
+  const Column* column = find(position);
   return column != nullptr ? column->top : kNoTop;
 }
 
-/// 1 where the front of a steep surfel is free, -1 where its back is, 0 where the tops tell neither.
-double TopSurface::steep_side(const JobSurfel& s, const ColumnHeight& at, float across) const {
-  const Float3 direction = (s.area - up_ * dot(s.area, up_)) * (1.0f / across);
-  for (int k = 1; k <= kAcross; ++k) {
-    const Float3 off = direction * static_cast<float>(k * kCoarseCells);
-    const ColumnHeight ahead = column_height(s.position + off), behind = column_height(s.position - off);
-    const float front = top(ahead), back = top(behind);
-    // Nobody looked to where there is no data: then the other side was seen, if one could see over what is there.
-    if (front == kNoTop && back == kNoTop) continue;
-    if (front == kNoTop || back == kNoTop) {
-      if (std::max(front, back) < at.height - kStep) return back == kNoTop ? kOneSeen : -kOneSeen;
-      continue;
+TopSurface::TopSurface(const Float3& up, const SurfelBatches& batches) : columns_(up) {
+  double all = 0.0, along_up = 0.0, level_area = 0.0;
+  batches([&](std::span<const JobSurfel> surfels, std::span<const std::uint32_t>) {
+    columns_.add(surfels, [](const JobSurfel&) { return true; });
+    for (const JobSurfel& s : surfels) {
+      const auto along = static_cast<double>(std::fabs(dot(s.area, up)));
+      all += static_cast<double>(norm(s.area)), along_up += along;
+      if (lies_level(s, up)) level_area += along;
     }
-    if (std::fabs(front - back) > kStep) return front < back ? 1.0 : -1.0;
-  }
-  return 0.0;
+  });
+  columns_.finish();
+  if (!(level_area > 0.0)) return;
+  level_share_ = along_up / all;
+  const auto columns = static_cast<double>(columns_.columns().size());
+  const auto depth = static_cast<float>(
+      std::clamp(std::sqrt(columns * kColumnArea) / kScenePart, kMinCovered, static_cast<double>(kCovered)));
+  const double wide = kColumnArea * std::clamp(columns / kWidePart, 1.0, kWideColumns);
+  TopColumns roofs(up);
+  batches([&](std::span<const JobSurfel> surfels, std::span<const std::uint32_t> group) {
+    const std::vector<double> areas = level_areas(surfels, group, up);
+    roofs.add(surfels, [&](const JobSurfel& s) {
+      return lies_level(s, up) && areas[group.empty() ? s.patch : group[s.patch]] >= wide;
+    });
+  });
+  roofs.finish();
+  double covered = 0.0, roofed = 0.0;
+  batches([&](std::span<const JobSurfel> surfels, std::span<const std::uint32_t>) {
+    covered += area_below(surfels, columns_, depth);
+    roofed += area_below(surfels, roofs, depth);
+  });
+  covered_share_ = covered / level_area, roofed_share_ = roofed / level_area;
 }
 
-std::vector<PatchVote> TopSurface::votes(std::size_t patches, double scale) const {
+TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up,
+                       std::span<const std::uint32_t> group)
+    : TopSurface(up, [&](const SurfelBatch& visit) { visit(surfels, group); }) {}
+
+bool TopSurface::seen_from_above() const {
+  return covered_share_ < kMaxCovered || (columns_.columns().size() >= kTellingColumns &&
+                                          roofed_share_ < kMaxRoofed && level_share_ > kMinLevel);
+}
+
+std::vector<PatchVote> vote_by_top(std::span<const JobSurfel> surfels, const TopColumns& columns,
+                                   std::size_t patches, double scale) {
   std::vector<double> shown(patches, 0.0), hidden(patches, 0.0);
-  for (const JobSurfel& s : surfels_) {
+  for (const JobSurfel& s : surfels) {
     const float area = norm(s.area);
     if (!(area > 0.0f)) continue;
-    const float along = dot(s.area, up_) / area;
+    const float along = dot(s.area, columns.up()) / area;
     const float across = std::sqrt(std::max(0.0f, 1.0f - along * along)) * area;
-    const ColumnHeight at = column_height(s.position);
-    const double seen = top(at) > at.height + kCovered ? kBelowTop : 1.0;
+    const double seen = columns.top(s.position) > dot(s.position, columns.up()) + kCovered ? kBelowTop : 1.0;
     double vote = seen * static_cast<double>(along * std::fabs(along));
     if (std::fabs(along) < kLevel)
-      vote += static_cast<double>(1.0f - along * along) * steep_side(s, at, across);
+      vote += static_cast<double>(1.0f - along * along) * steep_side(s, columns, across);
     (vote < 0.0 ? hidden : shown)[s.patch] += std::fabs(vote) * s.surfels;
   }
   std::vector<PatchVote> out;

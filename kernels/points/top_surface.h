@@ -4,6 +4,7 @@
 /// one where the top is lower.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -13,9 +14,50 @@
 namespace tessera {
 
 /// The highest surfel over every occupied square of kCoarseCells across `up`.
+class TopColumns {
+ public:
+  struct Column {
+    std::uint64_t key = 0;
+    float top = 0.0f;   ///< along up, cells
+    Float3 position{};  ///< of the surfel that reaches it
+  };
+
+  /// \param up  unit
+  explicit TopColumns(const Float3& up);
+  /// \param columns  ascending key
+  TopColumns(const Float3& up, std::vector<Column> columns);
+
+  /// Of equally high surfels the first one counts.
+  template <class Counts>
+  void add(std::span<const JobSurfel> surfels, Counts&& counts);
+  /// After the last add().
+  void finish();
+
+  std::span<const Column> columns() const { return columns_; }
+  const Float3& up() const { return up_; }
+  const Column* find(const Float3& position) const;  ///< null where nothing was seen
+  float top(const Float3& position) const;           ///< less than everything where nothing was seen
+
+ private:
+  Column column_at(const Float3& position) const;
+  void merge();
+
+  Float3 up_, u_, v_;
+  std::vector<Column> columns_;  ///< ascending key after finish()
+  std::size_t merge_at_ = 0;
+};
+
+/// Surfels of a job in batches, visited in the same order every time. `group` of a patch of the batch; empty = patches are
+/// groups. Groups do not span batches.
+using SurfelBatch =
+    std::function<void(std::span<const JobSurfel> surfels, std::span<const std::uint32_t> group)>;
+using SurfelBatches = std::function<void(const SurfelBatch& visit)>;
+
+/// How much of a scene lies below its highest surface.
 class TopSurface {
  public:
-  /// \param up  unit
+  /// Three visits of all batches; memory grows with the columns and with the largest batch.
+  TopSurface(const Float3& up, const SurfelBatches& batches);
   /// \param group  of every patch: surfaces end where groups do; empty = patches are groups
   TopSurface(std::span<const JobSurfel> surfels, const Float3& up, std::span<const std::uint32_t> group = {});
 
@@ -30,36 +72,17 @@ class TopSurface {
   /// Little is covered; or it is by crowns alone, and the scene is large enough to tell them from ceilings.
   bool seen_from_above() const;
 
-  /// Votes for the side that patches show, as VisibilityVotes::sides.
-  /// \param scale  weight of one fine surfel's vote
-  std::vector<PatchVote> votes(std::size_t patches, double scale) const;
+  const TopColumns& columns() const { return columns_; }
 
  private:
-  struct Column {
-    std::uint64_t key;
-    float top;             ///< along up, cells
-    std::uint32_t surfel;  ///< that reaches it
-  };
-  struct ColumnHeight {
-    std::int64_t u, v;
-    float height;
-  };
-  ColumnHeight column_height(const Float3& position) const;
-  /// Of those surfels that `counts` takes. \returns ascending key
-  template <class Counts>
-  std::vector<Column> tops(Counts&& counts) const;
-  static const Column* find(const std::vector<Column>& columns, const ColumnHeight& at);
-  /// Area along up of the level surfels whose planes pass so far below the top of their column.
-  double area_below(const std::vector<Column>& columns, float depth) const;
-  void measure(std::span<const std::uint32_t> group);
-  /// \returns the top of the column; less than everything where there is none
-  float top(const ColumnHeight& at) const;
-  double steep_side(const JobSurfel& s, const ColumnHeight& at, float across) const;
-
-  std::span<const JobSurfel> surfels_;
-  Float3 up_, u_, v_;
-  std::vector<Column> columns_;  ///< ascending key
+  TopColumns columns_;
   double covered_share_ = 1.0, roofed_share_ = 1.0, level_share_ = 0.0;
 };
+
+/// Votes for the side that patches show, as VisibilityVotes::sides.
+/// \param surfels  of these patches, in their signs; `columns` of the whole job
+/// \param scale  weight of one fine surfel's vote
+std::vector<PatchVote> vote_by_top(std::span<const JobSurfel> surfels, const TopColumns& columns,
+                                   std::size_t patches, double scale);
 
 }  // namespace tessera

@@ -140,21 +140,28 @@ class Composer {
         points_ * (mode_.estimate ? kEstimateTime : kShapeTime),
         static_cast<double>(store_bytes_ + overlay_bytes_));
     if (!mode_.propagate()) return;
-    std::uint64_t maximum = 0;  // of the buckets
-    for (const PlanBucket& b : plan_.buckets) {
-      std::uint64_t blocks = 0;
-      for (std::uint64_t k = 0; k < b.bricks; ++k) blocks += bricks_[b.first_brick + k].blocks;
-      maximum = std::max(maximum, blocks);
-    }
     const double noise = std::min(1.0, plan_.noise_cells / kMaxNoise);
     const auto blocks = static_cast<double>(blocks_);
+    const std::uint64_t patches = bricks_.size() + times(blocks, noise * kBlockPatches);
+    const std::uint64_t votes = times(blocks, noise * kBlockVotes);
+    const std::uint64_t coarse = times(blocks, 1.5 + noise * kBlockCoarse);
+    const std::uint64_t in_block = std::min<std::uint64_t>(patches, kPatchBlockPatches);
+    const auto part = [&](std::uint64_t of_all) {
+      return times(static_cast<double>(of_all), static_cast<double>(in_block) / static_cast<double>(patches));
+    };
+    const auto border = static_cast<double>(patches - in_block) * kBorderPatches;
+    add("links", buckets,
+        {links_task_bytes(times(static_cast<double>(max_blocks_), kBlockBoundary), in_block),
+         links_finish_bytes(bricks_.size(), times(border, kBorderVotes), part(coarse), in_block), 0},
+        0, buckets, points_ * kLinksTime, static_cast<double>(overlay_bytes_));
+    // Where sides are known, in blocks; in rooms and of objects what surfels see of each other decides at the end, in one piece.
+    const bool whole = options_.from == "inside" || options_.from == "around";
+    const std::uint64_t end = whole ? whole_orientation_bytes(patches, votes, coarse)
+                                    : block_orientation_bytes(patches, in_block, times(border, 1.0),
+                                                              times(border, 2.0 * kBorderVotes));
     add("orient", buckets,
-        {orient_task_bytes(times(static_cast<double>(max_blocks_), kBlockBoundary),
-                           times(static_cast<double>(maximum), noise * kBlockPatches)),
-         orient_solution_bytes(bricks_.size() + times(blocks, noise * kBlockPatches),
-                               times(blocks, noise * kBlockVotes), times(blocks, 1.5 + noise * kBlockCoarse)),
-         orient_solution_bytes(0, 0, 0)},
-        0, buckets, points_ * kOrientTime, static_cast<double>(overlay_bytes_));
+        {solve_block_bytes(in_block, part(votes), part(coarse)), end, block_orientation_bytes(0, 0, 0, 0)}, 0,
+        buckets, points_ * kOrientTime, static_cast<double>(overlay_bytes_));
     if (!may_have_top(options_)) return;
     const TopNeeds top = planned_top_needs(run_, options_, bricks_);
     const auto read = static_cast<double>(store_bytes_ + overlay_bytes_);

@@ -18,6 +18,7 @@ inline constexpr double kDistributeTime = 0.05;
 inline constexpr double kOrderTime = 0.05;
 inline constexpr double kShapeTime = 0.25;     // supporters of points with normals
 inline constexpr double kEstimateTime = 0.95;  // normals too
+inline constexpr double kLinksTime = 0.15;
 inline constexpr double kOrientTime = 0.25;
 inline constexpr double kTopTime = 0.45;  // of scenes from above
 inline constexpr double kTopPointsTime = 0.07;
@@ -58,6 +59,10 @@ inline constexpr double kBlockBoundary = 7.0;  // surfels at the faces of the br
 inline constexpr double kBlockPatches = 6.0;
 inline constexpr double kBlockVotes = 25.0;
 inline constexpr double kBlockCoarse = 6.0;  // and one and a half without noise
+// Of the patches of the largest block that is oriented by itself, and of all patches that are linked to other blocks.
+inline constexpr std::uint64_t kPatchBlockPatches = 1 << 16;
+inline constexpr double kBorderPatches = 0.05;
+inline constexpr double kBorderVotes = 5.0;
 inline constexpr double kMaxNoise = 0.1;
 inline constexpr double kFacesMargin = 1.2;  // within that the estimate of all faces was right
 /// Patches of an imported mesh that lie near one brick of points: itself and all around it.

@@ -124,6 +124,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"distribute", make_distribute_stage},
       {"order", make_order_stage},
       {"normals", make_normals_stage},
+      {"links", make_links_stage},
       {"orient", make_orient_stage},
       {"top", make_top_stage},
       {"top-points", make_top_points_stage},

@@ -1,45 +1,42 @@
 /// \file orient_solution.h
-/// The global part of orientation: from the votes of all bricks to one sign per patch, and who decided it.
+/// One sign per patch, and who decided it. Where patches know their sides (scenes seen from above, own sensors) blocks of
+/// them are solved one by one, and what they leave to each other at the end; else what surfels of the whole job see of each
+/// other decides, in one piece.
 #pragma once
 #include <cstdint>
-#include <string>
-#include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "kernels/points/sign_solver.h"
-#include "octree/lattice.h"
+#include "stream/points/patch_blocks.h"
 #include "stream/points/point_overlay.h"
 #include "stream/runtime/stage.h"
+#include "stream/stages/scan/orient_viewers.h"
 
 namespace tessera {
 
-/// Bytes that solve_orientation holds at most. \param patches, coarse  patches and coarse surfels of all bricks
+/// Bytes that solve_whole_orientation holds at most. \param patches, coarse  patches and coarse surfels of all bricks
 /// \param votes  between patches, of one brick or of two
-std::uint64_t orient_solution_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse);
+std::uint64_t whole_orientation_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse);
 
-/// What a report calls scenes of which level surfaces show up.
-inline constexpr const char* kAirborne = "airborne";
-inline constexpr const char* kSeenFromAbove = "from above";
-/// And those where the normals that most points came with decide.
-inline constexpr const char* kGivenSides = "given normals";
+/// Fills decisions.patch. Entry gets what OrientationTally tells, frustrated_fraction, and where nobody was known to see,
+/// scene with what told it (enclosed_fraction: visibility.h).
+void solve_whole_orientation(const PointOverlay& overlay, const PatchLinks& links, const Viewers& viewers,
+                             const TaskContext& context, OverlayDecisions& decisions, nlohmann::json& entry);
 
-/// Who says which side of a patch is outside; if neither, what surfels see of each other, and `up` in PatchStats.
-struct Viewers {
-  bool own = false;             ///< points know from where they were seen, which has voted in PatchStats
-  std::string scene;            ///< what the report calls it then; else what the user says of it: --from
-  std::vector<Float3> sensors;  ///< of points that do not know their own; cells from the lattice origin
-  Float3 up = {0, 0, 1};        ///< unit; where the sky is
-  bool given = false;           ///< where most given normals of a group agree on its side, they decide it
-};
+/// What one block can decide by itself.
+/// \param columns  of the whole scene, where that is seen from above
+BlockSigns solve_block(const PointOverlay& overlay, const PatchLinks& links, std::size_t index,
+                       const PatchBlock& block, const OrientationScene& scene, const Viewers& viewers);
+std::uint64_t solve_block_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse);
 
-/// Fills decisions.patch. Entry gets: patches, components, points by who decided (`decided`), uncertain_points and
-/// _fraction, frustrated_fraction; scene, where nobody was known to see with what told it (covered_, roofed_, level_ and
-/// enclosed_fraction: top_surface.h, visibility.h); and where given normals were kept aside, `agreement` with them
-/// (`near_axis`: with those within 60 degrees of the plane's axis).
-/// \param boundary_votes  between patches of different bricks, numbered over all bricks; any order
-void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes,
-                       const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,
-                       nlohmann::json& entry);
+/// The anchors of all blocks, then every patch. \param anchors  of list_patch_blocks(overlay), solve_block's
+void solve_block_orientation(const PointOverlay& overlay, const PatchLinks& links,
+                             const OrientationScene& scene, const PatchAnchors& anchors,
+                             const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,
+                             nlohmann::json& entry);
+/// \param patches  of the job \param largest  of its largest block \param border  with links to other blocks
+/// \param votes  between anchors
+std::uint64_t block_orientation_bytes(std::uint64_t patches, std::uint64_t largest, std::uint64_t border,
+                                      std::uint64_t votes);
 
 }  // namespace tessera

@@ -1,13 +1,8 @@
 #include <fmt/format.h>
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <list>
-#include <map>
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/normal_sample.h"
@@ -16,6 +11,7 @@
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/orient_solution.h"
+#include "stream/stages/scan/orient_viewers.h"
 #include "stream/stages/scan/uncertain_picture.h"
 
 namespace tessera {
@@ -23,9 +19,6 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::size_t kCachedBricks = 256;
-/// Surfels of a brick's shell, two sheets everywhere.
-constexpr std::uint64_t kMaxBoundary = 6 * 32 * 32 * 2;
 // Outliers: fewer supporters than a share of the median point has, within limits that neither rim points of a thin
 // scan (above) nor pairs of stray points (below) fall foul of.
 constexpr std::uint64_t kMedianShare = 8;
@@ -36,43 +29,6 @@ constexpr std::uint32_t kMaxSupporters = 16;
 constexpr std::uint64_t kMaxStrays = 20;  ///< one in so many
 
 constexpr double kNotable = 0.01;  ///< share of points in doubt from which the user is told
-
-/// Boundary surfels of the bricks around the current one, by voxel.
-class BoundaryCache {
- public:
-  explicit BoundaryCache(const PointOverlay& overlay) : overlay_(overlay) {}
-  const std::vector<Surfel>& get(std::size_t brick) {
-    const auto found = cache_.find(brick);
-    if (found != cache_.end()) return found->second;
-    if (order_.size() >= kCachedBricks) {
-      cache_.erase(order_.front());
-      order_.pop_front();
-    }
-    order_.push_back(brick);
-    return cache_[brick] = overlay_.load_boundary(brick);
-  }
-
- private:
-  const PointOverlay& overlay_;
-  std::map<std::size_t, std::vector<Surfel>> cache_;
-  std::list<std::size_t> order_;
-};
-
-std::uint32_t voxel_order(const Surfel& s) {
-  return (std::uint32_t{s.voxel[2]} << 16) | (std::uint32_t{s.voxel[1]} << 8) | s.voxel[0];
-}
-
-/// The surfels of one voxel in a boundary.
-std::span<const Surfel> surfels_of(const std::vector<Surfel>& boundary, const Surfel& voxel) {
-  const auto range =
-      std::equal_range(boundary.begin(), boundary.end(), voxel,
-                       [](const Surfel& l, const Surfel& r) { return voxel_order(l) < voxel_order(r); });
-  return {range.first, range.second};
-}
-
-std::string votes_file(std::size_t task) {
-  return "votes/" + task_file_stem(task) + ".tsv";
-}
 
 class OrientStage : public Stage {
  public:
@@ -86,72 +42,72 @@ class OrientStage : public Stage {
         memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
         mode_(reconstruct_options(state), state.inputs.size(), plan_, agreement_of_work(state.work)),
-        overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)) {}
+        viewers_(viewers_of(mode_, plan_, from_)),
+        overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)),
+        links_(work_) {
+    if (!mode_.propagate()) return;
+    scene_ = OrientationScene::load(work_ / OrientationScene::kFile);
+    blocks_ = list_patch_blocks(overlay_);
+    if (in_blocks()) task_end_ = group_patch_blocks(blocks_);
+  }
 
   std::string name() const override { return "orient"; }
-  std::size_t task_count() const override { return mode_.propagate() ? overlay_.file_count() : 0; }
-  std::uint64_t units() const override { return mode_.propagate() ? overlay_.bricks().size() : 0; }
+  std::size_t task_count() const override { return task_end_.size(); }
+  std::uint64_t units() const override { return in_blocks() ? overlay_.bricks().size() : 0; }
   std::string unit_name() const override { return "bricks"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    const auto [first, last] = overlay_.file_range(task);
-    std::uint64_t largest = 0;
-    std::uint64_t patches = 0;
-    for (std::size_t b = first; b < last; ++b) {
-      largest = std::max<std::uint64_t>(largest, overlay_.bricks()[b].boundary);
-      patches += overlay_.bricks()[b].patches;
-    }
-    return orient_task_bytes(largest, patches);
+    std::uint64_t maximum = 0;
+    for (std::size_t b = first_block(task); b < task_end_[task]; ++b)
+      maximum = std::max(
+          maximum, solve_block_bytes(blocks_[b].patches, links_.inner_count(b), coarse_count(blocks_[b])));
+    return maximum + scene_.border.size() * sizeof(std::uint32_t) +
+           2 * scene_.columns.size() * sizeof(TopColumns::Column);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    BoundaryCache cache(overlay_);
-    std::vector<PatchVote> votes;
-    std::size_t compact_at = 1 << 14;
-    const auto [first, last] = overlay_.file_range(task);
-    for (std::size_t b = first; b < last; ++b) {
+    AnchorsFileWriter file(context.create(std::string(PatchAnchors::kFolder) + "/" + task_file_stem(task) +
+                                          PatchAnchors::kExtension));
+    for (std::size_t b = first_block(task); b < task_end_[task]; ++b) {
       context.check_stop();
-      collect_votes(b, cache, votes);
-      if (votes.size() > compact_at) {
-        merge_votes(votes);
-        compact_at = 2 * votes.size() + (1 << 14);
-      }
-      context.advance(1);
+      file.block(overlay_.bricks()[blocks_[b].first_brick].key,
+                 solve_block(overlay_, links_, b, blocks_[b], scene_, viewers_));
+      context.advance(blocks_[b].last_brick - blocks_[b].first_brick);
     }
-    merge_votes(votes);
-    DirectFile file(context.create(votes_file(task)));
-    file.write(votes.data(), votes.size() * sizeof(PatchVote));
     context.count_written(file.finish());
-    return {{"votes", votes.size()}};
+    return json::object();
   }
 
   std::uint64_t finish_bytes() const override {
-    if (!mode_.propagate())
-      return overlay_.first_patch().back() + (1u << 20);  // a decision each, nothing to solve
-    std::uint64_t votes = 0;
-    for (std::size_t t = 0; t < task_count(); ++t) {
-      std::error_code missing;  // planned before any task ran
-      const std::uint64_t bytes = std::filesystem::file_size(work_ / votes_file(t), missing);
-      votes += missing ? 0 : bytes / sizeof(PatchVote);
+    const std::uint64_t patches = overlay_.first_patch().back();
+    if (!mode_.propagate()) return patches + (1u << 20);  // a decision each, nothing to solve
+    std::uint64_t inner = 0, outer = 0, largest = 0, coarse = 0;
+    for (std::size_t b = 0; b < links_.block_count(); ++b) {
+      inner += links_.inner_count(b), outer += links_.outer_count(b);
+      largest = std::max<std::uint64_t>(largest, blocks_[b].patches);
+      coarse += coarse_count(blocks_[b]);
     }
-    std::uint64_t coarse = 0;
-    for (const OverlayBrick& b : overlay_.bricks()) votes += b.votes, coarse += b.coarse;
-    return orient_solution_bytes(overlay_.first_patch().back(), votes, coarse);
+    if (!in_blocks()) return whole_orientation_bytes(patches, inner + outer, coarse);
+    return block_orientation_bytes(patches, largest, scene_.border.size(),
+                                   outer + PatchAnchors(work_).vote_count());
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  json finish(const std::vector<json>&, TaskContext& context) const override {
     if (!mode_.needed()) return {{"needed", false}};
     OverlayDecisions decisions;
     json entry = {{"needed", true}};
     if (mode_.propagate()) {
-      std::vector<PatchVote> votes;
-      for (std::size_t task = 0; task < summaries.size(); ++task) {
-        const ReadFile file(work_ / votes_file(task));
-        const std::size_t old = votes.size();
-        votes.resize(old + summaries[task].at("votes").get<std::size_t>());
-        file.read_at(0, votes.data() + old, (votes.size() - old) * sizeof(PatchVote));
+      if (viewers_.unknown())
+        entry.update({{"covered_fraction", scene_.covered},
+                      {"roofed_fraction", scene_.roofed},
+                      {"level_fraction", scene_.level}});
+      if (in_blocks()) {
+        entry["scene"] = viewers_.own ? viewers_.scene : kSeenFromAbove;
+        solve_block_orientation(overlay_, links_, scene_, PatchAnchors(work_), viewers_, context, decisions,
+                                entry);
+      } else {
+        solve_whole_orientation(overlay_, links_, viewers_, context, decisions, entry);
       }
-      solve_orientation(overlay_, std::move(votes), viewers(), context, decisions, entry);
       const double uncertain = entry.at("uncertain_fraction").get<double>();
       if (uncertain > std::min(kNotable, max_uncertain_)) tell(uncertain, decisions, context, entry);
     } else {
@@ -171,9 +127,18 @@ class OrientStage : public Stage {
     return entry;
   }
 
-  std::vector<std::string> obsolete() const override { return {"votes/"}; }
+  std::vector<std::string> obsolete() const override { return {"links/", "anchors/"}; }
 
  private:
+  /// Patches know their sides: blocks of them can be solved by themselves.
+  bool in_blocks() const { return mode_.propagate() && (viewers_.own || scene_.from_above); }
+  std::size_t first_block(std::size_t task) const { return task == 0 ? 0 : task_end_[task - 1]; }
+  std::uint64_t coarse_count(const PatchBlock& block) const {
+    std::uint64_t n = 0;
+    for (std::size_t b = block.first_brick; b < block.last_brick; ++b) n += overlay_.bricks()[b].coarse;
+    return n;
+  }
+
   /// Many signs in doubt: a picture of where, and a warning, or the end where they are too many.
   void tell(double uncertain, const OverlayDecisions& decisions, const TaskContext& context,
             json& entry) const {
@@ -192,60 +157,6 @@ class OrientStage : public Stage {
                                         "--max-uncertain",
                                         100.0 * max_uncertain_));
     entry["warnings"] = {where + "give --viewpoint or --from if they face the wrong way"};
-  }
-
-  Viewers viewers() const {
-    Viewers v;
-    v.own = mode_.each_seen();
-    v.scene = mode_.completes ? kGivenSides : mode_.airborne ? kAirborne : v.own ? "sensors" : from_;
-    v.given = mode_.lines;
-    for (std::size_t a = 0; a < 3; ++a) v.up[a] = static_cast<float>(mode_.up[a]);
-    if (!mode_.by_sensor || v.own) return v;
-    const double cell = plan_.lattice.h;
-    for (const Double3& sensor : plan_.sensors) {
-      Float3 at;
-      for (std::size_t a = 0; a < 3; ++a)
-        at[a] = static_cast<float>((sensor[a] - plan_.lattice.world(static_cast<int>(a), 0.0)) / cell);
-      v.sensors.push_back(at);
-    }
-    return v;
-  }
-
-  /// Votes of the voxel pairs that cross from this brick into a neighbour, each pair seen from its lower voxel.
-  void collect_votes(std::size_t brick, BoundaryCache& cache, std::vector<PatchVote>& votes) const {
-    const std::vector<Surfel> own = cache.get(brick);  // a copy: the cache may drop it
-    const Int3 at = brick_of_key(overlay_.bricks()[brick].key);
-    std::vector<SurfelLink> links;
-    for (std::size_t i = 0; i < own.size();) {
-      const std::span<const Surfel> here = surfels_of(own, own[i]);
-      for (int d = 14; d < 27; ++d) {
-        const std::array<int, 3> step = {d % 3 - 1, d / 3 % 3 - 1, d / 9 - 1};
-        Surfel wanted;
-        Int3 other = at;
-        Float3 shift{};
-        for (std::size_t a = 0; a < 3; ++a) {
-          const int v = own[i].voxel[a] + step[a];
-          const int carry = v < 0 ? -1 : (v >= kSurfelsPerBrick ? 1 : 0);
-          other[a] += carry;
-          shift[a] = static_cast<float>(carry * kBrickCells);
-          wanted.voxel[a] = static_cast<std::uint8_t>(v - carry * kSurfelsPerBrick);
-        }
-        if (other == at || other[0] < 0 || other[1] < 0 || other[2] < 0) continue;
-        const std::int64_t there = overlay_.find(brick_key(other));
-        if (there < 0) continue;
-        const std::span<const Surfel> ahead = surfels_of(cache.get(static_cast<std::size_t>(there)), wanted);
-        links.clear();
-        link_voxels(here, ahead, shift, links);
-        for (const SurfelLink& l : links) {
-          auto a = static_cast<std::uint32_t>(overlay_.first_patch()[brick] + here[l.a].patch);
-          auto b = static_cast<std::uint32_t>(overlay_.first_patch()[static_cast<std::size_t>(there)] +
-                                              ahead[l.b].patch);
-          if (a > b) std::swap(a, b);
-          votes.push_back({a, b, std::max(l.vote, 0), std::max(-l.vote, 0)});
-        }
-      }
-      i += here.size();
-    }
   }
 
   std::uint64_t volumetric_count() const {
@@ -283,15 +194,15 @@ class OrientStage : public Stage {
   std::uint64_t memory_bytes_;
   Plan plan_;
   NormalsMode mode_;
+  Viewers viewers_;
   PointOverlay overlay_;
+  PatchLinks links_;
+  OrientationScene scene_;
+  std::vector<PatchBlock> blocks_;
+  std::vector<std::size_t> task_end_;
 };
 
 }  // namespace
-
-std::uint64_t orient_task_bytes(std::uint64_t boundary, std::uint64_t patches) {
-  return std::min(boundary, kMaxBoundary) * sizeof(Surfel) * kCachedBricks +
-         2 * 13 * patches * sizeof(PatchVote) + (8u << 20);
-}
 
 std::unique_ptr<Stage> make_orient_stage(const JobState& state) {
   return std::make_unique<OrientStage>(state);

@@ -123,9 +123,10 @@ TEST_CASE("top surface: roofs over a street show upwards like the street", "[uni
   add_square(surfels, 450.0f, 650.0f, 200.0f, 2);
   const TopSurface above(surfels, {0, 0, 1});
   CHECK(above.covered_share() == Approx(2.0 * 25 * 25 / (100.0 * 100 + 2.0 * 25 * 25)).margin(0.01));
-  for (std::uint32_t g = 0; g < 3; ++g) CHECK(shown(above.votes(3, kScale), g) < 0);
+  for (std::uint32_t g = 0; g < 3; ++g) CHECK(shown(vote_by_top(surfels, above.columns(), 3, kScale), g) < 0);
   const TopSurface flipped(surfels, {0, 0, -1});
-  for (std::uint32_t g = 0; g < 3; ++g) CHECK(shown(flipped.votes(3, kScale), g) > 0);
+  for (std::uint32_t g = 0; g < 3; ++g)
+    CHECK(shown(vote_by_top(surfels, flipped.columns(), 3, kScale), g) > 0);
 }
 
 TEST_CASE("top surface: a facade shows to the street, not into the house, whichever way it was turned",
@@ -135,7 +136,8 @@ TEST_CASE("top surface: a facade shows to the street, not into the house, whiche
   add_square(surfels, 150.0f, 350.0f, 260.0f, 1);
   add_wall(surfels, 146.0f, 108.0f, 256.0f, 2);  // its front looks at the roof's side
   add_wall(surfels, 354.0f, 108.0f, 256.0f, 3);
-  const std::vector<PatchVote> votes = TopSurface(surfels, {0, 0, 1}).votes(4, kScale);
+  const std::vector<PatchVote> votes =
+      vote_by_top(surfels, TopSurface(surfels, {0, 0, 1}).columns(), 4, kScale);
   CHECK(shown(votes, 2) < 0);
   CHECK(shown(votes, 3) > 0);
 }
