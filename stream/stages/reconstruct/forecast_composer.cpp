@@ -21,6 +21,7 @@
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/order_stage.h"
+#include "stream/stages/scan/orient_needs.h"
 #include "stream/stages/scan/orient_solution.h"
 #include "stream/stages/smooth/smooth_needs.h"
 #include "stream/stages/smooth/smooth_stage.h"
@@ -140,28 +141,15 @@ class Composer {
         points_ * (mode_.estimate ? kEstimateTime : kShapeTime),
         static_cast<double>(store_bytes_ + overlay_bytes_));
     if (!mode_.propagate()) return;
-    const double noise = std::min(1.0, plan_.noise_cells / kMaxNoise);
-    const auto blocks = static_cast<double>(blocks_);
-    const std::uint64_t patches = bricks_.size() + times(blocks, noise * kBlockPatches);
-    const std::uint64_t votes = times(blocks, noise * kBlockVotes);
-    const std::uint64_t coarse = times(blocks, 1.5 + noise * kBlockCoarse);
-    const std::uint64_t in_block = std::min<std::uint64_t>(patches, kPatchBlockPatches);
-    const auto part = [&](std::uint64_t of_all) {
-      return times(static_cast<double>(of_all), static_cast<double>(in_block) / static_cast<double>(patches));
-    };
-    const auto border = static_cast<double>(patches - in_block) * kBorderPatches;
-    add("links", buckets,
-        {links_task_bytes(times(static_cast<double>(max_blocks_), kBlockBoundary), in_block),
-         links_finish_bytes(bricks_.size(), times(border, kBorderVotes), part(coarse), in_block), 0},
-        0, buckets, points_ * kLinksTime, static_cast<double>(overlay_bytes_));
-    // Where sides are known, in blocks; in rooms and of objects what surfels see of each other decides at the end, in one piece.
-    const bool whole = options_.from == "inside" || options_.from == "around";
-    const std::uint64_t end = whole ? whole_orientation_bytes(patches, votes, coarse)
-                                    : block_orientation_bytes(patches, in_block, times(border, 1.0),
-                                                              times(border, 2.0 * kBorderVotes));
-    add("orient", buckets,
-        {solve_block_bytes(in_block, part(votes), part(coarse)), end, block_orientation_bytes(0, 0, 0, 0)}, 0,
-        buckets, points_ * kOrientTime, static_cast<double>(overlay_bytes_));
+    // Rooms and objects are oriented in one piece, and nobody knows yet what this scan is of.
+    const bool in_blocks = mode_.each_seen() || options_.from == "above";
+    const OrientNeeds orient =
+        orient_needs(bricks_.size(), blocks_, max_blocks_, plan_.noise_cells, in_blocks);
+    const auto overlay = static_cast<double>(overlay_bytes_);
+    add("links", buckets, {orient.links_task, orient.links_finish, links_finish_bytes(0, 0, 0, 0)},
+        orient.links_disk, buckets, points_ * kLinksTime, overlay);
+    add("orient", buckets, {orient.task, orient.finish, block_orientation_bytes(0, 0, 0, 0)}, 0, buckets,
+        points_ * kOrientTime, overlay);
     if (!may_have_top(options_)) return;
     const TopNeeds top = planned_top_needs(run_, options_, bricks_);
     const auto read = static_cast<double>(store_bytes_ + overlay_bytes_);

@@ -53,17 +53,6 @@ inline constexpr double kImportBytes = 1.0;
 inline constexpr std::uint64_t kDealtVertexBytes = 32;
 inline constexpr double kDiskBytesPerSecond = 8e8;
 
-// Of orientation, per occupied block of 8^3 cells; all but the boundary grow with the noise, up to a tenth of a cell: what
-// the noisiest of six scans had, from simulated terrain to field scans of trees.
-inline constexpr double kBlockBoundary = 7.0;  // surfels at the faces of the brick
-inline constexpr double kBlockPatches = 6.0;
-inline constexpr double kBlockVotes = 25.0;
-inline constexpr double kBlockCoarse = 6.0;  // and one and a half without noise
-// Of the patches of the largest block that is oriented by itself, and of all patches that are linked to other blocks.
-inline constexpr std::uint64_t kPatchBlockPatches = 1 << 16;
-inline constexpr double kBorderPatches = 0.05;
-inline constexpr double kBorderVotes = 5.0;
-inline constexpr double kMaxNoise = 0.1;
 inline constexpr double kFacesMargin = 1.2;  // within that the estimate of all faces was right
 /// Patches of an imported mesh that lie near one brick of points: itself and all around it.
 inline constexpr std::uint64_t kImportedNear = 27;

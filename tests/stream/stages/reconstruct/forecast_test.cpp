@@ -172,8 +172,8 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   SECTION("estimated normals, holes filled") {
     setup.options.normals = "estimate";
     setup.options.max_hole = "100";
-    names = {"distribute", "order", "normals", "orient", "top",   "top-points",
-             "surface",    "weld",  "border",  "loops",  "holes", "write"};
+    names = {"distribute", "order", "normals", "links", "orient", "top",  "top-points",
+             "surface",    "weld",  "border",  "loops", "holes",  "write"};
   }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
