@@ -87,6 +87,25 @@ TEST_CASE("orient: a city scanned from the air shows upwards, roofs too, with no
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.997);
 }
 
+TEST_CASE("orient: a wide city is oriented block by block, the same bytes under any cap", "[pipeline]") {
+  const TempFolder folder;
+  const auto in = scan(folder, "city", "airborne", "300000");
+  std::string bytes;
+  for (const auto& [threads, cap] : {std::pair{"1", "300M"}, std::pair{"2", "1G"}}) {
+    const auto out = folder.path() / (std::string("mesh") + threads + ".ply");
+    const CommandResult r = reconstruct(in, out, {"--resolution", "1", "-t", threads, "--memory", cap});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    const nlohmann::json entry = orient_entry(out);
+    INFO(entry.dump());
+    CHECK(entry.at("scene") == "from above");
+    CHECK(entry.at("anchors").get<int>() > 0);
+    CHECK(entry.at("agreement").at("fraction").get<double>() > 0.997);
+    if (bytes.empty()) bytes = file_bytes(out);
+    CHECK(file_bytes(out) == bytes);
+  }
+}
+
 TEST_CASE("orient: an animal of a few rings of points is an object, in one piece", "[pipeline]") {
   // Points 2 apart along rings 5 apart, as some shape collections hold; legs are three rings' distance thick.
   const TempFolder folder;
