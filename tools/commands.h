@@ -34,5 +34,6 @@ cli::Command synth_command();
 cli::Command task_command();
 cli::Command tiles_command();
 cli::Command view_command();
+cli::Command volume_command();
 
 }  // namespace tessera

@@ -35,6 +35,7 @@ int main(int argc, char** argv) {
       check_command(),
       render_command(),
       report_command(),
+      volume_command(),
       info_command(),
       convert_command(),
       parameterize_command(),
