@@ -2,6 +2,8 @@
 /// keys decide.
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <span>
+#include <vector>
 
 #include "kernels/smooth/surface_noise.h"
 #include "octree/portable_math.h"
@@ -17,7 +19,6 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;  ///< of all patches that are looked at
 constexpr std::uint64_t kShare = 4;                             ///< one vertex of so many is measured there
-constexpr std::size_t kTaskPatches = 2;
 
 json to_json(const std::map<int, std::uint64_t>& counts) {
   json out = json::array();
@@ -45,37 +46,28 @@ class NoiseStage : public Stage {
       vertices += store_.patches()[order[i]].vertices;
     }
     std::sort(patches_.begin(), patches_.end());
+    join_patches();
   }
 
   std::string name() const override { return name_; }
-  std::size_t task_count() const override { return (patches_.size() + kTaskPatches - 1) / kTaskPatches; }
+  std::size_t task_count() const override { return first_.size() - 1; }
   std::uint64_t units() const override { return patches_.size(); }
   std::string unit_name() const override { return "patches"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t maximum = 0;
-    for (std::size_t i = first(task); i < first(task + 1); ++i) {
-      std::uint64_t vertices = 0, faces = 0;
-      for (const std::size_t p : store_.select(grown(store_.box_of({&patches_[i], 1}), margin()))) {
-        vertices += store_.patches()[p].vertices;
-        faces += store_.patches()[p].faces;
-      }
-      maximum = std::max(maximum, noise_task_bytes(vertices, faces));
-    }
-    return maximum;
+    const Size size = size_around(of_task(task));
+    return noise_task_bytes(size.vertices, size.faces);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    NoiseCounts counts;
-    for (std::size_t i = first(task); i < first(task + 1); ++i) {
-      context.check_stop();
-      const std::size_t p = patches_[i];
-      const MeshHaloBlock near = store_.load_near({&p, 1}, margin());
-      std::vector<std::uint8_t> wanted(near.block.key.size(), 0);
-      for (const std::uint32_t v : near.core_vertices[0])
-        wanted[v] = near.first_patch[v] == p && mix(near.block.key[v]) % kShare == 0;
-      counts.add(count_noise(near.block, FaceCorners(near.block), wanted));
-      context.advance(1);
-    }
+    context.check_stop();
+    const std::span<const std::size_t> core = of_task(task);
+    const MeshHaloBlock near = store_.load_near(core, margin());
+    std::vector<std::uint8_t> wanted(near.block.key.size(), 0);
+    for (std::size_t i = 0; i < core.size(); ++i)
+      for (const std::uint32_t v : near.core_vertices[i])
+        if (near.first_patch[v] == core[i] && mix(near.block.key[v]) % kShare == 0) wanted[v] = 1;
+    const NoiseCounts counts = count_noise(near.block, FaceCorners(near.block), wanted);
+    context.advance(core.size());
     return {{"residual", to_json(counts.residual)},
             {"between", to_json(counts.between)},
             {"vertices", counts.vertices}};
@@ -96,13 +88,50 @@ class NoiseStage : public Stage {
   }
 
  private:
-  std::size_t first(std::size_t task) const { return std::min(patches_.size(), task * kTaskPatches); }
+  struct Size {
+    std::uint64_t vertices = 0, faces = 0;
+  };
+
+  Size size_around(std::span<const std::size_t> patches) const {
+    Size size;
+    for (const std::size_t p : store_.select(grown(store_.box_of(patches), margin()))) {
+      size.vertices += store_.patches()[p].vertices;
+      size.faces += store_.patches()[p].faces;
+    }
+    return size;
+  }
+
+  /// Tasks of patches that follow each other: one block serves them where it has fewer faces than theirs apart, as when
+  /// bricks are far smaller than edges are long, but none gets more than the largest patch has alone.
+  void join_patches() {
+    std::vector<std::uint64_t> alone;
+    for (const std::size_t& p : patches_) alone.push_back(size_around({&p, 1}).faces);
+    const std::uint64_t maximum = alone.empty() ? 0 : *std::max_element(alone.begin(), alone.end());
+    std::uint64_t faces = 0;
+    for (std::size_t i = 0; i < patches_.size(); ++i) {
+      const std::size_t from = first_.empty() ? i : first_.back();
+      const std::uint64_t joined =
+          i == from ? maximum + 1 : size_around({&patches_[from], i + 1 - from}).faces;
+      if (joined > maximum || joined >= faces + alone[i]) {
+        first_.push_back(i);
+        faces = alone[i];
+      } else {
+        faces = joined;
+      }
+    }
+    first_.push_back(patches_.size());
+  }
+
+  std::span<const std::size_t> of_task(std::size_t task) const {
+    return std::span(patches_).subspan(first_[task], first_[task + 1] - first_[task]);
+  }
   double margin() const { return kNoiseEdges * edge_; }
 
   std::string name_;
   MeshStore store_;
   double edge_;                       ///< root mean square of the given mesh
   std::vector<std::size_t> patches_;  ///< looked at, ascending
+  std::vector<std::size_t> first_;    ///< of each task, in patches_; and their end
 };
 
 }  // namespace
