@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "octree/portable_math.h"
@@ -15,12 +16,35 @@ namespace {
 /// Share of the area around a face whose normals must be like its own.
 constexpr float kMinSupport = 0.2F;
 
+/// The faces at a vertex that are neighbours by it.
+std::span<const std::uint32_t> joined_at(const FaceCorners& corners, std::uint32_t v) {
+  const std::span<const std::uint32_t> star = corners.at(v);
+  return star.size() <= kMaxStar ? star : std::span<const std::uint32_t>();
+}
+
 /// Calls sink(g) for every face that shares a vertex with f, once for each vertex shared, f itself left out.
 template <typename Sink>
 void for_each_neighbour(const MeshBlock& block, const FaceCorners& corners, std::uint32_t f, Sink&& sink) {
   for (const std::uint32_t v : block.faces[f])
-    for (const std::uint32_t corner : corners.at(v))
+    for (const std::uint32_t corner : joined_at(corners, v))
       if (corner >> 2 != f) sink(corner >> 2);
+}
+
+/// The faces within `rings` of those wanted, ascending.
+std::vector<std::uint32_t> faces_around(const MeshBlock& block, std::span<const std::uint8_t> wanted,
+                                        int rings) {
+  std::vector<std::uint8_t> in(wanted.begin(), wanted.end()), at(block.position.size(), 0);
+  for (int ring = 0; ring < rings; ++ring) {
+    for (std::size_t f = 0; f < in.size(); ++f)
+      if (in[f] != 0)
+        for (const std::uint32_t v : block.faces[f]) at[v] = 1;
+    for (std::size_t f = 0; f < in.size(); ++f)
+      for (const std::uint32_t v : block.faces[f]) in[f] |= at[v];
+  }
+  std::vector<std::uint32_t> out;
+  for (std::size_t f = 0; f < in.size(); ++f)
+    if (in[f] != 0) out.push_back(static_cast<std::uint32_t>(f));
+  return out;
 }
 
 /// 1 / (2 sigma^2) for the squared difference of unit normals.
@@ -37,9 +61,11 @@ float alike(const Float3& p, const Float3& q, float inverse) {
 /// Fixed scratch of the rounds on normals.
 class NormalRounds {
  public:
-  NormalRounds(const MeshBlock& block, const FaceCorners& corners)
+  /// \param some  whose normals change, ascending; nullptr: all
+  NormalRounds(const MeshBlock& block, const FaceCorners& corners, const std::vector<std::uint32_t>* some)
       : block_(block),
         corners_(corners),
+        some_(some),
         area_(block.faces.size(), 0.0F),
         normals_(block.faces.size() + 1, Float3{0, 0, 0}),
         next_(block.faces.size() + 1, Float3{0, 0, 0}),
@@ -55,12 +81,13 @@ class NormalRounds {
       area_[f] = static_cast<float>(0.5 * doubled);
       normals_[f] = narrow(area * (1.0 / doubled));
     }
+    next_ = normals_;
     weigh(centre);
   }
 
   void average(float inverse) {
     const float* weight = weight_.data();
-    for (std::uint32_t f = 0; f < area_.size(); ++f) {
+    for_faces([&](std::uint32_t f) {
       const __m128 n = components(f);
       __m128 sum = _mm_mul_ps(_mm_set1_ps(area_[f]), n);
       for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
@@ -75,7 +102,7 @@ class NormalRounds {
       _mm_store_ps(s, sum);
       const float size = std::sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]);
       next_[f] = size > 0.0F ? Float3{s[0] / size, s[1] / size, s[2] / size} : normals_[f];
-    }
+    });
     normals_.swap(next_);
   }
 
@@ -83,7 +110,7 @@ class NormalRounds {
   /// becomes that of the neighbour whose normal most others are like.
   void replace_isolated(float inverse) {
     std::fill(stamp_.begin(), stamp_.end(), 0u);
-    for (std::uint32_t f = 0; f < area_.size(); ++f) {
+    for_faces([&](std::uint32_t f) {
       next_[f] = normals_[f];
       near_.clear();
       for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
@@ -93,14 +120,14 @@ class NormalRounds {
       });
       float all = 0.0F;
       for (const std::uint32_t g : near_) all += area_[g];
-      if (support(normals_[f], inverse) >= kMinSupport * all) continue;
+      if (support(normals_[f], inverse) >= kMinSupport * all) return;
       float maximum = -1.0F;
       for (const std::uint32_t g : near_)
         if (const float s = support(normals_[g], inverse); s > maximum) {
           maximum = s;
           next_[f] = normals_[g];
         }
-    }
+    });
     normals_.swap(next_);
   }
 
@@ -110,20 +137,28 @@ class NormalRounds {
   }
 
  private:
+  template <typename Use>
+  void for_faces(Use&& use) const {
+    if (some_ != nullptr)
+      for (const std::uint32_t f : *some_) use(f);
+    else
+      for (std::uint32_t f = 0; f < area_.size(); ++f) use(f);
+  }
+
   /// A normal and one number more, which nobody looks at.
   __m128 components(std::uint32_t f) const { return _mm_loadu_ps(normals_[f].data()); }
 
   /// Area and nearness of every neighbour of every face, in the order of for_each_neighbour().
   void weigh(const std::vector<Double3>& centre) {
     std::size_t count = 0;
-    for (std::uint32_t v = 0; v < block_.position.size(); ++v) {
-      const std::size_t m = corners_.at(v).size();
-      count += m * m - m;
-    }
+    for_faces([&](std::uint32_t f) {
+      for (const std::uint32_t v : block_.faces[f])
+        if (const std::size_t m = joined_at(corners_, v).size(); m > 0) count += m - 1;
+    });
     weight_.resize(count);
     std::size_t at = 0;
     std::vector<double> square;
-    for (std::uint32_t f = 0; f < area_.size(); ++f) {
+    for_faces([&](std::uint32_t f) {
       square.clear();
       double sum = 0.0;
       for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
@@ -136,7 +171,7 @@ class NormalRounds {
       for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
         weight_[at++] = area_[g] * bell(static_cast<float>(square[k++]) * per_width);
       });
-    }
+    });
   }
 
   /// Area of the neighbours whose normals are like this one.
@@ -148,6 +183,7 @@ class NormalRounds {
 
   const MeshBlock& block_;
   const FaceCorners& corners_;
+  const std::vector<std::uint32_t>* some_;
   std::vector<float> area_, weight_;
   std::vector<Float3> normals_, next_;  ///< m and one more, so that four numbers can be read of each
   std::vector<std::uint32_t> stamp_, near_;
@@ -164,8 +200,11 @@ int filter_rings(const NormalFilterOptions& options) {
 }
 
 std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
-                                   const NormalFilterOptions& options) {
-  NormalRounds rounds(block, corners);
+                                   const NormalFilterOptions& options, std::span<const std::uint8_t> wanted) {
+  // What is as far as all rings is read but as it is.
+  const std::vector<std::uint32_t> some =
+      wanted.empty() ? std::vector<std::uint32_t>() : faces_around(block, wanted, normal_rings(options) - 1);
+  NormalRounds rounds(block, corners, wanted.empty() ? nullptr : &some);
   // Raw normals are off by as much as creases are sharp: begin with a wide range, and draw it in.
   const int quarter = options.normal_rounds / 4;
   for (int round = 0; round < options.normal_rounds; ++round) {

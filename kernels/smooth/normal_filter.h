@@ -9,7 +9,9 @@
 /// choices make it local: the spatial width is the mean distance to a face's own neighbours (not a mean over
 /// the mesh), and the Gaussian is the polynomial (1 - t/16)^16 with compact support.
 #pragma once
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "kernels/mesh/face_corners.h"
@@ -23,6 +25,9 @@ struct NormalFilterOptions {
   double range_angle_deg = 20.0;  ///< normals that differ by much more do not mix: the standard deviation
 };
 
+/// Faces at a vertex up to which they are neighbours of each other: more than scans and remeshed surfaces ever have.
+inline constexpr std::size_t kMaxStar = 128;
+
 /// Rings that filter_normals() reads around a face's vertices.
 int normal_rings(const NormalFilterOptions& options);
 /// Rings that filter_by_normals() reads around a vertex.
@@ -30,8 +35,10 @@ int filter_rings(const NormalFilterOptions& options);
 
 /// Filtered unit normals of all faces; zero for faces without an area.
 /// \param corners  the block's own
+/// \param wanted   m flags, 1 for the faces whose normals are asked for: others may stay as they are; empty: all
 std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
-                                   const NormalFilterOptions& options);
+                                   const NormalFilterOptions& options,
+                                   std::span<const std::uint8_t> wanted = {});
 
 /// Bytes that filter_normals() allocates, the result included.
 std::uint64_t normal_bytes(std::uint64_t faces);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "kernels/smooth/normal_filter.h"
 #include "octree/vector.h"
@@ -59,6 +60,30 @@ double edge_at(const MeshBlock& block, std::span<const std::uint32_t> star, std:
   return star.empty() ? 0.0 : sum / static_cast<double>(star.size());
 }
 
+/// Flags of the faces whose normals the windows of wanted vertices may read: their vertices are in one box.
+std::vector<std::uint8_t> faces_read(const MeshBlock& block, const FaceCorners& corners,
+                                     std::span<const std::uint8_t> wanted) {
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  Double3 low = {kFar, kFar, kFar}, high = {-kFar, -kFar, -kFar};
+  for (std::uint32_t v = 0; v < block.position.size(); ++v) {
+    if (wanted[v] == 0) continue;
+    const double radius = kNoiseWindow * edge_at(block, corners.at(v), v);
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], block.position[v][k] - radius);
+      high[k] = std::max(high[k], block.position[v][k] + radius);
+    }
+  }
+  std::vector<std::uint8_t> read(block.faces.size(), 0);
+  for (std::size_t f = 0; f < read.size(); ++f)
+    for (const std::uint32_t v : block.faces[f]) {
+      const Double3& p = block.position[v];
+      bool inside = true;
+      for (std::size_t k = 0; k < 3; ++k) inside = inside && p[k] >= low[k] && p[k] <= high[k];
+      read[f] |= static_cast<std::uint8_t>(inside);
+    }
+  return read;
+}
+
 }  // namespace
 
 NoiseSquares noise_squares(SurfaceWindow& window, std::uint32_t vertex, const StarSides& sides, double edge) {
@@ -95,7 +120,8 @@ NoiseCounts count_noise(const MeshBlock& block, const FaceCorners& corners,
                         std::span<const std::uint8_t> wanted) {
   NormalFilterOptions filter;
   filter.normal_rounds = kNormalRounds;
-  const std::vector<Float3> normals = filter_normals(block, corners, filter);
+  const std::vector<Float3> normals =
+      filter_normals(block, corners, filter, faces_read(block, corners, wanted));
   SurfaceWindow window(block, corners, normals, block.position, block.position);
   StarSides sides;
   NoiseCounts counts;

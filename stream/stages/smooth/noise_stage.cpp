@@ -9,6 +9,7 @@
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json_text.h"
+#include "stream/import/import_plan.h"
 #include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
@@ -18,6 +19,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;  ///< of all patches that are looked at
+constexpr std::uint64_t kJoinedFaces = 2 * ImportPlan::kBrickVertices;  ///< what noise_needs() allows for
 constexpr std::uint64_t kShare = 4;                             ///< one vertex of so many is measured there
 
 json to_json(const std::map<int, std::uint64_t>& counts) {
@@ -102,11 +104,12 @@ class NoiseStage : public Stage {
   }
 
   /// Tasks of patches that follow each other: one block serves them where it has fewer faces than theirs apart, as when
-  /// bricks are far smaller than edges are long, but none gets more than the largest patch has alone.
+  /// bricks are far smaller than edges are long. None gets many, or more than the largest patch has alone.
   void join_patches() {
     std::vector<std::uint64_t> alone;
     for (const std::size_t& p : patches_) alone.push_back(size_around({&p, 1}).faces);
-    const std::uint64_t maximum = alone.empty() ? 0 : *std::max_element(alone.begin(), alone.end());
+    std::uint64_t maximum = kJoinedFaces;
+    for (const std::uint64_t faces : alone) maximum = std::max(maximum, faces);
     std::uint64_t faces = 0;
     for (std::size_t i = 0; i < patches_.size(); ++i) {
       const std::size_t from = first_.empty() ? i : first_.back();
