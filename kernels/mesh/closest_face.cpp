@@ -6,33 +6,46 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
+#include <cstddef>
 #include <limits>
+#include <span>
 #include <utility>
+#include <vector>
 
-#include "octree/lists.h"
-#include "octree/morton.h"
 #include "octree/vector.h"
 
 namespace tessera {
 namespace {
 
 constexpr float kFar = std::numeric_limits<float>::infinity();
-constexpr int kMortonBits = 10;  // per axis: one block has no more cells that matter
+constexpr int kCellBits = 10;  // per axis: one block has no more cells that matter
 // What is a needle: longer than so many of its heights, and than a share of all there is.
 constexpr double kMinNeedle = 16.0, kLongNeedle = 0.25;
 
-/// Indices in Morton order of the centroids, by counting sort: three passes of ten bits.
-std::vector<std::uint32_t> morton_order(const std::vector<std::uint32_t>& code) {
-  constexpr std::uint32_t kRadix = 1u << kMortonBits;
-  std::vector<std::uint32_t> order(code.size()), next(code.size());
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<std::uint32_t>(i);
-  for (int shift = 0; shift < 3 * kMortonBits; shift += kMortonBits) {
-    std::array<std::uint32_t, kRadix + 1> begin;
-    counting_sort<std::uint32_t>(order, next, begin,
-                                 [&](std::uint32_t i) { return code[i] >> shift & (kRadix - 1); });
-    order.swap(next);
-  }
-  return order;
+/// Of a triangle: its centroid, relative to all of them.
+struct Centre {
+  std::array<float, 3> at;
+  std::uint32_t face;
+};
+
+/// Orders so that every leaf, and every node of the levels over them, is a half of what is above it, cut where centroids
+/// spread most: along a curve through space, boxes of as many triangles overlap twice as much.
+void order_by_halves(std::span<Centre> centres) {
+  const std::size_t leaves = (centres.size() + ClosestFaces::kLanes - 1) / ClosestFaces::kLanes;
+  if (leaves < 2) return;
+  std::array<float, 3> low = centres[0].at, high = low;
+  for (const Centre& c : centres)
+    for (std::size_t k = 0; k < 3; ++k)
+      low[k] = std::min(low[k], c.at[k]), high[k] = std::max(high[k], c.at[k]);
+  std::size_t axis = 0;
+  for (std::size_t k = 1; k < 3; ++k)
+    if (high[k] - low[k] > high[axis] - low[axis]) axis = k;
+  // The first part is full: a power of two.
+  const std::size_t first = std::bit_floor(leaves - 1) * ClosestFaces::kLanes;
+  std::nth_element(centres.begin(), centres.begin() + static_cast<std::ptrdiff_t>(first), centres.end(),
+                   [axis](const Centre& c, const Centre& d) { return c.at[axis] < d.at[axis]; });
+  order_by_halves(centres.first(first));
+  order_by_halves(centres.subspan(first));
 }
 
 /// The longest side of a triangle as an axis from its lower end, by the coordinate that changes most.
@@ -66,11 +79,11 @@ std::uint64_t needle_code(const NeedleAxis& axis, const Double3& low, double per
   for (std::size_t k = 0; k < 3; ++k) {
     const auto at = [&](double x) {
       return static_cast<std::uint32_t>(
-          std::clamp((x - low[k]) * per_cell, 0.0, static_cast<double>((1 << kMortonBits) - 1)));
+          std::clamp((x - low[k]) * per_cell, 0.0, static_cast<double>((1 << kCellBits) - 1)));
     };
     cell[k] = at(axis.from[k]), cell[3 + k] = at(axis.to[k]);
   }
-  for (int bit = kMortonBits - 1; bit >= 0; --bit)
+  for (int bit = kCellBits - 1; bit >= 0; --bit)
     for (const std::uint32_t c : cell) code = code << 1 | (c >> bit & 1u);
   return code;
 }
@@ -135,39 +148,39 @@ ClosestFaces::ClosestFaces(std::span<const Double3> position,
     extent = std::max(extent, high[k] - low[k]);
     largest_ = std::max({largest_, std::abs(low[k]), std::abs(high[k])});
   }
-  const double per_cell = extent > 0.0 ? ((1 << kMortonBits) - 1) / extent : 0.0;
+  const double per_cell = extent > 0.0 ? ((1 << kCellBits) - 1) / extent : 0.0;
   const auto corners_of = [&](std::uint32_t i) {
     std::array<Double3, 3> corner;
     for (std::size_t c = 0; c < 3; ++c)
       for (std::size_t k = 0; k < 3; ++k) corner[c][k] = position[faces[i][c]][k] - origin[k];
     return corner;
   };
-  std::vector<std::uint32_t> code(faces.size());
-  for (std::size_t i = 0; i < faces.size(); ++i) {
-    std::array<std::uint32_t, 3> cell{};
-    for (std::size_t k = 0; k < 3; ++k) {
-      const double sum = position[faces[i][0]][k] + position[faces[i][1]][k] + position[faces[i][2]][k];
-      const double at = (sum / 3.0 - origin[k] - low[k]) * per_cell;
-      cell[k] = static_cast<std::uint32_t>(std::clamp(at, 0.0, static_cast<double>((1 << kMortonBits) - 1)));
-    }
-    code[i] = static_cast<std::uint32_t>(morton_encode(cell[0], cell[1], cell[2]));
-  }
-  face_ = morton_order(code);
-  std::vector<std::uint32_t>().swap(code);
+  std::vector<Centre> plain;
+  plain.reserve(count_);
   std::vector<std::pair<std::uint64_t, std::uint32_t>> needles;
-  std::size_t plain = 0;
-  for (const std::uint32_t i : face_) {
-    const NeedleAxis axis(corners_of(i));
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    const auto i = static_cast<std::uint32_t>(f);
+    const std::array<Double3, 3> corner = corners_of(i);
+    const NeedleAxis axis(corner);
     const double length = axis.length();
-    if (length > kLongNeedle * extent && length > kMinNeedle * axis.height)
+    if (length > kLongNeedle * extent && length > kMinNeedle * axis.height) {
       needles.emplace_back(needle_code(axis, low, per_cell), i);
-    else
-      face_[plain++] = i;
+      continue;
+    }
+    Centre& centre = plain.emplace_back();
+    centre.face = i;
+    for (std::size_t k = 0; k < 3; ++k)
+      centre.at[k] =
+          static_cast<float>(((corner[0][k] + corner[1][k] + corner[2][k]) / 3.0 - low[k]) * per_cell);
   }
+  order_by_halves(plain);
   std::sort(needles.begin(), needles.end());
-  for (std::size_t i = 0; i < needles.size(); ++i) face_[plain + i] = needles[i].second;
+  face_.reserve(count_ + kLanes);
+  for (const Centre& c : plain) face_.push_back(c.face);
+  for (const auto& needle : needles) face_.push_back(needle.second);
+  plain_leaves_ = (plain.size() + kLanes - 1) / kLanes;  // the last one may begin the needles
+  decltype(plain)().swap(plain);
   decltype(needles)().swap(needles);
-  plain_leaves_ = (plain + kLanes - 1) / kLanes;  // the last one may begin the needles
   leaves_.resize((count_ + kLanes - 1) / kLanes);
   const std::size_t padded = leaves_.size() * kLanes;
   for (std::size_t slot = 0; slot < padded; ++slot) {

@@ -1,7 +1,7 @@
 /// \file closest_face.h
 /// Which of many triangles is closest to a point, exactly, in double precision, four triangles at a time.
 ///
-/// A hierarchy of boxes, eight children to a node, over triangles in Morton order of their centroids; after
+/// A hierarchy of boxes, eight children to a node, over triangles halved at the median of their centroids; after
 /// Wald et al., "Getting Rid of Packets", 2008 (wide nodes, one query at a time). A triangle may be
 /// degenerate: (a, b, b) is a segment, so border curves are served by the same code. Boxes around long needles
 /// across the axes are all but empty and hide nothing from each other: needles stand in a hierarchy of their own, of

@@ -64,11 +64,14 @@ ClosestFaces::Hit searched(const ClosestFaces& closest, const Double3& p, double
 TEST_CASE("closest face: among long needles and round faces it is the one that a search of all finds",
           "[property]") {
   test::Random random(7);
-  // Many needles; needles alone; fewer than fill a leaf; round faces alone.
+  // Many needles; needles alone; fewer than fill a leaf; round faces alone; all of them at one place.
   for (const auto& [needles, keep] :
-       {std::pair(400, 1201), std::pair(400, 1000), std::pair(1, 3), std::pair(1, 204)}) {
+       {std::pair(400, 1201), std::pair(400, 1000), std::pair(1, 3), std::pair(1, 204), std::pair(1, 0)}) {
     Faces made = needles_along_a_rail(needles, random);
-    if (static_cast<std::size_t>(keep) < made.faces.size()) made.faces.resize(static_cast<std::size_t>(keep));
+    if (keep == 0)
+      made.faces.assign(100, made.faces[100]);
+    else if (static_cast<std::size_t>(keep) < made.faces.size())
+      made.faces.resize(static_cast<std::size_t>(keep));
     const Double3 origin = made.position.front();
     const ClosestFaces closest(made.position, made.faces, origin);
     REQUIRE(closest.size() == made.faces.size());

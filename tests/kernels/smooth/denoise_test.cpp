@@ -3,13 +3,17 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdint>
 #include <random>
+#include <vector>
 
 #include "kernels/mesh/face_corners.h"
+#include "kernels/smooth/normal_filter.h"
 #include "kernels/smooth/smooth.h"
 #include "kernels/smooth/star_sides.h"
 #include "kernels/smooth/surface_window.h"
 #include "kernels/smooth/window_fit.h"
+#include "octree/portable_math.h"
 #include "tests/helpers/block_meshes.h"
 
 namespace denoise_test {
@@ -171,6 +175,51 @@ TEST_CASE("star sides: one on a face, two at an edge, three at a corner of a cub
   }
   CHECK(found[2] == 12 * 5);
   CHECK(found[3] == 8);
+}
+
+TEST_CASE("normal filter: normals of some faces are those that all faces give", "[unit]") {
+  MeshBlock block = roof(40, 60.0);
+  test::add_noise(block, 0.2, 5);
+  const FaceCorners corners(block);
+  for (const int rounds : {1, 4, 8}) {
+    CAPTURE(rounds);
+    const NormalFilterOptions options = {.normal_rounds = rounds};
+    const std::vector<Float3> all = filter_normals(block, corners, options);
+    std::vector<std::uint8_t> wanted(block.faces.size(), 0);
+    for (std::size_t f = 900; f < 920; ++f) wanted[f] = 1;
+    const std::vector<Float3> some = filter_normals(block, corners, options, wanted);
+    std::size_t others = 0;
+    for (std::size_t f = 0; f < all.size(); ++f)
+      if (wanted[f] != 0)
+        CHECK(some[f] == all[f]);
+      else
+        others += some[f] != all[f];
+    CHECK(others > all.size() / 4);  // they are not filtered
+  }
+}
+
+TEST_CASE("normal filter: faces at the tip of a wide fan are not neighbours, faces that share an edge are",
+          "[unit]") {
+  // A flat disk of 20,000 sides: its pairs alone would be 400 million weights.
+  constexpr std::uint32_t kSides = 20'000;
+  std::vector<Double3> position = {{0, 0, 0}};
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  for (std::uint32_t i = 0; i < kSides; ++i) {
+    const double angle = 2.0 * kPi * i / kSides;
+    position.push_back({std::cos(angle), std::sin(angle), i % 2 == 0 ? 0.0 : 1e-5});
+    faces.push_back({0, 1 + i, 1 + (i + 1) % kSides});
+  }
+  const MeshBlock block = test::make_block(position, faces);
+  const FaceCorners corners(block);
+  const std::vector<Float3> raw = filter_normals(block, corners, {.normal_rounds = 0});
+  const std::vector<Float3> filtered = filter_normals(block, corners, {.normal_rounds = 8});
+  const auto lowest = [](const std::vector<Float3>& normals) {
+    float z = 1.0F;
+    for (const Float3& n : normals) z = std::min(z, n[2]);
+    return z;
+  };
+  CHECK(lowest(raw) < 0.9996F);
+  CHECK(lowest(filtered) > 0.99999F);
 }
 
 TEST_CASE("surface window: it does not pass a crease", "[unit]") {
