@@ -124,6 +124,26 @@ fs::path reference_of(const json& report) {
   return {};
 }
 
+/// Tells early that a map will take too long, so that hardly any time is spent on it.
+class MapTime {
+ public:
+  explicit MapTime(double maximum) : maximum_(maximum) {}
+
+  /// \param share  of the map that is drawn
+  bool too_long(double share) {
+    const double now = seconds_since(start_);
+    if (!(share > share_)) begin_ = now;
+    share_ = share;
+    const double all = share >= kKnownShare ? begin_ + (now - begin_) / share : 0.0;
+    return now > maximum_ || all > kSurelyLonger * maximum_;
+  }
+
+ private:
+  static constexpr double kKnownShare = 0.1, kSurelyLonger = 1.25;
+  double maximum_, begin_ = 0.0, share_ = 0.0;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
 void draw_deviation(PageParts& parts, const json& report, const PageRequest& request,
                     const fs::path& scratch) {
   const fs::path reference = reference_of(report);
@@ -144,12 +164,12 @@ void draw_deviation(PageParts& parts, const json& report, const PageRequest& req
     return;
   }
   const double maximum = request.map_seconds.value_or(std::max(kMinMapSeconds, number_at(report, "/wall_s")));
-  const auto start = std::chrono::steady_clock::now();
   RenderOptions options = sheet(request, request.mesh, scratch);
   options.deviation = reference;
   options.tolerance = tolerance_of_job(report);
-  options.check_deviation = [&] {
-    if (seconds_since(start) > maximum)
+  MapTime time(maximum);
+  options.check_deviation = [&](double share) {
+    if (time.too_long(share))
       throw ResourceError(
           fmt::format("its distances take more than {:.1f} s, longer than the job; {}", maximum, advice));
   };

@@ -58,8 +58,9 @@ struct RenderOptions {
   std::vector<std::string> columns;  ///< names of text columns of point files
   std::uint64_t memory_bytes = 0;    ///< cap on peak RSS; 0 = none
   std::filesystem::path temp;        ///< folder of the temporary file; empty = beside the output
-  /// Called every few hundred distances of `deviation`; may throw, and render() then ends with that. May be empty.
-  std::function<void()> check_deviation;
+  /// Called every few hundred distances of `deviation` with the share of the area that is coloured; may throw, and render()
+  /// then ends with that. May be empty.
+  std::function<void(double share)> check_deviation;
 
   /// \throws UsageError naming the option and its range
   void validate() const;
