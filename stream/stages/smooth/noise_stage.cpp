@@ -18,9 +18,9 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;  ///< of all patches that are looked at
+constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;          ///< of all patches that are looked at
 constexpr std::uint64_t kJoinedFaces = 2 * ImportPlan::kBrickVertices;  ///< what noise_needs() allows for
-constexpr std::uint64_t kShare = 4;                             ///< one vertex of so many is measured there
+constexpr std::uint64_t kShare = 4;  ///< one vertex of so many is measured there
 
 json to_json(const std::map<int, std::uint64_t>& counts) {
   json out = json::array();
