@@ -7,12 +7,14 @@
 #include "kernels/certify/certificate.h"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
 
 #include "kernels/certify/convex_piece.h"
 #include "kernels/certify/distance_samples.h"
+#include "octree/portable_math.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"
 
@@ -20,6 +22,7 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kQueriesPerCheck = 256;
+constexpr std::size_t kRecent = 4096;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kNone = ClosestFaces::kNone;
 using Piece = ConvexPiece;
@@ -144,12 +147,20 @@ class Certifier {
   /// Closest triangles of all corners: hints for the pieces, and a first idea of the largest distance.
   void sample_corners() {
     std::vector<bool> seen(surface_.position.size());
+    // Meshes that are not manifold were split into as many vertices at one place as there are sheets, close to each other.
+    std::vector<std::uint32_t> recent(kRecent, kNone);
     std::uint32_t hint = kNone;
     for (face_ = 0; face_ < surface_.faces.size(); ++face_) {
       if (!near_core(surface_.faces[face_])) continue;
       for (const std::uint32_t v : surface_.faces[face_]) {
         if (seen[v]) continue;
         seen[v] = true;
+        std::uint32_t& same = recent[place(surface_.position[v])];
+        if (same != kNone && surface_.position[same] == surface_.position[v]) {
+          hit_[v] = hit_[same];
+          continue;
+        }
+        same = v;
         const Double3 p = local(v);
         for (const double c : p) largest_ = std::max(largest_, std::abs(c));
         const ClosestFaces::Hit hit = query(p, hint);
@@ -158,6 +169,13 @@ class Certifier {
         if (in_core(p)) found(hit.slot == kNone ? options_.max_distance : std::sqrt(hit.square), p);
       }
     }
+  }
+
+  /// Where `recent` of sample_corners() keeps a vertex.
+  static std::size_t place(const Double3& p) {
+    std::uint64_t bits = 0;
+    for (const double x : p) bits = mix(bits ^ std::bit_cast<std::uint64_t>(x));
+    return bits % kRecent;
   }
 
   float bound_face(std::size_t index) {

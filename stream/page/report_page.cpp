@@ -139,7 +139,7 @@ class MapTime {
   }
 
  private:
-  static constexpr double kKnownShare = 0.1, kSurelyLonger = 1.25;
+  static constexpr double kKnownShare = 0.05, kSurelyLonger = 1.25;
   double maximum_, begin_ = 0.0, share_ = 0.0;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
