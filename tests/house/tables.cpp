@@ -151,6 +151,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});
     by("kernels/smooth/denoise", "kernels/mesh", {"face_corners"});
     by("kernels/mesh/block_components", "kernels/mesh", {"face_components"});
+    by("kernels/mesh/face_contact", "kernels/mesh", {"orientation_sign"});
     by("stream/meshes/patch_store", "kernels/mesh", {"patch", "patch_components"});
     by("stream/meshes/mesh_store", "kernels/mesh", {"mesh_block", "mesh_block_ops"});
     by("tools/render", "kernels/picture",
