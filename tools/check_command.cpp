@@ -71,6 +71,8 @@ void run_check(const CheckCommand& command) {
                          {{command.json, "--json", existing_by(command.force)}});
   MeshCheckOptions options = command.options;
   options.check_stop = throw_if_stopped;
+  options.crossings = options.crossings || command.strict || command.closed;
+  options.threads = command.threads > 0 ? command.threads : core_count();
   if (options.temp.empty()) options.temp = scratch_folder(command.mesh);
   const auto mesh = open_mesh_file(command.mesh, {.keep_bad_faces = true, .temp = options.temp});
   const MeshCheck check = check_mesh(*mesh, options);
@@ -123,7 +125,11 @@ cli::Command check_command() {
   CheckCommand& c = *shared;
   OptionTable t;
   t.add("mesh", &c.mesh, "PLY, OBJ, STL, OFF or GLB").positional();
-  t.add("strict", &c.strict, "fail with exit code 6 if there are defects");
+  t.add("crossings", &c.options.crossings,
+        "search for pairs of faces that cross, overlap or touch beyond the corner or edge that they share, "
+        "exactly, and "
+        "list the first");
+  t.add("strict", &c.strict, "fail with exit code 6 if there are defects, --crossings among them");
   t.add("closed", &c.closed, "like --strict, and boundary edges are defects too");
   t.add("weld", &c.options.weld, "merge vertices of equal position first (STL always)");
   t.add("truth", &c.truth, "compare with the surface that `tessera synth` scanned")
@@ -143,12 +149,12 @@ cli::Command check_command() {
       .one_of({"exact", "raster", "auto"});
   t.add("borders", &c.with_borders,
         "with --reference: border curves must stay within the tolerance of each other too");
-  cli::add_threads(t, c.threads, "threads for --reference");
+  cli::add_threads(t, c.threads, "threads for --crossings and --reference");
   t.add("json,report", &c.json, "also write the result to this file");
   cli::add_force(t, c.force);
   t.add("memory", &c.options.memory_bytes, "cap on memory; larger meshes go through --temp").bytes();
   t.add("temp", &c.options.temp, "folder for scratch files; default: beside the mesh");
-  return {"check", "Say what is true of a mesh: topology, orientation, shape, defects.", t,
+  return {"check", "Say what is true of a mesh: topology, orientation, shape, defects, crossings.", t,
           [shared] { run_check(*shared); }};
 }
 

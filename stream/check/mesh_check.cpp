@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include <nlohmann/json.hpp>
 
@@ -121,8 +122,8 @@ MeshCheck check_mesh(MeshReader& source, const MeshCheckOptions& options) {
   read_vertices(mesh, options, positions, check);
   check.file_vertices = check.welded ? welded->source_vertices() : check.vertices;
 
-  SpillPool pool(options.temp, shares.spill);
-  const auto topology = make_mesh_topology(plan_ranges(mesh, options, check.vertices, shares), pool);
+  std::optional<SpillPool> pool(std::in_place, options.temp, shares.spill);
+  auto topology = make_mesh_topology(plan_ranges(mesh, options, check.vertices, shares), *pool);
   std::vector<MeshFace> sound;
   mesh.read_faces([&](std::span<const MeshFace> faces) {
     if (options.check_stop) options.check_stop();
@@ -137,6 +138,13 @@ MeshCheck check_mesh(MeshReader& source, const MeshCheckOptions& options) {
   MeshShape shape(check.min, check.max);
   topology->analyse(positions, shape, options.check_stop, check);
   shape.store(check);
+  if (options.crossings) {
+    topology.reset();  // its memory is the search's now
+    pool.reset();
+    const std::uint64_t memory = shares.spill + shares.range + shares.links + shares.chunks;
+    check.crossings =
+        find_crossings(mesh, positions, {memory, options.temp, options.threads, options.check_stop, {}});
+  }
   return check;
 }
 

@@ -6,11 +6,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "stream/check/mesh_crossings.h"
 #include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
@@ -18,8 +20,11 @@ namespace tessera {
 struct MeshCheckOptions {
   std::uint64_t memory_bytes = std::uint64_t{1} << 30;  ///< all that the check allocates, the reader excluded
   std::filesystem::path temp;  ///< folder for spilled data; empty = the system's temporary folder
-  bool weld = false;  ///< merge vertices of equal position first; formats without shared vertices always
-  std::function<void()> check_stop;  ///< may throw StoppedError; called every few milliseconds; may be empty
+  bool weld = false;       ///< merge vertices of equal position first; formats without shared vertices always
+  bool crossings = false;  ///< search for pairs of faces that cross, too
+  int threads = 1;         ///< for that search
+  /// May throw StoppedError; called every few milliseconds, with `crossings` from any thread; may be empty.
+  std::function<void()> check_stop;
 };
 
 /// One connected part: faces joined through shared vertices. Faces with a repeated or unknown index belong to none.
@@ -89,6 +94,7 @@ struct MeshCheck {
   double min_edge = 0, mean_edge = 0, max_edge = 0;  ///< mean over the sides of all faces
   /// Last: beyond, zero area excluded.
   std::array<std::uint64_t, kAspectBounds.size() + 1> aspect_histogram = {};
+  std::optional<MeshCrossings> crossings;  ///< where they were asked for
 
   /// Every component is closed, manifold and consistently oriented.
   bool solid() const { return components > 0 && solid_components == components; }
@@ -96,7 +102,7 @@ struct MeshCheck {
   std::vector<std::string> defects() const;
 };
 
-/// Reads the mesh: its vertices once, its faces once or twice.
+/// Reads the mesh: its vertices once, its faces twice, and once more for crossings.
 /// \param mesh  opened with MeshReadOptions::keep_bad_faces, else the first bad face throws
 /// \throws InputError from the reader; ResourceError when the cap cannot hold the work, naming one that can
 MeshCheck check_mesh(MeshReader& mesh, const MeshCheckOptions& options);

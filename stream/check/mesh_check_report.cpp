@@ -51,6 +51,8 @@ std::vector<std::string> MeshCheck::defects() const {
   say(nonmanifold_vertices, "vertex is not manifold", "vertices are not manifold");
   say(inconsistent_edges, "edge joins faces of opposite orientation",
       "edges join faces of opposite orientation");
+  if (crossings)
+    for (const std::string& defect : crossings->defects()) list.push_back(defect);
   return list;
 }
 
@@ -107,6 +109,7 @@ nlohmann::json to_json(const MeshCheck& check) {
     json["aspect_bounds"] = kAspectBounds;
     json["aspect_histogram"] = check.aspect_histogram;
   }
+  if (check.crossings) json["crossings"] = to_json(*check.crossings);
   return json;
 }
 
@@ -163,6 +166,7 @@ std::string describe(const MeshCheck& check) {
     }
     line("aspect", aspects);
   }
+  if (check.crossings) text += describe(*check.crossings);
   const std::vector<std::string> defects = check.defects();
   for (const std::string& defect : defects) line("defect", defect);
   if (defects.empty()) line("defects", "none");

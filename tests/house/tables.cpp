@@ -20,6 +20,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"kernels/scene/sensor_source.cpp", "kernels/scene/sample_source.h"},
       {"stream/check/mesh_check_report.cpp", "stream/check/mesh_check.h"},
       {"stream/check/mesh_compare_report.cpp", "stream/check/mesh_compare.h"},
+      {"stream/check/mesh_crossings_report.cpp", "stream/check/mesh_crossings.h"},
       {"stream/formats/meshes/glb_mesh_reader.cpp", "stream/formats/meshes/mesh_reader_base.h"},
       {"stream/formats/meshes/glb_mesh_writer.cpp", "stream/formats/meshes/mesh_writer_base.h"},
       {"stream/formats/meshes/obj_mesh_reader.cpp", "stream/formats/meshes/mesh_reader_base.h"},
