@@ -72,6 +72,7 @@ void run_render(const RenderCommand& command) {
     fmt::print(", {} vertices, {} faces, {} border edges, {} non-manifold edges", report.vertices,
                report.faces, report.border_edges, report.non_manifold_edges);
   }
+  if (command.options.crossings) fmt::print(", {} faces cross or touch others", report.crossing_faces);
   if (report.points > 0) fmt::print(", {} points", report.points);
   if (report.temp_bytes > 0) fmt::print(", {} temporary bytes", report.temp_bytes);
   fmt::print(" ({})\n", report.renderer);
@@ -116,6 +117,8 @@ cli::Command render_command() {
         "border edges in red, non-manifold edges in magenta: on, off, or auto (off where memory is short, "
         "and red ones with "
         "--uncertain)");
+  t.add("crossings", &o.crossings,
+        "faces that cross, overlap or touch others beyond what they share in green, with their edges");
   t.add("backs", &o.backs,
         "faces seen from behind: show (orange), cut (left out), or auto: cut for rooms, so that the near "
         "walls do "

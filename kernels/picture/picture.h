@@ -34,6 +34,7 @@ inline constexpr std::uint32_t kBackFace = 0xff2f8cf0u;         // orange
 inline constexpr std::uint32_t kSyntheticFace = 0xffd6a866u;    // blue
 inline constexpr std::uint32_t kBorderEdge = 0xff2020e0u;       // red
 inline constexpr std::uint32_t kNonManifoldEdge = 0xffe01fd8u;  // magenta
+inline constexpr std::uint32_t kCrossingFace = 0xff20e820u;     // green
 
 /// What the GPU gets per corner or point. Positions relative to the scene origin.
 struct PictureVertex {

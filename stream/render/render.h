@@ -43,6 +43,7 @@ struct RenderOptions {
   std::string borders = "auto";
   /// OUT.uncertain.ply of a reconstruction: meshes are red where the sides of its points were in doubt.
   std::filesystem::path uncertain;
+  bool crossings = false;  ///< faces that cross, overlap or touch others in green, outlined: mesh_crossings.h
   bool synthetic = false;  ///< faces that close holes in blue over any colour, not over clay alone
   /// Faces seen from behind: show (orange), cut (left out), or auto: cut where the mesh is a room, one that has openings
   /// and looks inwards, so that its near walls do not hide it.
@@ -72,7 +73,8 @@ struct RenderReport {
   std::uint64_t points = 0;
   std::uint64_t border_edges = 0;
   std::uint64_t non_manifold_edges = 0;
-  std::uint64_t temp_bytes = 0;  ///< of the corner file; 0 = vertices were in memory
+  std::uint64_t crossing_faces = 0;  ///< with RenderOptions::crossings
+  std::uint64_t temp_bytes = 0;      ///< of the corner file; 0 = vertices were in memory
   std::string renderer;
   std::vector<std::string> notices;  ///< what the user should know, one sentence each
 };

@@ -9,6 +9,7 @@
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "octree/vector.h"
+#include "stream/check/mesh_crossings.h"
 #include "stream/meshes/border_edges.h"
 #include "stream/meshes/corner_file.h"
 #include "stream/meshes/mesh_weld.h"
@@ -91,6 +92,7 @@ class MeshItem final : public SceneItem {
     if (face_count_ == 0) throw EmptyError(path.string() + ": the mesh has no faces, nothing to draw");
     if (options.smooth) add_normals(report);
     if (options.borders != "off") find_borders(options, report);
+    if (options.crossings) find_face_crossings(options, report);
     // What is closed and looks inwards is inside out; only what has openings can be a room.
     cut_backs_ =
         options.backs == "cut" || (options.backs == "auto" && borders_.border_count > 0 && looks_inwards());
@@ -116,6 +118,7 @@ class MeshItem final : public SceneItem {
   void each_face(const Use& use) const;
   void add_normals(RenderReport& report);
   void find_borders(const RenderOptions& options, RenderReport& report);
+  void find_face_crossings(const RenderOptions& options, RenderReport& report);
   void with_shared_vertices(const RenderOptions& options, const std::function<void(MeshReader&)>& use) const;
   std::vector<Float3> edge_ends(MeshReader& mesh,
                                 const std::vector<std::array<std::uint64_t, 2>>& edges) const;
@@ -145,6 +148,7 @@ class MeshItem final : public SceneItem {
   std::optional<CornerFile> corners_;
   BorderEdges borders_;
   std::vector<Float3> border_ends_, non_manifold_ends_;
+  std::vector<std::uint64_t> crossing_;  ///< faces, ascending
 };
 
 /// Bounds, counts, and the vertices while they fit.
@@ -292,6 +296,25 @@ void MeshItem::find_borders(const RenderOptions& options, RenderReport& report) 
   }
 }
 
+void MeshItem::find_face_crossings(const RenderOptions& options, RenderReport& report) {
+  std::uint64_t memory = std::uint64_t{1} << 30;
+  if (memory_bytes_ != 0)
+    memory = std::max((memory_bytes_ - std::min(memory_bytes_, vertex_bytes())) / 2, kMinTable);
+  with_shared_vertices(options, [&](MeshReader& mesh) {
+    VertexStore positions(render_temp(options), mesh.header().double_positions, memory / 4);
+    mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+      throw_if_stopped();
+      positions.append(batch);
+    });
+    find_crossings(mesh, positions,
+                   {memory / 4 * 3, render_temp(options), 1, throw_if_stopped,
+                    [&](std::span<const std::uint64_t> faces) {
+                      crossing_.insert(crossing_.end(), faces.begin(), faces.end());
+                    }});
+  });
+  report.crossing_faces += crossing_.size();
+}
+
 /// The file as a mesh whose faces share vertices.
 void MeshItem::with_shared_vertices(const RenderOptions& options,
                                     const std::function<void(MeshReader&)>& use) const {
@@ -355,8 +378,18 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
   std::vector<PictureVertex> batch;
   batch.reserve(3 * kDrawnFaces);
   const bool by_origin = !by_vertex && !by_height;
+  std::uint64_t number = 0;
+  auto crossing = crossing_.begin();
+  std::vector<Float3> crossing_ends;
   const auto emit = [&](const std::array<Corner, 3>& corners, const MeshFace* face, bool synthetic) {
     const auto& [a, b, c] = corners;
+    const bool crosses = crossing != crossing_.end() && *crossing == number;
+    ++number;
+    if (crosses) {
+      ++crossing;
+      for (const auto& [from, to] : {std::pair(a, b), std::pair(b, c), std::pair(c, a)})
+        crossing_ends.insert(crossing_ends.end(), {{from.x, from.y, from.z}, {to.x, to.y, to.z}});
+    }
     const Float3 u = {b.x - a.x, b.y - a.y, b.z - a.z}, v = {c.x - a.x, c.y - a.y, c.z - a.z};
     const Float3 n = cross(u, v);
     if (!std::isfinite(n[0] + n[1] + n[2])) return;  // a corner that is not a number: nothing to see
@@ -375,6 +408,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
                          static_cast<double>(corner.z) + origin_[2]};
       if (by_height) out.rgba = ramp_colour(height_share(p, context));
       if (doubt_ && doubt_->at(p + shift_)) out.rgba = kDoubtfulPoint;
+      if (crosses) out.rgba = kCrossingFace;
       if (face != nullptr && !normals_empty_) {
         const Float3& m = normals_[(*face)[i]];
         const float maximum = std::max({std::abs(m[0]), std::abs(m[1]), std::abs(m[2])});
@@ -393,6 +427,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
   // Where red says doubt, it says nothing else unless asked.
   if (!doubt_ || options.borders == "on") draw_edges(picture, border_ends_, kBorderEdge);
   draw_edges(picture, non_manifold_ends_, kNonManifoldEdge);
+  draw_edges(picture, crossing_ends, kCrossingFace);
 }
 
 }  // namespace
