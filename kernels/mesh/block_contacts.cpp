@@ -51,6 +51,7 @@ FloatBox lane(const BoxBundle& boxes, std::size_t l) {
 /// A bit for each box that meets this one.
 unsigned meeting(const BoxBundle& boxes, const FloatBox& b) {
   __m256 apart = _mm256_setzero_ps();
+#pragma GCC unroll 3
   for (std::size_t k = 0; k < 3; ++k) {
     const __m256 low = _mm256_load_ps(boxes.low[k].data()), high = _mm256_load_ps(boxes.high[k].data());
     apart = _mm256_or_ps(apart, _mm256_cmp_ps(low, _mm256_set1_ps(b.high[k]), _CMP_GT_OQ));
@@ -163,18 +164,18 @@ class ContactTree {
     }
   }
 
+  /// Few pairs meet, so whose they are is asked last.
   template <class Use>
   void decide(std::uint32_t i, std::uint32_t j, const Use& use) const {
     const ContactFace &a = faces_[i], &b = faces_[j];
+    const FaceContact contact = face_contact(a, b);
+    if (contact == FaceContact::kNone) return;
     for (std::size_t k = 0; k < 3; ++k) {
       const double low = std::max(std::min({a.corner[0][k], a.corner[1][k], a.corner[2][k]}),
                                   std::min({b.corner[0][k], b.corner[1][k], b.corner[2][k]}));
-      const double high = std::min(std::max({a.corner[0][k], a.corner[1][k], a.corner[2][k]}),
-                                   std::max({b.corner[0][k], b.corner[1][k], b.corner[2][k]}));
-      if (low > high || low < cell_.low[k] || !(low < cell_.high[k])) return;
+      if (low < cell_.low[k] || !(low < cell_.high[k])) return;
     }
-    const FaceContact contact = face_contact(a, b);
-    if (contact != FaceContact::kNone) use(std::min(i, j), std::max(i, j), contact);
+    use(std::min(i, j), std::max(i, j), contact);
   }
 
   std::span<const ContactFace> faces_;

@@ -1,6 +1,7 @@
 #include "kernels/mesh/face_contact.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <utility>
 
@@ -110,6 +111,20 @@ bool opens(const Double3& a, const Double3& b, const Double3& c, const Double3& 
   return dot(m, n) < -1e-13 * dot(edge, edge) * norm(u) * norm(v);
 }
 
+/// Whether rounding leaves no doubt that a face lies beyond one of the two sides of another at the corner that they share, seen
+/// along that one's normal: then they meet in the corner alone. So it is with most faces around a vertex.
+/// \param u,v  from the corner along the sides; p, q: along those of the face that is asked about
+bool beyond_a_side(const Double3& u, const Double3& v, const Double3& p, const Double3& q) {
+  // Inward normals of the sides are cross(n, u) and -cross(n, v), n = cross(u, v): with (u . v) and squares they need no n.
+  const double uu = dot(u, u), vv = dot(v, v), uv = dot(u, v);
+  const double up = dot(u, p), vp = dot(v, p), uq = dot(u, q), vq = dot(v, q);
+  const double lengths = std::sqrt(std::max(dot(p, p), dot(q, q)));
+  // cross(cross(u, v), u) . x = (u . u)(v . x) - (u . v)(u . x), each term at most u^2 v x long.
+  const double in_u = 1e-13 * uu * std::sqrt(vv) * lengths, in_v = 1e-13 * vv * std::sqrt(uu) * lengths;
+  return (uu * vp - uv * up < -in_u && uu * vq - uv * uq < -in_u) ||
+         (vv * up - uv * vp < -in_v && vv * uq - uv * vq < -in_v);
+}
+
 }  // namespace
 
 FaceContact face_contact(const ContactFace& a, const ContactFace& b) {
@@ -128,6 +143,12 @@ FaceContact face_contact(const ContactFace& a, const ContactFace& b) {
   }
   Signs of_b{}, of_a{};
   if (shared == 1) {
+    const auto side = [](const ContactFace& f, std::size_t corner, std::size_t k) {
+      return f.corner[(corner + k) % 3] - f.corner[corner];
+    };
+    const Double3 u = side(a, in_a[0], 1), v = side(a, in_a[0], 2), p = side(b, in_b[0], 1),
+                  q = side(b, in_b[0], 2);
+    if (beyond_a_side(u, v, p, q) || beyond_a_side(p, q, u, v)) return FaceContact::kNone;
     // What they share lies in both planes.
     for (std::size_t k = 1; k < 3; ++k) {
       const std::size_t i = (in_b[0] + k) % 3;

@@ -123,6 +123,10 @@ bool magenta(int r, int g, int b) {
   return r > 130 && b > 130 && g < 110;
 }
 
+bool green(int r, int g, int b) {
+  return g > r + 60 && g > b + 60;
+}
+
 }  // namespace
 
 TEST_CASE("render: a sphere covers what its size says", "[pipeline]") {
@@ -192,6 +196,29 @@ TEST_CASE("render: borders are red, non-manifold edges magenta, and both are cou
     CHECK(report.border_edges == 6);
     CHECK(count(read_png(folder / "m.png"), magenta) > 50);
   }
+}
+
+TEST_CASE("render: faces that cross are green where they are asked for", "[pipeline]") {
+  const test::TempFolder temp;
+  const std::filesystem::path& folder = temp.path();
+  Mesh two = sphere(24, 48, 24);
+  const Mesh other = sphere(24, 48, 24, {1.1, 0.03, 0.07});
+  const std::uint64_t first = two.vertices.size();
+  two.vertices.insert(two.vertices.end(), other.vertices.begin(), other.vertices.end());
+  for (const MeshFace& f : other.faces) two.faces.push_back({first + f[0], first + f[1], first + f[2]});
+  RenderOptions options = one_view(write(two, folder / "two.ply"), folder / "two.png");
+  CHECK(render(options).crossing_faces == 0);
+  CHECK(count(read_png(options.output), green) == 0);
+  options.crossings = true;
+  const RenderReport report = render(options);
+  CHECK(report.crossing_faces > 60);
+  CHECK(report.crossing_faces < 400);
+  const int seen = count(read_png(options.output), green);
+  CHECK(seen > 300);
+  CHECK(seen < 20000);
+  options.inputs = {write(sphere(24, 48, 24), folder / "one.ply").string()};
+  CHECK(render(options).crossing_faces == 0);
+  CHECK(count(read_png(options.output), green) == 0);
 }
 
 TEST_CASE("render: a room is seen from inside, its near wall cut away", "[pipeline]") {
