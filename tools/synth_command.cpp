@@ -36,13 +36,13 @@ std::uint64_t parse_count(const std::string& text) {
 }
 
 /// "0.002" in scene units, "0.5s" in mean spacings.
-void parse_noise(const std::string& text, SynthOptions& options) {
+void parse_length(const std::string& text, const char* what, double& length, bool& in_spacings) {
   char* end = nullptr;
-  options.noise = std::strtod(text.c_str(), &end);
-  options.noise_in_spacings = std::string(end) == "s";
-  if (end == text.c_str() || !(*end == '\0' || options.noise_in_spacings)) {
+  length = std::strtod(text.c_str(), &end);
+  in_spacings = std::string(end) == "s";
+  if (end == text.c_str() || !(*end == '\0' || in_spacings)) {
     throw UsageError(
-        fmt::format("'{}' is not a noise: write 0.002 (scene units) or 0.5s (mean spacings)", text));
+        fmt::format("'{}' is not {}: write 0.002 (scene units) or 0.5s (mean spacings)", text, what));
   }
 }
 
@@ -82,10 +82,19 @@ cli::Command synth_command() {
       .shown_as("COUNT");
   t.add("spacing", &o.spacing, "mean distance of samples, scene units; replaces --points; 0 = by --points")
       .at_least(0);
-  t.add("noise", OptionSetter([&o](const std::string& text) { parse_noise(text, o); }),
+  t.add("noise", OptionSetter([&o](const std::string& text) {
+          parse_length(text, "a noise", o.noise, o.noise_in_spacings);
+        }),
         "standard deviation of Gaussian noise in scene units, or with s behind it in mean spacings; default: "
         "0")
       .shown_as("SIGMA");
+  t.add("noise-length", OptionSetter([&o](const std::string& text) {
+          parse_length(text, "a length", o.noise_length, o.noise_length_in_spacings);
+        }),
+        "length over which the noise is correlated, as that of dense matching is, in scene units, or with s "
+        "in mean "
+        "spacings; default: 0, every point has its own")
+      .shown_as("X");
   t.add("outliers", &o.outliers, "share of points that are uniform in a box around the scene");
   t.add("flying", &o.flying, "sensors: share of range jumps that give a point between two surfaces");
   t.add("missing", &o.missing, "share of the surface that is unseen, in balls around spots far apart");

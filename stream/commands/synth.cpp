@@ -30,7 +30,7 @@ using synth::Scene;
 using synth::SurfaceBatch;
 
 // Streams of random numbers, so that no two uses share one.
-enum : std::uint64_t { kNoiseStream = 11, kOutlierStream = 13, kMissingStream = 17 };
+enum : std::uint64_t { kNoiseStream = 11, kOutlierStream = 13, kMissingStream = 17, kCorrelatedStream = 19 };
 
 void validate(const SynthOptions& o) {
   const auto refuse = [](const std::string& message) { throw UsageError("synth: " + message); };
@@ -45,6 +45,8 @@ void validate(const SynthOptions& o) {
   if (!(o.flying >= 0.0 && o.flying <= 1.0)) refuse("--flying must be a share from 0 to 1");
   if (o.views < 0 || o.views > 255) refuse("--views must be 0 to 255");
   if (o.noise < 0.0 || !std::isfinite(o.noise)) refuse("--noise must not be negative");
+  if (o.noise_length < 0.0 || !std::isfinite(o.noise_length)) refuse("--noise-length must not be negative");
+  if (o.noise_length > 0.0 && o.noise == 0.0) refuse("--noise-length needs --noise");
   if (!(o.outliers >= 0.0 && o.outliers < 1.0)) refuse("--outliers must be a share from 0 to below 1");
   if (!(o.missing >= 0.0 && o.missing < 1.0)) refuse("--missing must be a share from 0 to below 1");
   if (o.missing_spots < 1 || o.missing_spots > 1000) refuse("--missing-spots must be 1 to 1000");
@@ -130,17 +132,54 @@ class MissingSpots {
   double radius2_ = 0.0;
 };
 
+/// Gaussian noise of unit variance that is correlated over a length: a lattice of independent values, blended between its
+/// nodes so that the variance is the same everywhere (K. Perlin, "An Image Synthesizer", 1985).
+class CorrelatedNoise {
+ public:
+  CorrelatedNoise(std::uint64_t seed, double length) : seed_(seed), length_(length) {}
+  double at(const Double3& p, std::size_t scan) const {
+    if (!std::isfinite(p[0] + p[1] + p[2])) return 0.0;  // a ray that met nothing
+    Int3 cell{};
+    Double3 share{};
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double place = p[a] / length_, low = std::floor(place), t = place - low;
+      // Far beyond any scene the lattice repeats.
+      cell[a] = static_cast<std::int32_t>(std::fmod(low, 1e9));
+      share[a] = t * t * (3.0 - 2.0 * t);
+    }
+    double sum = 0.0, squares = 0.0;
+    for (int corner = 0; corner < 8; ++corner) {
+      double weight = 1.0;
+      std::uint64_t bits = mix(scan);
+      for (std::size_t a = 0; a < 3; ++a) {
+        const int side = corner >> a & 1;
+        weight *= side == 1 ? share[a] : 1.0 - share[a];
+        bits = mix(bits ^ static_cast<std::uint32_t>(cell[a] + side));
+      }
+      bits = random_bits(seed_, kCorrelatedStream, bits);
+      sum += weight * gaussian(bits, mix(bits));
+      squares += weight * weight;
+    }
+    return sum / std::sqrt(squares);
+  }
+
+ private:
+  std::uint64_t seed_;
+  double length_;
+};
+
 /// Adds noise, outliers, colour and shift to exact samples.
 class Corrupter {
  public:
-  Corrupter(const SynthOptions& o, const Scene& scene, double noise) : o_(o), scene_(scene), noise_(noise) {
+  Corrupter(const SynthOptions& o, const Scene& scene, const SynthReport& report)
+      : o_(o), scene_(scene), noise_(report.noise), correlated_(o.seed, report.noise_length) {
     const Box3 box = scene.bounds();
     const Double3 margin = (box.hi - box.lo) * 0.1;
     lo_ = box.lo - margin;
     size_ = (box.hi - box.lo) * 1.2;
   }
   /// Returns how many points became outliers.
-  std::uint64_t apply(const SampleBatch& batch, PointChunk& out) const {
+  std::uint64_t apply(const SampleBatch& batch, std::size_t scan, PointChunk& out) const {
     const SurfaceBatch& in = batch.surface;
     const std::size_t n = in.size();
     out.clear();
@@ -168,7 +207,8 @@ class Corrupter {
       const double* dz = along_ray ? batch.dz.data() : in.nz.data();
       for (std::size_t i = 0; i < n; ++i) {
         const std::uint64_t bits = random_bits(o_.seed, kNoiseStream, batch.key[i]);
-        const double d = noise_ * gaussian(bits, mix(bits));
+        const double d = noise_ * (o_.noise_length > 0.0 ? correlated_.at({in.x[i], in.y[i], in.z[i]}, scan)
+                                                         : gaussian(bits, mix(bits)));
         out.x[i] += d * dx[i];
         out.y[i] += d * dy[i];
         out.z[i] += d * dz[i];
@@ -199,6 +239,7 @@ class Corrupter {
   const SynthOptions& o_;
   const Scene& scene_;
   double noise_;
+  CorrelatedNoise correlated_;
   Double3 lo_{}, size_{};
 };
 
@@ -212,6 +253,10 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
   truth["options"] = {{"noise", o.noise},       {"noise_in_spacings", o.noise_in_spacings},
                       {"outliers", o.outliers}, {"flying", o.flying},
                       {"normals", o.normals},   {"colour", o.colour}};
+  if (o.noise_length > 0.0) {
+    truth["options"]["noise_length"] = o.noise_length;
+    truth["options"]["noise_length_in_spacings"] = o.noise_length_in_spacings;
+  }
   if (o.missing > 0.0) truth["options"]["missing"] = {{"share", o.missing}, {"spots", o.missing_spots}};
   truth["seed"] = o.seed;
   truth["points"] = report.points;
@@ -329,6 +374,7 @@ SynthReport synthesize(const SynthOptions& requested, const std::filesystem::pat
   report.area = source->area();
   report.spacing = source->spacing();
   report.noise = o.noise_in_spacings ? o.noise * report.spacing : o.noise;
+  report.noise_length = o.noise_length_in_spacings ? o.noise_length * report.spacing : o.noise_length;
   report.truth = o.per_scan ? output.parent_path() / output.stem() : output;
   report.truth += ".truth.json";
   std::vector<PlannedWrite> writes = {{report.truth, "the truth beside -o", existing_by(o.force)}};
@@ -342,7 +388,7 @@ SynthReport synthesize(const SynthOptions& requested, const std::filesystem::pat
   ScanFiles files(o, output, header, source->scans(), report);
 
   const MissingSpots missing(o, *source);
-  const Corrupter corrupter(o, *scene, report.noise);
+  const Corrupter corrupter(o, *scene, report);
   struct Unit {
     std::size_t scan = 0;
     std::uint64_t outliers = 0, flying = 0;
@@ -364,7 +410,7 @@ SynthReport synthesize(const SynthOptions& requested, const std::filesystem::pat
     unit.scan = scan_of(number);
     source->sample(number, batch);
     missing.drop(batch);
-    unit.outliers = corrupter.apply(batch, chunk);
+    unit.outliers = corrupter.apply(batch, unit.scan, chunk);
     unit.flying = batch.flying;
     encoder->encode(chunk, files.ptx(unit.scan), unit.encoded);
   };

@@ -21,6 +21,9 @@ struct SynthOptions {
   double spacing = 0.0;            ///< mean sample spacing, scene units; > 0 replaces `points`
   double noise = 0.0;              ///< standard deviation along the normal (surface) or the ray (sensors)
   bool noise_in_spacings = false;  ///< `noise` counts in mean spacings instead of scene units
+  /// Length over which noise is correlated, as that of dense matching is, scene units; every set-up has its own. 0 = none.
+  double noise_length = 0.0;
+  bool noise_length_in_spacings = false;  ///< it counts in mean spacings
   /// Share of points replaced by uniform ones in the box of the scene grown by a tenth.
   double outliers = 0.0;
   double flying = 0.1;   ///< sensors: share of range jumps that give a flying point
@@ -46,6 +49,7 @@ struct SynthReport {
   double area = 0.0;           ///< of the truth surface, scene units squared; 0 for sensors
   double spacing = 0.0;        ///< sqrt(area / points); sensors: median over the rays
   double noise = 0.0;          ///< standard deviation used, scene units
+  double noise_length = 0.0;   ///< used, scene units
   double seconds = 0.0;
   std::vector<std::filesystem::path> files;
   /// Sidecar: OUT without extension + .truth.json if per scan, else OUT.truth.json.

@@ -205,6 +205,43 @@ TEST_CASE("synth: noise and outliers are as large as asked for", "[property]") {
   CHECK(off == dirty.outliers);
 }
 
+TEST_CASE("synth: correlated noise is as deep as asked for and bends over its length", "[property]") {
+  const TempFolder folder;
+  SynthOptions o = options_for("sphere", 100000);
+  o.noise = 0.01;
+  o.noise_length = 4.0;
+  o.noise_length_in_spacings = true;
+  const SynthReport report = synthesize(o, folder / "noisy.xyz");
+  CHECK(report.noise_length == Approx(4.0 * report.spacing));
+  const PointChunk noisy = read_all(folder / "noisy.xyz");
+  // Products of neighbours' noise, by distance: alike within a quarter of the length, strangers beyond two lengths.
+  double squares = 0, near = 0, far = 0, near_pairs = 0, far_pairs = 0;
+  std::vector<double> depth(noisy.size());
+  const auto place = [&](std::size_t i) { return Double3{noisy.x[i], noisy.y[i], noisy.z[i]}; };
+  for (std::size_t i = 0; i < noisy.size(); ++i) {
+    depth[i] = norm(place(i)) - 1.0;
+    squares += depth[i] * depth[i];
+  }
+  CHECK(std::sqrt(squares / 1e5) == Approx(0.01).epsilon(0.03));
+  for (std::size_t i = 0; i < noisy.size(); i += 200)
+    for (std::size_t j = 0; j < noisy.size(); ++j) {
+      const double away = norm(place(i) - place(j)) / report.noise_length;
+      if (i == j || (away > 0.25 && away < 2.5) || away > 4.0) continue;
+      (away <= 0.25 ? near : far) += depth[i] * depth[j];
+      (away <= 0.25 ? near_pairs : far_pairs) += 1.0;
+    }
+  REQUIRE(near_pairs > 500);
+  CHECK(near / near_pairs > 0.75e-4);
+  CHECK(std::fabs(far / far_pairs) < 0.1e-4);
+
+  // Other threads, same bytes.
+  const std::string bytes = file_bytes(folder / "noisy.xyz");
+  o.threads = 3;
+  o.force = true;
+  synthesize(o, folder / "noisy.xyz");
+  CHECK((file_bytes(folder / "noisy.xyz") == bytes));
+}
+
 TEST_CASE("synth: --spacing gives the number of points that the area needs", "[unit]") {
   const TempFolder folder;
   SynthOptions o = options_for("cube", 1);
@@ -217,9 +254,10 @@ TEST_CASE("synth: --spacing gives the number of points that the area needs", "[u
 TEST_CASE("synth: nonsense is refused with exit code 2 and leaves nothing behind", "[pipeline]") {
   const TempFolder folder;
   const std::string out = " -o " + (folder / "a.ply").string();
-  for (const std::string arguments : {"--scene teapot", "--points 0", "--points ten", "--points 1.5",
-                                      "--noise x", "--noise -1", "--outliers 1", "--mode sonar", "--per-scan",
-                                      "--shift 1,2", "--octaves 99", "--mode terrestrial --views -3"}) {
+  for (const std::string arguments :
+       {"--scene teapot", "--points 0", "--points ten", "--points 1.5", "--noise x", "--noise -1",
+        "--noise-length 2s", "--noise 1 --noise-length x", "--outliers 1", "--mode sonar", "--per-scan",
+        "--shift 1,2", "--octaves 99", "--mode terrestrial --views -3"}) {
     CAPTURE(arguments);
     CHECK(run("synth " + arguments + out) == 2);
   }
