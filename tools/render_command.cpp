@@ -59,6 +59,7 @@ void run_render(const RenderCommand& command) {
     for (const std::filesystem::path& file : expand_inputs(names)) reads.push_back(file);
   reads.push_back(requested.deviation);
   reads.push_back(requested.uncertain);
+  reads.push_back(requested.missing);
   cli::require_new_output(requested.output, command.force, reads);
   // llvmpipe takes the number of its threads from the environment alone, when its library is loaded.
   if (command.threads > 0) ::setenv("LP_NUM_THREADS", std::to_string(command.threads).c_str(), 1);
@@ -74,6 +75,12 @@ void run_render(const RenderCommand& command) {
   }
   if (command.options.crossings) fmt::print(", {} faces cross or touch others", report.crossing_faces);
   if (report.points > 0) fmt::print(", {} points", report.points);
+  if (report.measured_points > 0) {
+    fmt::print(
+        ", {:.2f} % of {} points of {} farther than {:.4g} from the mesh",
+        100.0 * static_cast<double>(report.missing_points) / static_cast<double>(report.measured_points),
+        report.measured_points, command.options.missing.filename().string(), report.missing_distance);
+  }
   if (report.temp_bytes > 0) fmt::print(", {} temporary bytes", report.temp_bytes);
   fmt::print(" ({})\n", report.renderer);
 }
@@ -111,6 +118,13 @@ cli::Command render_command() {
       "tolerance", &o.tolerance,
       "with --deviation: end of the scale, in the unit of the mesh, beyond it magenta; 0 = 99th percentile");
   t.add("signed", &o.with_sign, "with --deviation: red in front of the reference, blue behind it");
+  t.add("missing", &o.missing,
+        "a scan: its points far from the mesh in magenta over it, to see what was left out; of a sample of "
+        "half a "
+        "million")
+      .shown_as("SCAN");
+  t.add("missing-distance", &o.missing_distance,
+        "with --missing: how far, scan units; 0 = two spacings of the scan, estimated from what it covers");
   t.add("uncertain", &o.uncertain,
         "OUT.uncertain.ply of a reconstruction: meshes in red where the sides of its points were in doubt");
   t.add("borders", &o.borders,

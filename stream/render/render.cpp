@@ -27,7 +27,9 @@ constexpr std::uint64_t kProgramBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kRasterizerBytes = std::uint64_t{96} << 20;
 constexpr std::uint64_t kReaderBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kMinWorkBytes = std::uint64_t{32} << 20;  // vertex ranges and edge tables
-constexpr int kGap = 2;                                           // between views, pixels
+constexpr std::uint64_t kMissingBytes = std::uint64_t{64}
+                                        << 20;  // its sample, a patch of the mesh and its index
+constexpr int kGap = 2;                         // between views, pixels
 
 /// One picture: what is in it, and where it goes.
 struct Panel {
@@ -61,6 +63,8 @@ Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& op
     panel.items.push_back(options.deviation.empty() ? make_mesh_item(path, options, bytes, report)
                                                     : make_deviation_item(path, options, bytes, report));
   }
+  if (!meshes.empty() && !options.missing.empty())
+    panel.items.push_back(make_missing_item(meshes, options, report));
   if (!clouds.empty()) panel.items.push_back(make_points_item(clouds, options, report));
   for (const auto& item : panel.items) {
     panel.sample.merge(item->sample());
@@ -311,6 +315,9 @@ void RenderOptions::validate() const {
         "--tolerance must be above 0, or left out");
   check(!deviation.empty() || (tolerance == 0.0 && !with_sign),
         "--tolerance and --signed need --deviation REFERENCE");
+  check(std::isfinite(missing_distance) && missing_distance >= 0.0,
+        "--missing-distance must be above 0, or left out");
+  check(!missing.empty() || missing_distance == 0.0, "--missing-distance needs --missing SCAN");
   check(deviation.empty() || uncertain.empty(),
         "--uncertain: leave it out with --deviation, or that with it");
   check(std::isfinite(splat) && splat >= 0.0, "--splat must be 0 (automatic) or above");
@@ -339,7 +346,8 @@ RenderReport render(const RenderOptions& options) {
   Pixels pixels(options, requested, panel_width);
   const std::uint64_t image_bytes = 3 * static_cast<std::uint64_t>(options.width + panel_width) *
                                     static_cast<std::uint64_t>(options.height);
-  const std::uint64_t fixed = fixed_bytes() + image_bytes, minimum = fixed + pixels.band + kMinWorkBytes;
+  const std::uint64_t fixed = fixed_bytes() + image_bytes + (options.missing.empty() ? 0 : kMissingBytes),
+                      minimum = fixed + pixels.band + kMinWorkBytes;
   if (options.memory_bytes != 0 && options.memory_bytes < minimum) {
     throw ResourceError("render: a picture of " + std::to_string(options.width) + "x" +
                         std::to_string(options.height) + " with --samples " +
@@ -369,6 +377,9 @@ RenderReport render(const RenderOptions& options) {
         i == 0 ? options.inputs : std::vector<std::string>{options.compare[static_cast<std::size_t>(i - 1)]};
     Panel panel = open_panel(inputs, options, work, report);
     if (i == 0) {
+      if (!options.missing.empty() && report.measured_points == 0)
+        throw UsageError(
+            "--missing needs a mesh among what is drawn: it shows what that leaves out of the scan");
       for (std::size_t k = 0; k < 3; ++k) origin[k] = 0.5 * (panel.box.low[k] + panel.box.high[k]);
       shown = panel.box;
       require_drawable(shown);

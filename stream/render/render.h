@@ -35,6 +35,11 @@ struct RenderOptions {
   double tolerance = 0.0;           ///< scan units, end of the scale of colours; 0 = the 99th percentile
   bool with_sign = false;           ///< deviation in front of or behind the reference, not only how far
 
+  /// A scan: its points farther from the meshes than missing_distance are drawn over them in magenta, of a sample of at most
+  /// 524,288. Empty = none.
+  std::filesystem::path missing;
+  double missing_distance = 0.0;  ///< scan units; 0 = two spacings of the scan
+
   /// vertex, clay, height or auto: vertex where the file has colours, else clay; points that have neither
   /// colours nor normals by height.
   std::string colour = "auto";
@@ -73,8 +78,11 @@ struct RenderReport {
   std::uint64_t points = 0;
   std::uint64_t border_edges = 0;
   std::uint64_t non_manifold_edges = 0;
-  std::uint64_t crossing_faces = 0;  ///< with RenderOptions::crossings
-  std::uint64_t temp_bytes = 0;      ///< of the corner file; 0 = vertices were in memory
+  std::uint64_t crossing_faces = 0;   ///< with RenderOptions::crossings
+  std::uint64_t measured_points = 0;  ///< of RenderOptions::missing
+  std::uint64_t missing_points = 0;   ///< of these, farther from the meshes than
+  double missing_distance = 0.0;
+  std::uint64_t temp_bytes = 0;  ///< of the corner file; 0 = vertices were in memory
   std::string renderer;
   std::vector<std::string> notices;  ///< what the user should know, one sentence each
 };

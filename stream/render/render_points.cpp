@@ -19,35 +19,6 @@ constexpr float kMinPixels = 1.5f;      // thinner discs flicker away between sa
 constexpr double kSplatSpacings = 2.2;  // discs of neighbours overlap: no background shines through
 constexpr int kGrid = 96;               // cells along the longest side for the estimate of the spacing
 
-/// Spacing if the points cover the cells that the sample touches evenly, as a surface.
-double estimated_spacing(const SceneSample& sample, const SceneBox& box) {
-  double longest = 0.0;
-  for (std::size_t i = 0; i < 3; ++i) longest = std::max(longest, box.high[i] - box.low[i]);
-  if (!(longest > 0.0) || !std::isfinite(longest)) return 0.0;
-  const double cell = longest / kGrid;
-  std::vector<std::uint32_t> cells;
-  std::uint64_t inside = 0;
-  for (const Double3& p : sample.points()) {
-    std::uint32_t key = 0;
-    bool in = true;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const double at = (p[i] - box.low[i]) / cell;
-      in = in && at >= 0.0 && at <= kGrid;
-      key = key * 128 + static_cast<std::uint32_t>(std::clamp(at, 0.0, kGrid - 1.0));
-    }
-    if (!in) continue;
-    ++inside;
-    cells.push_back(key);
-  }
-  std::sort(cells.begin(), cells.end());
-  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
-  const double points = static_cast<double>(sample.count()) * static_cast<double>(inside) /
-                        static_cast<double>(sample.points().size());
-  // A plane through a grid touches about 1.5 cells per cell area of its own.
-  const double area = static_cast<double>(cells.size()) / 1.5 * cell * cell;
-  return points > 0.0 ? std::sqrt(area / points) : 0.0;
-}
-
 class PointsItem final : public SceneItem {
  public:
   PointsItem(const std::vector<std::filesystem::path>& paths, const RenderOptions& options,
@@ -135,6 +106,34 @@ class PointsItem final : public SceneItem {
 };
 
 }  // namespace
+
+double estimated_spacing(const SceneSample& sample, const SceneBox& box) {
+  double longest = 0.0;
+  for (std::size_t i = 0; i < 3; ++i) longest = std::max(longest, box.high[i] - box.low[i]);
+  if (!(longest > 0.0) || !std::isfinite(longest)) return 0.0;
+  const double cell = longest / kGrid;
+  std::vector<std::uint32_t> cells;
+  std::uint64_t inside = 0;
+  for (const Double3& p : sample.points()) {
+    std::uint32_t key = 0;
+    bool in = true;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double at = (p[i] - box.low[i]) / cell;
+      in = in && at >= 0.0 && at <= kGrid;
+      key = key * 128 + static_cast<std::uint32_t>(std::clamp(at, 0.0, kGrid - 1.0));
+    }
+    if (!in) continue;
+    ++inside;
+    cells.push_back(key);
+  }
+  std::sort(cells.begin(), cells.end());
+  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+  const double points = static_cast<double>(sample.count()) * static_cast<double>(inside) /
+                        static_cast<double>(sample.points().size());
+  // A plane through a grid touches about 1.5 cells per cell area of its own.
+  const double area = static_cast<double>(cells.size()) / 1.5 * cell * cell;
+  return points > 0.0 ? std::sqrt(area / points) : 0.0;
+}
 
 std::unique_ptr<SceneItem> make_points_item(const std::vector<std::filesystem::path>& paths,
                                             const RenderOptions& options, RenderReport& report) {

@@ -72,8 +72,14 @@ std::unique_ptr<SceneItem> make_mesh_item(const std::filesystem::path& path, con
 std::unique_ptr<SceneItem> make_deviation_item(const std::filesystem::path& path,
                                                const RenderOptions& options, std::uint64_t memory_bytes,
                                                RenderReport& report);
+/// The points of options.missing that lie farther from all these meshes than options.missing_distance, in magenta, of a sample.
+std::unique_ptr<SceneItem> make_missing_item(const std::vector<std::filesystem::path>& meshes,
+                                             const RenderOptions& options, RenderReport& report);
 std::unique_ptr<SceneItem> make_points_item(const std::vector<std::filesystem::path>& paths,
                                             const RenderOptions& options, RenderReport& report);
+
+/// Spacing of the points of a sample if they cover the cells that it touches evenly, as a surface; 0 = no telling.
+double estimated_spacing(const SceneSample& sample, const SceneBox& box);
 
 /// Dark blue over green and yellow to light red by share 0..1: readable in grey too.
 std::uint32_t ramp_colour(double share);

@@ -37,6 +37,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/import/import_vertices_stage.cpp", "stream/import/import_stages.h"},
       {"stream/render/render_deviation.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_mesh.cpp", "stream/render/render_scene.h"},
+      {"stream/render/render_missing.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_points.cpp", "stream/render/render_scene.h"},
       {"stream/stages/merge/merge_cover_stage.cpp", "stream/stages/merge/merge_stages.h"},
       {"stream/stages/merge/merge_joints_stage.cpp", "stream/stages/merge/merge_stages.h"},

@@ -448,6 +448,41 @@ TEST_CASE("render: deviation shows in the colours of the scale", "[pipeline]") {
   CHECK(count(drawn(0.0, false), magenta) < all / 20);
 }
 
+TEST_CASE("render: what a mesh leaves out of a scan is magenta", "[pipeline]") {
+  const test::TempFolder temp;
+  const std::filesystem::path& folder = temp.path();
+  // A sheet of points, the mesh under its left half.
+  const int side = 200;
+  std::ofstream file(folder / "scan.xyz");
+  for (int i = 0; i < side; ++i)
+    for (int j = 0; j < side; ++j) file << i * 0.01 << ' ' << j * 0.01 << " 0.005\n";
+  file.close();
+  Mesh half;
+  half.vertices = {{0, 0, 0}, {1, 0, 0}, {1, 2, 0}, {0, 2, 0}};
+  half.faces = {{0, 1, 2}, {0, 2, 3}};
+  RenderOptions options = one_view(write(half, folder / "half.ply"), folder / "out.png");
+  options.views = {"top"};
+  options.borders = "off";
+  CHECK(render(options).measured_points == 0);
+  CHECK(count(read_png(options.output), magenta) == 0);
+
+  options.missing = folder / "scan.xyz";
+  options.missing_distance = 0.02;
+  const RenderReport report = render(options);
+  CHECK(report.missing_distance == 0.02);
+  CHECK(report.measured_points == side * side);
+  // Columns 102 to 199: those up to 1.01 lie within 0.02 of the edge of the mesh.
+  CHECK(report.missing_points == 98 * side);
+  CHECK(count(read_png(options.output), magenta) > 2000);
+  CHECK(report.points == 0);  // the scan itself is not drawn
+
+  // By default two spacings, which are estimated from the area that the scan covers.
+  options.missing_distance = 0.0;
+  const RenderReport estimated = render(options);
+  CHECK(estimated.missing_distance > 0.012);
+  CHECK(estimated.missing_distance < 0.03);
+}
+
 TEST_CASE("render: what cannot be drawn is refused in one sentence", "[fault]") {
   const test::TempFolder temp;
   const std::filesystem::path& folder = temp.path();
@@ -473,6 +508,16 @@ TEST_CASE("render: what cannot be drawn is refused in one sentence", "[fault]") 
   SECTION("cap too small") {
     options.memory_bytes = std::uint64_t{64} << 20;
     refused("4 ", "needs --memory");
+  }
+  SECTION("a distance to a scan that is not given") {
+    options.missing_distance = 0.1;
+    refused("2 ", "needs --missing");
+  }
+  SECTION("a scan beside no mesh") {
+    std::ofstream(folder / "m.xyz") << "0 0 0\n1 0 0\n0 1 0\n";
+    options.inputs = {(folder / "m.xyz").string()};
+    options.missing = folder / "m.xyz";
+    refused("2 ", "--missing needs a mesh");
   }
   SECTION("unknown view") {
     options.views = {"sideways"};
