@@ -1,4 +1,7 @@
 // Text of points and PLY under gzip and zstd: the same points as without.
+#include <algorithm>
+
+#include "stream/runtime/memory_budget.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/packed_text.h"
 #include "tests/helpers/point_reading.h"
@@ -76,11 +79,15 @@ TEST_CASE("packed points: cut files, bombs and other content are refused with a 
   const test::TempFolder folder;
   const std::string text = rows(20000, "\n");
   const auto refused = [&](const std::string& name, const std::string& bytes, const std::string& words) {
+    // A command begins as a copy of this process, whose size counts as its own peak: what other cases freed must be gone.
+    trim_allocator();
+    const std::uint64_t limit =
+        std::max(std::uint64_t{64} << 20, resident_bytes() + (std::uint64_t{16} << 20));
     const test::CommandResult r = test::tessera_command({"info", folder.write(name, bytes).string()});
     CAPTURE(name, r.errors);
     CHECK(r.code == 3);
     CHECK(r.errors.find(words) != std::string::npos);
-    CHECK(r.peak_bytes < std::uint64_t{64} << 20);
+    CHECK(r.peak_bytes < limit);
   };
   for (const std::string& packed : {test::gzip_of(text), test::zstd_of(text)}) {
     for (const std::size_t part : {2, 3, 10})
