@@ -71,7 +71,6 @@ void run_check(const CheckCommand& command) {
                          {{command.json, "--json", existing_by(command.force)}});
   MeshCheckOptions options = command.options;
   options.check_stop = throw_if_stopped;
-  options.crossings = options.crossings || command.strict || command.closed;
   options.threads = command.threads > 0 ? command.threads : core_count();
   if (options.temp.empty()) options.temp = scratch_folder(command.mesh);
   const auto mesh = open_mesh_file(command.mesh, {.keep_bad_faces = true, .temp = options.temp});
@@ -129,7 +128,7 @@ cli::Command check_command() {
         "search for pairs of faces that cross, overlap or touch beyond the corner or edge that they share, "
         "exactly, and "
         "list the first");
-  t.add("strict", &c.strict, "fail with exit code 6 if there are defects, --crossings among them");
+  t.add("strict", &c.strict, "fail with exit code 6 if there are defects; with --crossings faces that cross are");
   t.add("closed", &c.closed, "like --strict, and boundary edges are defects too");
   t.add("weld", &c.options.weld, "merge vertices of equal position first (STL always)");
   t.add("truth", &c.truth, "compare with the surface that `tessera synth` scanned")
