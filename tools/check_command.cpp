@@ -128,7 +128,8 @@ cli::Command check_command() {
         "search for pairs of faces that cross, overlap or touch beyond the corner or edge that they share, "
         "exactly, and "
         "list the first");
-  t.add("strict", &c.strict, "fail with exit code 6 if there are defects; with --crossings faces that cross are");
+  t.add("strict", &c.strict,
+        "fail with exit code 6 if there are defects; with --crossings faces that cross are");
   t.add("closed", &c.closed, "like --strict, and boundary edges are defects too");
   t.add("weld", &c.options.weld, "merge vertices of equal position first (STL always)");
   t.add("truth", &c.truth, "compare with the surface that `tessera synth` scanned")
