@@ -47,6 +47,7 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   run(DistributeStage(job, inputs));
   run(OrderStage(job));
   run(*make_normals_stage(job));
+  run(*make_links_stage(job));
   result.orient = run(*make_orient_stage(job));
   if (setup.options.holes != "keep") {
     run(*make_multipole_stage(job));
