@@ -124,7 +124,8 @@ TEST_CASE("volume: a box has its volume over the ground that it stands on, and i
   const CommandResult closed = tessera_command({"volume", box.string(), "--base", box.string()});
   CHECK(closed.code == 2);
   CHECK_THAT(closed.errors, Catch::Contains("no one height"));
-  CHECK(tessera_command({"volume", box.string(), "--base", "plane:x"}).code == 2);
+  for (const char* level : {"plane:x", "plane:", "plane:nan", "plane:inf", "plane:1e300", "plane:3m"})
+    CHECK(tessera_command({"volume", box.string(), "--base", level}).code == 2);
   CHECK(tessera_command({"volume", box.string()}).code == 2);
 }
 

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -27,6 +28,7 @@ struct VolumeCommand {
 };
 
 constexpr const char* kPlane = "plane:";
+constexpr double kMaxLevel = 1e12;  ///< beyond any survey; what lies so far off has no volume in doubles
 
 /// Reads --base: a level or a mesh.
 void read_base(const std::string& base, VolumeOptions& options) {
@@ -41,7 +43,7 @@ void read_base(const std::string& base, VolumeOptions& options) {
   } catch (const std::exception&) {
     used = 0;
   }
-  if (used == 0 || used != base.size() - word.size())
+  if (used == 0 || used != base.size() - word.size() || !(std::abs(options.level) <= kMaxLevel))
     throw UsageError("--base " + base + ": give plane:Z with a number, as plane:251.5, or a mesh");
 }
 

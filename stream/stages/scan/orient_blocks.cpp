@@ -12,12 +12,11 @@ constexpr std::uint64_t kOutsideWeight = std::uint64_t{1} << 60;  ///< everythin
 
 /// Groups, and what is known of their sides, of a block seen from above.
 void see_from_above(std::vector<JobSurfel> surfels, const std::vector<PatchStats>& stats,
-                    const std::vector<std::uint64_t>& weight, const OrientationScene& scene,
-                    const Viewers& viewers, SignBlock& out) {
+                    const std::vector<std::uint64_t>& weight, const TopColumns& tops, const Viewers& viewers,
+                    SignBlock& out) {
   for (JobSurfel& s : surfels)
     for (float& a : s.area) a *= static_cast<float>(out.groups.sign[s.patch]);
-  std::vector<PatchVote> sides =
-      vote_by_top(surfels, TopColumns(viewers.up, scene.columns), weight.size(), kSkyScale);
+  std::vector<PatchVote> sides = vote_by_top(surfels, tops, weight.size(), kSkyScale);
   tear_groups(sides, weight, kClearMajority, out.groups);
   const auto& [group, sign, size] = out.groups;
   for (PatchVote& v : sides) v.a = group[v.a];
@@ -115,7 +114,8 @@ double frustrated(const AnchorGraph& graph, const SignSolution& solution, const 
 }  // namespace
 
 BlockSigns solve_block(const PointOverlay& overlay, const PatchLinks& links, std::size_t index,
-                       const PatchBlock& block, const OrientationScene& scene, const Viewers& viewers) {
+                       const PatchBlock& block, const OrientationScene& scene, const TopColumns& tops,
+                       const Viewers& viewers) {
   const std::vector<PatchStats> stats = load_stats(overlay, block);
   std::vector<std::uint64_t> weight;
   weight.reserve(stats.size());
@@ -127,7 +127,7 @@ BlockSigns solve_block(const PointOverlay& overlay, const PatchLinks& links, std
   if (viewers.own)
     in.sides = votes_of(stats);
   else
-    see_from_above(load_surfels(overlay, block, stats), stats, weight, scene, viewers, in);
+    see_from_above(load_surfels(overlay, block, stats), stats, weight, tops, viewers, in);
   return solve_block_signs(in);
 }
 

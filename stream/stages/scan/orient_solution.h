@@ -24,9 +24,10 @@ void solve_whole_orientation(const PointOverlay& overlay, const PatchLinks& link
                              const TaskContext& context, OverlayDecisions& decisions, nlohmann::json& entry);
 
 /// What one block can decide by itself.
-/// \param columns  of the whole scene, where that is seen from above
+/// \param tops  of the whole scene, where that is seen from above
 BlockSigns solve_block(const PointOverlay& overlay, const PatchLinks& links, std::size_t index,
-                       const PatchBlock& block, const OrientationScene& scene, const Viewers& viewers);
+                       const PatchBlock& block, const OrientationScene& scene, const TopColumns& tops,
+                       const Viewers& viewers);
 std::uint64_t solve_block_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse);
 
 /// The anchors of all blocks, then every patch. \param anchors  of list_patch_blocks(overlay), solve_block's

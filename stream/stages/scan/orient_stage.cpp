@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "octree/error.h"
 #include "stream/files/read_file.h"
@@ -44,9 +45,11 @@ class OrientStage : public Stage {
         mode_(reconstruct_options(state), state.inputs.size(), plan_, agreement_of_work(state.work)),
         viewers_(viewers_of(mode_, plan_, from_)),
         overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)),
-        links_(work_) {
+        links_(work_),
+        tops_(viewers_.up) {
     if (!mode_.propagate()) return;
     scene_ = OrientationScene::load(work_ / OrientationScene::kFile);
+    tops_ = TopColumns(viewers_.up, std::move(scene_.columns));
     blocks_ = list_patch_blocks(overlay_);
     if (in_blocks()) task_end_ = group_patch_blocks(blocks_);
   }
@@ -62,7 +65,7 @@ class OrientStage : public Stage {
       maximum = std::max(
           maximum, solve_block_bytes(blocks_[b].patches, links_.inner_count(b), coarse_count(blocks_[b])));
     return maximum + scene_.border.size() * sizeof(std::uint32_t) +
-           2 * scene_.columns.size() * sizeof(TopColumns::Column);
+           tops_.columns().size() * sizeof(TopColumns::Column);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -71,7 +74,7 @@ class OrientStage : public Stage {
     for (std::size_t b = first_block(task); b < task_end_[task]; ++b) {
       context.check_stop();
       file.block(overlay_.bricks()[blocks_[b].first_brick].key,
-                 solve_block(overlay_, links_, b, blocks_[b], scene_, viewers_));
+                 solve_block(overlay_, links_, b, blocks_[b], scene_, tops_, viewers_));
       context.advance(blocks_[b].last_brick - blocks_[b].first_brick);
     }
     context.count_written(file.finish());
@@ -198,6 +201,7 @@ class OrientStage : public Stage {
   PointOverlay overlay_;
   PatchLinks links_;
   OrientationScene scene_;
+  TopColumns tops_;  ///< its columns
   std::vector<PatchBlock> blocks_;
   std::vector<std::size_t> task_end_;
 };
