@@ -1,5 +1,5 @@
 /// \file vector.h
-/// Double3 and Float3 and their arithmetic: only + - * / sqrt, the same bits on every machine.
+/// Vectors and their arithmetic: only + - * / sqrt, the same bits on every machine.
 #pragma once
 #include <array>
 #include <cmath>
@@ -10,6 +10,7 @@
 namespace tessera {
 
 using Int3 = std::array<std::int32_t, 3>;
+using Double2 = std::array<double, 2>;
 using Double3 = std::array<double, 3>;
 using Float3 = std::array<float, 3>;
 

@@ -13,9 +13,9 @@
 #include <span>
 #include <vector>
 
-namespace tessera {
+#include "octree/vector.h"
 
-using Double2 = std::array<double, 2>;
+namespace tessera {
 
 struct RibProfile {
   std::array<double, 2> angle{};  ///< radians

@@ -16,12 +16,11 @@
 #include <string>
 #include <vector>
 
+#include "octree/vector.h"
 #include "solvers/laplacian.h"
 #include "solvers/linear_solver.h"
 
 namespace tessera {
-
-using Double2 = std::array<double, 2>;
 
 enum class ParameterMethod : std::uint8_t { kConformal, kLeastSquaresConformal };
 enum class ParameterBorder : std::uint8_t { kCircle, kSquare };

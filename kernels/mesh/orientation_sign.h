@@ -10,8 +10,6 @@
 
 namespace tessera {
 
-using Double2 = std::array<double, 2>;
-
 /// Of twice the area of a, b, c. \returns 1 if they turn counter-clockwise, -1 if clockwise, 0 on one line
 int orient2d_sign(const Double2& a, const Double2& b, const Double2& c);
 

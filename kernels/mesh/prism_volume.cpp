@@ -6,13 +6,13 @@
 namespace tessera {
 namespace {
 
-double twice_area(const PlanPoint& a, const PlanPoint& b, const PlanPoint& c) {
+double twice_area(const Double2& a, const Double2& b, const Double2& c) {
   return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
 /// A corner of a piece, with the height of the first surface over the second.
 struct Corner {
-  PlanPoint at;
+  Double2 at;
   double difference;
 };
 
@@ -25,7 +25,7 @@ double volume_over(std::span<const Corner> piece) {
   return sum;
 }
 
-double ring_area(const std::vector<PlanPoint>& ring) {
+double ring_area(const std::vector<Double2>& ring) {
   double sum = 0.0;
   for (std::size_t k = 2; k < ring.size(); ++k) sum += twice_area(ring[0], ring[k - 1], ring[k]);
   return 0.5 * sum;
@@ -46,29 +46,29 @@ PlanTriangle::PlanTriangle(const Double3& a, const Double3& b, const Double3& c)
   if (facing_ < 0) std::swap(shadow_[1], shadow_[2]);
 }
 
-double PlanTriangle::height(const PlanPoint& at) const {
+double PlanTriangle::height(const Double2& at) const {
   // The planes of faces that stand nearly upright are steep: rounding must not lead out of the face.
   return std::clamp(z_ + slope_x_ * (at[0] - shadow_[0][0]) + slope_y_ * (at[1] - shadow_[0][1]), low_,
                     high_);
 }
 
-PlanPiece::PlanPiece(const std::array<PlanPoint, 3>& triangle) {
+PlanPiece::PlanPiece(const std::array<Double2, 3>& triangle) {
   std::copy(triangle.begin(), triangle.end(), corners_.begin());
 }
 
-void PlanPiece::clip(const std::array<PlanPoint, 3>& triangle) {
+void PlanPiece::clip(const std::array<Double2, 3>& triangle) {
   for (std::size_t e = 0; e < 3 && !empty(); ++e) {
-    const PlanPoint &a = triangle[e], &b = triangle[(e + 1) % 3];
+    const Double2 &a = triangle[e], &b = triangle[(e + 1) % 3];
     std::array<double, kMaxCorners> side{};
     bool all = true;
     for (std::size_t k = 0; k < size_; ++k)
       side[k] = twice_area(a, b, corners_[k]), all = all && side[k] >= 0.0;
     if (all) continue;
-    std::array<PlanPoint, kMaxCorners> kept{};
+    std::array<Double2, kMaxCorners> kept{};
     std::size_t count = 0;
     for (std::size_t k = 0; k < size_; ++k) {
       const std::size_t next = k + 1 < size_ ? k + 1 : 0;
-      const PlanPoint &from = corners_[k], &to = corners_[next];
+      const Double2 &from = corners_[k], &to = corners_[next];
       if (side[k] >= 0.0 && count < kMaxCorners) kept[count++] = from;
       if ((side[k] < 0.0) == (side[next] < 0.0) || count == kMaxCorners) continue;
       const double t = side[k] / (side[k] - side[next]);
@@ -108,17 +108,17 @@ CutFill PlanPiece::integrate(Difference&& difference) const {
 }
 
 CutFill PlanPiece::between(const PlanTriangle& first, const PlanTriangle& second) const {
-  return integrate([&](const PlanPoint& at) { return first.height(at) - second.height(at); });
+  return integrate([&](const Double2& at) { return first.height(at) - second.height(at); });
 }
 
 CutFill PlanPiece::above(const PlanTriangle& first, double level) const {
-  return integrate([&](const PlanPoint& at) { return first.height(at) - level; });
+  return integrate([&](const Double2& at) { return first.height(at) - level; });
 }
 
-std::vector<SignedTriangle> triangles_of_rings(std::span<const std::vector<PlanPoint>> rings) {
+std::vector<SignedTriangle> triangles_of_rings(std::span<const std::vector<Double2>> rings) {
   std::vector<SignedTriangle> triangles;
   for (std::size_t r = 0; r < rings.size(); ++r) {
-    const std::vector<PlanPoint>& ring = rings[r];
+    const std::vector<Double2>& ring = rings[r];
     if (ring.size() < 3) continue;
     const int wanted = (r == 0 ? 1 : -1) * (ring_area(ring) < 0.0 ? -1 : 1);
     // A fan about a corner: what it covers too much it takes away again.

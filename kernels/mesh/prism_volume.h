@@ -11,8 +11,6 @@
 
 namespace tessera {
 
-using PlanPoint = std::array<double, 2>;
-
 /// Over the shadow that two surfaces share: its area, and the volumes where the first lies above and below the second.
 struct CutFill {
   double area = 0.0;
@@ -30,12 +28,12 @@ class PlanTriangle {
   PlanTriangle(const Double3& a, const Double3& b, const Double3& c);
   /// 1 where it shows upwards, -1 downwards, 0 where it stands upright: then it has no shadow and bounds no prism.
   int facing() const { return facing_; }
-  const std::array<PlanPoint, 3>& shadow() const { return shadow_; }  ///< counter-clockwise
+  const std::array<Double2, 3>& shadow() const { return shadow_; }  ///< counter-clockwise
   /// Of its plane, held within the heights of its corners.
-  double height(const PlanPoint& at) const;
+  double height(const Double2& at) const;
 
  private:
-  std::array<PlanPoint, 3> shadow_{};
+  std::array<Double2, 3> shadow_{};
   double low_ = 0.0, high_ = 0.0, z_ = 0.0, slope_x_ = 0.0, slope_y_ = 0.0;
   int facing_ = 0;
 };
@@ -43,9 +41,9 @@ class PlanTriangle {
 /// A convex piece of a plane by its corners, counter-clockwise.
 class PlanPiece {
  public:
-  explicit PlanPiece(const std::array<PlanPoint, 3>& triangle);
+  explicit PlanPiece(const std::array<Double2, 3>& triangle);
   /// Keeps what lies in the triangle. At most twice. \param triangle  counter-clockwise
-  void clip(const std::array<PlanPoint, 3>& triangle);
+  void clip(const std::array<Double2, 3>& triangle);
   bool empty() const { return size_ < 3; }
   double area() const;
   CutFill between(const PlanTriangle& first, const PlanTriangle& second) const;
@@ -56,18 +54,18 @@ class PlanPiece {
   CutFill integrate(Difference&& difference) const;
   /// Of a triangle, and every side of two others can cut off one corner and leave two.
   static constexpr std::size_t kMaxCorners = 9;
-  std::array<PlanPoint, kMaxCorners> corners_{};
+  std::array<Double2, kMaxCorners> corners_{};
   std::size_t size_ = 3;
 };
 
 /// A polygon with holes, or several, as a sum of triangles of either sign: whole numbers of them cover the inside once.
 struct SignedTriangle {
-  std::array<PlanPoint, 3> corner{};  ///< counter-clockwise
+  std::array<Double2, 3> corner{};  ///< counter-clockwise
   int sign = 1;
 };
 
 /// \param rings  open or closed, either way round; the first is the outline, the others are holes
 /// \pre the outline does not cross itself, holes lie inside it and apart
-std::vector<SignedTriangle> triangles_of_rings(std::span<const std::vector<PlanPoint>> rings);
+std::vector<SignedTriangle> triangles_of_rings(std::span<const std::vector<Double2>> rings);
 
 }  // namespace tessera

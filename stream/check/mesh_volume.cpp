@@ -31,8 +31,8 @@ constexpr double kMaxDownward = 0.5;
 constexpr double kMaxLayers = 64.0;
 
 struct PlanBox {
-  PlanPoint low = {kInfinite, kInfinite}, high = {-kInfinite, -kInfinite};
-  void add(const PlanPoint& p) {
+  Double2 low = {kInfinite, kInfinite}, high = {-kInfinite, -kInfinite};
+  void add(const Double2& p) {
     for (std::size_t a = 0; a < 2; ++a) low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
   }
   bool meets(const PlanBox& o) const {
@@ -40,9 +40,9 @@ struct PlanBox {
   }
 };
 
-PlanBox box_of(std::span<const PlanPoint> points) {
+PlanBox box_of(std::span<const Double2> points) {
   PlanBox box;
-  for (const PlanPoint& p : points) box.add(p);
+  for (const Double2& p : points) box.add(p);
   return box;
 }
 
@@ -50,7 +50,7 @@ PlanBox box_of(std::span<const PlanPoint> points) {
 struct Area {
   std::string name;
   std::vector<SignedTriangle> triangles;  ///< relative to the origin
-  std::vector<std::array<PlanPoint, 2>> edges;
+  std::vector<std::array<Double2, 2>> edges;
   std::optional<ClipPolygon> polygon;  ///< in the coordinates of the mesh
   PlanBox box;
 };
@@ -60,21 +60,21 @@ struct AreaSums {
   FixedSum area, fill, cut;
 };
 
-std::vector<Area> read_areas(const std::filesystem::path& path, const PlanPoint& origin) {
+std::vector<Area> read_areas(const std::filesystem::path& path, const Double2& origin) {
   std::vector<Area> areas;
   std::size_t n = 0;
   for (const json& polygon : parse_json(ClipPolygon::text_of_file(path))) {
     Area area;
     area.name = std::to_string(++n);
     area.polygon = ClipPolygon::from_text(dump_json(json::array({polygon})));
-    std::vector<std::vector<PlanPoint>> rings;
+    std::vector<std::vector<Double2>> rings;
     for (const json& ring : polygon) {
       rings.emplace_back();
       for (const json& c : ring)
         rings.back().push_back({c[0].get<double>() - origin[0], c[1].get<double>() - origin[1]});
       for (std::size_t k = 0; k < rings.back().size(); ++k)
         area.edges.push_back({rings.back()[k], rings.back()[(k + 1) % rings.back().size()]});
-      for (const PlanPoint& p : rings.back()) area.box.add(p);
+      for (const Double2& p : rings.back()) area.box.add(p);
     }
     area.triangles = triangles_of_rings(rings);
     areas.push_back(std::move(area));
@@ -119,7 +119,7 @@ class PlanGrid {
       for (const std::uint32_t f : cells_[cell]) {
         const PlanBox& other = faces_[f].box;
         // In the first cell that both meet.
-        const PlanPoint first = {std::max(box.low[0], other.low[0]), std::max(box.low[1], other.low[1])};
+        const Double2 first = {std::max(box.low[0], other.low[0]), std::max(box.low[1], other.low[1])};
         if (other.meets(box) && row(first[1], 1) * side_ + row(first[0], 0) == cell) use(faces_[f]);
       }
     });
@@ -143,19 +143,35 @@ class PlanGrid {
   std::vector<std::vector<std::uint32_t>> cells_;
 };
 
+enum class FacePlace : std::uint8_t { kOutside, kInside, kAcross };
+
+/// By boxes of edges: some faces that come near an edge count as across.
+FacePlace place_of(const PlanFace& face, const Area& area, const Double3& origin) {
+  if (!area.box.meets(face.box)) return FacePlace::kOutside;
+  if (std::any_of(area.edges.begin(), area.edges.end(),
+                  [&](const auto& e) { return box_of(e).meets(face.box); }))
+    return FacePlace::kAcross;
+  const Double2& at = face.triangle.shadow()[0];
+  return area.polygon->holds(at[0] + origin[0], at[1] + origin[1]) ? FacePlace::kInside : FacePlace::kOutside;
+}
+
 /// Volumes of one patch of the mesh.
 class PatchVolumes {
  public:
   PatchVolumes(const std::vector<Area>& areas, const VolumeOptions& options, const Double3& origin)
-      : areas_(areas), options_(options), origin_(origin), parts_(std::max<std::size_t>(1, areas.size())) {}
+      : areas_(areas),
+        options_(options),
+        origin_(origin),
+        parts_(std::max<std::size_t>(1, areas.size())),
+        places_(areas.size()) {}
 
   void add(const PlanFace& face, const PlanGrid* base) {
     if (face.triangle.facing() == 0) return;
-    if (base == nullptr) {
+    for (std::size_t k = 0; k < areas_.size(); ++k) places_[k] = place_of(face, areas_[k], origin_);
+    if (base == nullptr)
       add_pieces(face, nullptr);
-      return;
-    }
-    base->for_each(face.box, [&](const PlanFace& other) { add_pieces(face, &other); });
+    else
+      base->for_each(face.box, [&](const PlanFace& other) { add_pieces(face, &other); });
   }
   const std::vector<CutFill>& parts() const { return parts_; }
 
@@ -166,17 +182,9 @@ class PatchVolumes {
     if (whole.empty()) return;
     if (areas_.empty()) return add_piece(whole, face, base, 1, parts_[0]);
     for (std::size_t k = 0; k < areas_.size(); ++k) {
-      const Area& area = areas_[k];
-      if (!area.box.meets(face.box)) continue;
-      const bool cut = std::any_of(area.edges.begin(), area.edges.end(),
-                                   [&](const auto& e) { return box_of(e).meets(face.box); });
-      if (!cut) {
-        const PlanPoint& at = face.triangle.shadow()[0];
-        if (area.polygon->holds(at[0] + origin_[0], at[1] + origin_[1]))
-          add_piece(whole, face, base, 1, parts_[k]);
-        continue;
-      }
-      for (const SignedTriangle& t : area.triangles) {
+      if (places_[k] == FacePlace::kInside) add_piece(whole, face, base, 1, parts_[k]);
+      if (places_[k] != FacePlace::kAcross) continue;
+      for (const SignedTriangle& t : areas_[k].triangles) {
         PlanPiece piece = whole;
         piece.clip(t.corner);
         if (!piece.empty()) add_piece(piece, face, base, t.sign, parts_[k]);
@@ -196,16 +204,8 @@ class PatchVolumes {
   const VolumeOptions& options_;
   Double3 origin_;
   std::vector<CutFill> parts_;
+  std::vector<FacePlace> places_;  ///< of the face at hand, per area
 };
-
-/// Whether a face has a part in an area, or nearly.
-bool touches(const PlanFace& face, const Area& area, const Double3& origin) {
-  if (!area.box.meets(face.box)) return false;
-  const PlanPoint& at = face.triangle.shadow()[0];
-  return area.polygon->holds(at[0] + origin[0], at[1] + origin[1]) ||
-         std::any_of(area.edges.begin(), area.edges.end(),
-                     [&](const auto& e) { return box_of(e).meets(face.box); });
-}
 
 /// What the faces of a store add up to.
 struct Surfaces {
@@ -228,7 +228,7 @@ Surfaces add_surfaces(const MeshStore& store, const std::vector<Area>& areas, co
         for (const PlanFace& f : plan_faces(store.load(std::array{p}), origin)) {
           shadows[f.triangle.facing() + 1] += PlanPiece(f.triangle.shadow()).area();
           for (std::size_t k = 0; k < of.size(); ++k)
-            if (areas.empty() || touches(f, areas[k], origin)) of[k] += f.area;
+            if (areas.empty() || place_of(f, areas[k], origin) != FacePlace::kOutside) of[k] += f.area;
         }
         const std::lock_guard lock(mutex);
         up.add(shadows[2]), down.add(shadows[0]);

@@ -114,6 +114,31 @@ TEST_CASE("volume: a heap and a pit against the ground of another survey, per po
   CHECK(number(self.at("areas")[0], "covered") == Approx(1600.0));
 }
 
+TEST_CASE("volume: what the report beside a mesh proves bounds its volumes, if the mesh is that one",
+          "[pipeline]") {
+  const TempFolder folder;
+  const auto hill = folder.write("hill.off", heights([](double x, double y) {
+                                   return 50.0 + 5.0 * std::sin(x / 6.0) * std::cos(y / 7.0);
+                                 }));
+  const auto small = folder.path() / "small.ply";
+  REQUIRE(tessera_command(
+              {"decimate", hill.string(), "-o", small.string(), "--tolerance", "0.05", "--no-html", "-q"})
+              .code == 0);
+  const nlohmann::json report = nlohmann::json::parse(file_bytes(small.string() + ".report.json"));
+  const double proven = report.at("certificate").at("certified_max").get<double>();
+  const nlohmann::json before = volumes(folder, {hill.string(), "--base", "plane:50"}),
+                       after = volumes(folder, {small.string(), "--base", "plane:50"});
+  const nlohmann::json& row = after.at("areas")[0];
+  CHECK(number(row, "bound") == Approx(proven * number(row, "surface")));
+  CHECK(std::abs(number(row, "net") - number(before.at("areas")[0], "net")) < number(row, "bound"));
+  // Another mesh under the same name.
+  std::filesystem::copy_file(hill, folder.path() / "other.off");
+  std::filesystem::copy_file(small.string() + ".report.json", folder.path() / "other.off.report.json");
+  const nlohmann::json other =
+      volumes(folder, {(folder.path() / "other.off").string(), "--base", "plane:50"});
+  CHECK(other.at("areas")[0].at("bound").is_null());
+}
+
 TEST_CASE("volume: a box has its volume over the ground that it stands on, and is no base", "[pipeline]") {
   const TempFolder folder;
   const auto box = folder.write("box.off",

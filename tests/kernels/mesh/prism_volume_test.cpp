@@ -63,16 +63,16 @@ TEST_CASE("prism volume: random pairs against sums over a grid", "[property]") {
     const CutFill exact = over(a, b);
     CutFill sum;
     constexpr int kGrid = 500;
-    const auto inside = [](const std::array<PlanPoint, 3>& t, const PlanPoint& p) {
+    const auto inside = [](const std::array<Double2, 3>& t, const Double2& p) {
       for (std::size_t k = 0; k < 3; ++k) {
-        const PlanPoint &u = t[k], &v = t[(k + 1) % 3];
+        const Double2 &u = t[k], &v = t[(k + 1) % 3];
         if ((v[0] - u[0]) * (p[1] - u[1]) - (v[1] - u[1]) * (p[0] - u[0]) < 0.0) return false;
       }
       return true;
     };
     for (int i = 0; i < kGrid; ++i)
       for (int j = 0; j < kGrid; ++j) {
-        const PlanPoint p = {(i + 0.5) / kGrid, (j + 0.5) / kGrid};
+        const Double2 p = {(i + 0.5) / kGrid, (j + 0.5) / kGrid};
         if (!inside(a.shadow(), p) || !inside(b.shadow(), p)) continue;
         const double d = a.height(p) - b.height(p), cell = 1.0 / (kGrid * kGrid);
         sum.add({cell, d > 0 ? d * cell : 0.0, d < 0 ? -d * cell : 0.0}, 1.0);
@@ -85,8 +85,8 @@ TEST_CASE("prism volume: random pairs against sums over a grid", "[property]") {
 
 TEST_CASE("prism volume: a polygon with a hole is a sum of signed triangles", "[unit]") {
   // An L with a square hole, the outline clockwise.
-  const std::vector<std::vector<PlanPoint>> rings = {{{0, 0}, {0, 4}, {2, 4}, {2, 2}, {4, 2}, {4, 0}, {0, 0}},
-                                                     {{0.5, 0.5}, {1.5, 0.5}, {1.5, 1.5}, {0.5, 1.5}}};
+  const std::vector<std::vector<Double2>> rings = {{{0, 0}, {0, 4}, {2, 4}, {2, 2}, {4, 2}, {4, 0}, {0, 0}},
+                                                   {{0.5, 0.5}, {1.5, 0.5}, {1.5, 1.5}, {0.5, 1.5}}};
   const PlanTriangle wide({-20, -20, 1}, {40, -20, 1}, {-20, 40, 1});
   CutFill sum;
   for (const SignedTriangle& t : triangles_of_rings(rings)) {
