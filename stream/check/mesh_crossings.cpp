@@ -18,7 +18,7 @@ namespace tessera {
 namespace {
 
 constexpr double kUnbounded = std::numeric_limits<double>::infinity();
-constexpr int kMostSplits =
+constexpr int kMaxCellSplits =
     10;  ///< below a 2^10th of a cell faces that are still together meet, or nearly so
 constexpr std::uint64_t kStopPairs = 1u << 16;
 
@@ -288,7 +288,7 @@ class CrossingSearch {
         });
     for (const std::size_t i : full) {
       const ContactCell part = cuts.part(i);
-      if (splits == kMostSplits) too_full(parts.count(i), part);
+      if (splits == kMaxCellSplits) too_full(parts.count(i), part);
       Double3 from, to;
       for (std::size_t k = 0; k < 3; ++k)
         from[k] = std::max(part.low[k], low[k]), to[k] = std::min(part.high[k], high[k]);

@@ -32,7 +32,9 @@ std::vector<PatchBlock> list_patch_blocks(const PointOverlay& overlay) {
   const auto split = [&](const auto& self, std::size_t first, std::size_t last, int bits) -> void {
     const std::uint64_t patches = first_patch[last] - first_patch[first];
     if (bits <= 3 * kBlockBits && (bits == 0 || patches <= kMaxPatches)) {
-      blocks.push_back({first, last, first_patch[first], static_cast<std::uint32_t>(patches)});
+      PatchBlock& block = blocks.emplace_back(
+          PatchBlock{first, last, first_patch[first], static_cast<std::uint32_t>(patches), 0});
+      for (const OverlayBrick& b : bricks.subspan(first, last - first)) block.coarse += b.coarse;
       return;
     }
     for (std::size_t begin = first; begin < last;) {
@@ -47,16 +49,16 @@ std::vector<PatchBlock> list_patch_blocks(const PointOverlay& overlay) {
   return blocks;
 }
 
-std::vector<std::size_t> group_patch_blocks(const std::vector<PatchBlock>& blocks) {
-  std::vector<std::size_t> ends;
+std::vector<PatchBlockRange> group_patch_blocks(const std::vector<PatchBlock>& blocks) {
+  std::vector<PatchBlockRange> ranges;
   std::uint64_t patches = 0, bricks = 0;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     patches += blocks[b].patches, bricks += blocks[b].last_brick - blocks[b].first_brick;
     if (patches < kMaxPatches && bricks < kTaskBricks && b + 1 < blocks.size()) continue;
-    ends.push_back(b + 1);
+    ranges.push_back({ranges.empty() ? 0 : ranges.back().last, b + 1});
     patches = bricks = 0;
   }
-  return ends;
+  return ranges;
 }
 
 LinksFileWriter::LinksFileWriter(const std::filesystem::path& path) : file_(path, kLinksKind) {}

@@ -20,13 +20,19 @@ struct PatchBlock {
   std::size_t first_brick = 0, last_brick = 0;
   std::uint64_t first_patch = 0;  ///< over all bricks
   std::uint32_t patches = 0;
+  std::uint64_t coarse = 0;  ///< coarse surfels
 };
 
 /// Cubes of at most 8^3 bricks that hold at most 2^16 patches or are one brick. Hangs on the overlay alone. Morton order.
 std::vector<PatchBlock> list_patch_blocks(const PointOverlay& overlay);
 
-/// Ranges of blocks that are one task: about a full block's patches or bricks each. \returns their ends
-std::vector<std::size_t> group_patch_blocks(const std::vector<PatchBlock>& blocks);
+/// Blocks [first, last).
+struct PatchBlockRange {
+  std::size_t first = 0, last = 0;
+};
+
+/// Ranges of blocks that are one task: about a full block's patches or bricks each.
+std::vector<PatchBlockRange> group_patch_blocks(const std::vector<PatchBlock>& blocks);
 
 /// One block in a file of links: three sections, one behind the other.
 struct LinksEntry {

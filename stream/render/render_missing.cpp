@@ -20,11 +20,11 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kMostMeasured = 1u << 19;  // points; a picture shows no more
+constexpr std::size_t kMaxMeasured = 1u << 19;  // points; a picture shows no more
 constexpr std::uint64_t kScanSliceBytes = std::uint64_t{32} << 20;
 constexpr double kMissingSpacings = 2.0;
 constexpr double kDiscSpacings = 2.2;
-constexpr float kLeastDisc = 2.0f;  // pixels
+constexpr float kMinDisc = 2.0f;  // pixels
 constexpr std::uint32_t kMissingColour = 0xffff00ffu;
 constexpr std::size_t kMissingBatch = 65536;
 
@@ -70,7 +70,7 @@ class MissingItem final : public SceneItem {
     const double thinned = std::sqrt(static_cast<double>(all_.count()) / static_cast<double>(points_.size()));
     const auto flush = [&] {
       if (!batch.empty())
-        picture.points(batch, static_cast<float>(kDiscSpacings * spacing_ * thinned), kLeastDisc, false);
+        picture.points(batch, static_cast<float>(kDiscSpacings * spacing_ * thinned), kMinDisc, false);
       batch.clear();
     };
     for (std::size_t i = 0; i < points_.size(); ++i) {
@@ -104,9 +104,9 @@ class MissingItem final : public SceneItem {
             const std::uint64_t index = all_.count();
             all_.add(p);
             if (index % stride != 0) continue;
-            if (points_.size() == kMostMeasured) {
-              for (std::size_t k = 0; k < kMostMeasured / 2; ++k) points_[k] = points_[2 * k];
-              points_.resize(kMostMeasured / 2);
+            if (points_.size() == kMaxMeasured) {
+              for (std::size_t k = 0; k < kMaxMeasured / 2; ++k) points_[k] = points_[2 * k];
+              points_.resize(kMaxMeasured / 2);
               stride *= 2;
               if (index % stride != 0) continue;
             }
@@ -129,12 +129,7 @@ class MissingItem final : public SceneItem {
     for (std::size_t patch = 0; patch < mesh.patches().size(); ++patch) {
       throw_if_stopped();
       const MeshBlock block = mesh.load(std::span(&patch, 1));
-      if (block.faces.empty()) continue;
-      Double3 low = block.position.front(), high = low;
-      for (const Double3& p : block.position)
-        for (std::size_t a = 0; a < 3; ++a)
-          low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
-      for (std::size_t a = 0; a < 3; ++a) low[a] -= distance_, high[a] += distance_;
+      const auto [low, high] = grown(mesh.patches()[patch].box, distance_);
       const ClosestFaces faces(block.position, block.faces, low);
       const auto first = std::lower_bound(points_.begin(), points_.end(), low[0],
                                           [](const Double3& p, double x) { return p[0] < x; });

@@ -79,16 +79,16 @@ class LinksStage : public Stage {
         viewers_(viewers_of(mode_, plan_, reconstruct_options(state).from)),
         overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)),
         blocks_(mode_.propagate() ? list_patch_blocks(overlay_) : std::vector<PatchBlock>{}),
-        task_end_(group_patch_blocks(blocks_)) {}
+        tasks_(group_patch_blocks(blocks_)) {}
 
   std::string name() const override { return "links"; }
-  std::size_t task_count() const override { return task_end_.size(); }
+  std::size_t task_count() const override { return tasks_.size(); }
   std::uint64_t units() const override { return mode_.propagate() ? overlay_.bricks().size() : 0; }
   std::string unit_name() const override { return "bricks"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t boundary = 0, patches = 0;
-    for (std::size_t b = first_block(task); b < task_end_[task]; ++b) {
+    for (std::size_t b = tasks_[task].first; b < tasks_[task].last; ++b) {
       patches = std::max<std::uint64_t>(patches, blocks_[b].patches);
       for (std::size_t k = blocks_[b].first_brick; k < blocks_[b].last_brick; ++k)
         boundary = std::max<std::uint64_t>(boundary, overlay_.bricks()[k].boundary);
@@ -100,7 +100,7 @@ class LinksStage : public Stage {
     LinksFileWriter file(context.create(std::string(PatchLinks::kFolder) + "/" + task_file_stem(task) +
                                         PatchLinks::kExtension));
     BoundaryCache cache(overlay_);
-    for (std::size_t b = first_block(task); b < task_end_[task]; ++b) {
+    for (std::size_t b = tasks_[task].first; b < tasks_[task].last; ++b) {
       const PatchBlock& block = blocks_[b];
       BlockLinks links;
       for (std::size_t k = block.first_brick; k < block.last_brick; ++k) {
@@ -131,10 +131,7 @@ class LinksStage : public Stage {
     const PatchLinks links(work_);
     for (std::size_t b = 0; b < links.block_count(); ++b) outer += links.outer_count(b);
     for (const PatchBlock& block : blocks_) {
-      std::uint64_t coarse = 0;
-      for (std::size_t k = block.first_brick; k < block.last_brick; ++k)
-        coarse += overlay_.bricks()[k].coarse;
-      surfels = std::max(surfels, coarse);
+      surfels = std::max(surfels, block.coarse);
       patches = std::max<std::uint64_t>(patches, block.patches);
     }
     return links_finish_bytes(viewers_.unknown() ? overlay_.bricks().size() : 0, outer, surfels, patches);
@@ -153,8 +150,6 @@ class LinksStage : public Stage {
   }
 
  private:
-  std::size_t first_block(std::size_t task) const { return task == 0 ? 0 : task_end_[task - 1]; }
-
   /// Whether the scene was seen from above, and its tops where it was.
   void look_from_above(const PatchLinks& links, const TaskContext& context, OrientationScene& scene) const {
     const TopSurface tops(viewers_.up, [&](const SurfelBatch& visit) {
@@ -219,7 +214,7 @@ class LinksStage : public Stage {
   Viewers viewers_;
   PointOverlay overlay_;
   std::vector<PatchBlock> blocks_;
-  std::vector<std::size_t> task_end_;
+  std::vector<PatchBlockRange> tasks_;
 };
 
 }  // namespace

@@ -51,19 +51,19 @@ class OrientStage : public Stage {
     scene_ = OrientationScene::load(work_ / OrientationScene::kFile);
     tops_ = TopColumns(viewers_.up, std::move(scene_.columns));
     blocks_ = list_patch_blocks(overlay_);
-    if (in_blocks()) task_end_ = group_patch_blocks(blocks_);
+    if (in_blocks()) tasks_ = group_patch_blocks(blocks_);
   }
 
   std::string name() const override { return "orient"; }
-  std::size_t task_count() const override { return task_end_.size(); }
+  std::size_t task_count() const override { return tasks_.size(); }
   std::uint64_t units() const override { return in_blocks() ? overlay_.bricks().size() : 0; }
   std::string unit_name() const override { return "bricks"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t maximum = 0;
-    for (std::size_t b = first_block(task); b < task_end_[task]; ++b)
-      maximum = std::max(
-          maximum, solve_block_bytes(blocks_[b].patches, links_.inner_count(b), coarse_count(blocks_[b])));
+    for (std::size_t b = tasks_[task].first; b < tasks_[task].last; ++b)
+      maximum =
+          std::max(maximum, solve_block_bytes(blocks_[b].patches, links_.inner_count(b), blocks_[b].coarse));
     return maximum + scene_.border.size() * sizeof(std::uint32_t) +
            tops_.columns().size() * sizeof(TopColumns::Column);
   }
@@ -71,7 +71,7 @@ class OrientStage : public Stage {
   json run(std::size_t task, TaskContext& context) const override {
     AnchorsFileWriter file(context.create(std::string(PatchAnchors::kFolder) + "/" + task_file_stem(task) +
                                           PatchAnchors::kExtension));
-    for (std::size_t b = first_block(task); b < task_end_[task]; ++b) {
+    for (std::size_t b = tasks_[task].first; b < tasks_[task].last; ++b) {
       context.check_stop();
       file.block(overlay_.bricks()[blocks_[b].first_brick].key,
                  solve_block(overlay_, links_, b, blocks_[b], scene_, tops_, viewers_));
@@ -88,7 +88,7 @@ class OrientStage : public Stage {
     for (std::size_t b = 0; b < links_.block_count(); ++b) {
       inner += links_.inner_count(b), outer += links_.outer_count(b);
       largest = std::max<std::uint64_t>(largest, blocks_[b].patches);
-      coarse += coarse_count(blocks_[b]);
+      coarse += blocks_[b].coarse;
     }
     if (!in_blocks()) return whole_orientation_bytes(patches, inner + outer, coarse);
     return block_orientation_bytes(patches, largest, scene_.border.size(),
@@ -135,12 +135,6 @@ class OrientStage : public Stage {
  private:
   /// Patches know their sides: blocks of them can be solved by themselves.
   bool in_blocks() const { return mode_.propagate() && (viewers_.own || scene_.from_above); }
-  std::size_t first_block(std::size_t task) const { return task == 0 ? 0 : task_end_[task - 1]; }
-  std::uint64_t coarse_count(const PatchBlock& block) const {
-    std::uint64_t n = 0;
-    for (std::size_t b = block.first_brick; b < block.last_brick; ++b) n += overlay_.bricks()[b].coarse;
-    return n;
-  }
 
   /// Many signs in doubt: a picture of where, and a warning, or the end where they are too many.
   void tell(double uncertain, const OverlayDecisions& decisions, const TaskContext& context,
@@ -203,7 +197,7 @@ class OrientStage : public Stage {
   OrientationScene scene_;
   TopColumns tops_;  ///< its columns
   std::vector<PatchBlock> blocks_;
-  std::vector<std::size_t> task_end_;
+  std::vector<PatchBlockRange> tasks_;
 };
 
 }  // namespace
