@@ -9,10 +9,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -24,6 +26,15 @@ struct CommandResult {
   std::uint64_t peak_bytes = 0;
 };
 
+/// Whether a job leaves a page that its words do not decline.
+inline bool writes_page(const std::vector<std::string>& words) {
+  static const std::set<std::string> kJobs = {"csg",    "decimate", "field",     "merge",  "reconstruct",
+                                              "remesh", "resample", "resurface", "smooth", "tiles"};
+  if (words.empty() || kJobs.count(words.front()) == 0) return false;
+  return std::none_of(words.begin(), words.end(),
+                      [](const std::string& w) { return w == "--no-html" || w == "--help"; });
+}
+
 /// \param kill_after_ms  SIGKILL after this time, if it still runs; 0 = let it end
 /// \param environment  NAME=VALUE, added
 inline CommandResult tessera_command(const std::vector<std::string>& arguments, unsigned kill_after_ms = 0,
@@ -32,9 +43,7 @@ inline CommandResult tessera_command(const std::vector<std::string>& arguments, 
   const int log = ::mkstemp(pattern.data());
   std::vector<std::string> words = {TESSERA_BINARY};
   words.insert(words.end(), arguments.begin(), arguments.end());
-  const std::string command = arguments.empty() ? "" : arguments.front();
-  if (!with_page && (command == "reconstruct" || command == "decimate" || command == "smooth"))
-    words.emplace_back("--no-html");
+  if (!with_page && writes_page(arguments)) words.emplace_back("--no-html");
   std::vector<char*> argv;
   for (std::string& w : words) argv.push_back(w.data());
   argv.push_back(nullptr);

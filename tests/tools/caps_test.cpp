@@ -22,7 +22,7 @@ constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 class Files {
  public:
   Files() {
-    run({"synth", "--scene", "terrain", "--points", "150k", "-o", at("scan.las")});
+    run({"synth", "--scene", "terrain", "--points", "100k", "-o", at("scan.las")});
     run({"reconstruct", at("scan.las"), "-o", at("mesh.ply")});
     run({"synth", "--scene", "csg", "--points", "60k", "--normals", "-o", at("solid.ply")});
     run({"reconstruct", at("solid.ply"), "-o", at("body.ply")});
@@ -32,8 +32,7 @@ class Files {
   }
   std::string at(const std::string& name) const { return (folder_.path() / name).string(); }
   CommandResult with(Words words, const std::string& cap, const std::string& environment = {}) const {
-    words.insert(words.end(), {"-o", at("out.ply"), "--force", "-t", "2", "--memory", cap, "--no-html"});
-    if (words[0] == "reconstruct" || words[0] == "decimate" || words[0] == "smooth") words.pop_back();
+    words.insert(words.end(), {"-o", at("out.ply"), "--force", "-t", "2", "--memory", cap});
     return tessera_command(words, 0, environment);
   }
 
@@ -85,14 +84,14 @@ TEST_CASE("caps: jobs on meshes refuse a small cap before their first stage and 
   }
 }
 
-TEST_CASE("caps: three caps, and no command goes over one", "[memory]") {
+TEST_CASE("caps: a narrow and a wide cap, and no command goes over one", "[memory]") {
   const Files files;
   for (const Words& words : jobs(files)) {
     CAPTURE(words);
     std::uint64_t named = named_cap(files.with(words, "8M"));
     if (words[0] == "reconstruct")  // its survey knows more
       named = named_cap(files.with(words, std::to_string(named) + "M"));
-    for (const std::uint64_t cap : {named + named / 4, 2 * named, 8 * named}) {
+    for (const std::uint64_t cap : {named + named / 4, 4 * named}) {
       CAPTURE(cap);
       const CommandResult done = files.with(words, std::to_string(cap) + "M");
       INFO(done.errors);
