@@ -8,6 +8,8 @@ namespace tessera {
 namespace {
 
 constexpr std::uint32_t kNoVertex = 0xffffffffu;
+/// Half the way between two vertices of one root, cells.
+constexpr float kApart = 1.0f / 128;
 
 /// Position of a cell's edge in the arrays of local edges, relative to the cell's node.
 constexpr std::array<std::uint16_t, kCellEdges> make_edge_slots() {
@@ -29,6 +31,16 @@ constexpr std::array<Float3, kCellEdges> make_edge_bases() {
   return bases;
 }
 constexpr std::array<Float3, kCellEdges> kEdgeBase = make_edge_bases();
+
+Float3 mean_of(const LoopSamples& loop) {
+  Float3 mean = {0, 0, 0};
+  const auto size = static_cast<std::size_t>(loop.size);
+  for (std::size_t k = 0; k < 3; ++k) {
+    for (std::size_t i = 0; i < size; ++i) mean[k] += loop.point[i][k];
+    mean[k] /= static_cast<float>(size);
+  }
+  return mean;
+}
 
 }  // namespace
 
@@ -93,6 +105,8 @@ Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
   if (!patch_.border.empty()) patch_.border.resize(patch_.faces.size(), 0);
   resolve_foreign();
   std::sort(patch_.exported.begin(), patch_.exported.end());
+  std::sort(patch_.safe.begin(), patch_.safe.end(),
+            [](const SafeVertex& a, const SafeVertex& b) { return a.vertex < b.vertex; });
   if ((any_alpha_ >> 24) == 0) patch_.rgba.clear();
   return std::move(patch_);
 }
@@ -138,25 +152,28 @@ void BrickExtractor::emit_edge_vertices() {
           Float3 p = in_owner(node);
           p[axis] += root.t;
           p = p + root.slide_offset();
-          if (m.leaf->moving[axis][z] & bit) {
-            const Float3 shift = border_.of_vertex(node, axis, index);
-            for (std::size_t a = 0; a < 3; ++a) p[a] += shift[a];
-          }
+          const Float3 shift =
+              (m.leaf->moving[axis][z] & bit) ? border_.of_vertex(node, axis, index) : Float3{0, 0, 0};
           const VertexClass kind = (m.border[axis][z] & bit) ? VertexClass::kBorder : VertexClass::kSmooth;
-          if (!is_own) {
-            for (const std::uint32_t each : {vertex, second}) {
-              foreign_position_[each] = p;
+          for (const std::uint32_t each : {vertex, second}) {
+            // Of two at one place each leans to its cells, or their faces would touch.
+            Float3 at = p;
+            if (is_split) at[v] += each == second ? kApart : -kApart;
+            const Float3 to = at + shift;
+            if (!is_own) {
+              foreign_position_[each] = to;
               foreign_rgba_[each] = root.rgba;
               foreign_class_[each] = kind;
+              continue;
             }
-            continue;
-          }
-          any_alpha_ |= root.rgba;
-          for (const std::uint32_t each : {vertex, second}) {
-            patch_.position[each] = p;
+            if (to != at && (patch_.safe.empty() || patch_.safe.back().vertex != each))
+              patch_.safe.push_back({each, at});
+            patch_.position[each] = to;
             patch_.rgba[each] = root.rgba;
             patch_.vertex_class[each] = kind;
           }
+          if (!is_own) continue;
+          any_alpha_ |= root.rgba;
           if (names_) {
             patch_.name[second] = key(node, type + 3);
             patch_.name[vertex] = key(node, type);
@@ -309,13 +326,9 @@ void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::ui
     add_face(vertex[t[0]], vertex[t[1]], vertex[t[2]], border);
   }
   if (triangles_.count > 0) return;
-  Float3 mean = {0, 0, 0};
+  const std::uint32_t centre =
+      add_centre(cell, number, mean_of(samples_), VertexClass::kSmooth, root, samples_.size);
   const auto size = static_cast<std::size_t>(samples_.size);
-  for (std::size_t k = 0; k < 3; ++k) {
-    for (std::size_t i = 0; i < size; ++i) mean[k] += samples_.point[i][k];
-    mean[k] /= static_cast<float>(size);
-  }
-  const std::uint32_t centre = add_centre(cell, number, mean, VertexClass::kSmooth, root, samples_.size);
   for (std::size_t i = 0; i < size; ++i)
     add_face(vertex[i], vertex[i + 1 == size ? 0 : i + 1], centre, boundary >> i & 1u);
 }
@@ -367,6 +380,7 @@ bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::
                            : corner           ? VertexClass::kCorner
                                               : VertexClass::kCrease;
   loop.centre = add_centre(cell, number, sample.position, kind, root, samples_.size);
+  if (own) patch_.safe.push_back({loop.centre, in_owner(cell) + mean_of(samples_)});
   if (own && (cell[0] == kBrickCells - 1 || cell[1] == kBrickCells - 1 || cell[2] == kBrickCells - 1))
     patch_.exported.emplace_back(key(cell, 6 + number), loop.centre);
   feature_edge_.insert(feature_edge_.end(), samples_.edge, samples_.edge + size);

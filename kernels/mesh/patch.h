@@ -41,6 +41,12 @@ enum class VertexClass : std::uint8_t { kSmooth = 0, kCrease = 1, kCorner = 2, k
 /// Triangle: indices below position.size() are own vertices, others are foreign[index - position.size()].
 using PatchFace = std::array<std::uint32_t, 3>;
 
+/// Where a vertex that was moved may go back to.
+struct SafeVertex {
+  std::uint32_t vertex = 0;  ///< own vertex of the patch
+  Float3 at{};               ///< cells, relative to the brick's min corner
+};
+
 struct Patch {
   Int3 brick = {0, 0, 0};
   std::vector<Float3> position;           ///< cells, relative to the brick's min corner
@@ -53,6 +59,9 @@ struct Patch {
   /// Own vertices that other bricks may name (edge points on the min faces, loop centres in the cells of the
   /// max faces): key and own index, ascending by key.
   std::vector<std::pair<VertexKey, std::uint32_t>> exported;
+
+  /// Own vertices that may lie off their cells, and where they would lie within (risky_crossings.h), ascending.
+  std::vector<SafeVertex> safe;
 
   // With ExtractOptions::names only, for who goes on with the mesh in memory (patch_mesh.h).
   std::vector<VertexKey> name;           ///< per own vertex

@@ -5,7 +5,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSPATCH3", "a patch file"};
+constexpr PackedKind kKind = {"TSPATCH4", "a patch file"};
 
 /// Arrays of a patch in file order, as byte sizes.
 struct Layout {
@@ -33,6 +33,10 @@ struct Layout {
     const Section before = vertices(e);
     return {before.offset + before.bytes, faces + synthetic, e.face_hash};
   }
+  Section safe_section(const PatchEntry& e) const {
+    const Section before = face_section(e);
+    return {before.offset + before.bytes, sizeof(SafeVertex) * e.safe, e.safe_hash};
+  }
 };
 
 template <class T>
@@ -53,6 +57,7 @@ void PatchFileWriter::add(const Patch& patch, const PatchComponents& components)
   e.foreign = static_cast<std::uint32_t>(patch.foreign.size());
   e.exported = static_cast<std::uint32_t>(patch.exported.size());
   e.components = components.count;
+  e.safe = static_cast<std::uint32_t>(patch.safe.size());
   e.has_colour = patch.rgba.empty() ? 0 : 1;
   e.has_synthetic = patch.synthetic.empty() ? 0 : 1;
 
@@ -77,6 +82,7 @@ void PatchFileWriter::add(const Patch& patch, const PatchComponents& components)
                                std::as_bytes(padding)})
                       .hash;
   e.face_hash = file_.append({bytes_of(patch.faces), bytes_of(patch.synthetic)}).hash;
+  e.safe_hash = file_.append(bytes_of(patch.safe)).hash;
   table_.push_back(e);
 }
 
@@ -120,6 +126,12 @@ void PatchStore::load_faces(std::size_t patch, std::vector<PatchFace>& faces,
   patches_.file_of(patch).read(layout.face_section(e),
                                {buffer(faces, layout.faces), buffer(flags, layout.synthetic)});
   if (synthetic) *synthetic = std::move(flags);
+}
+
+std::vector<SafeVertex> PatchStore::load_safe(std::size_t patch) const {
+  const PatchEntry& e = patches_[patch];
+  if (e.safe == 0) return {};
+  return patches_.file_of(patch).load<SafeVertex>(Layout(e).safe_section(e));
 }
 
 }  // namespace tessera

@@ -1,6 +1,7 @@
 /// \file patch_store.h
 /// Patches on disk: packed files of many bricks each, in Morton order of bricks over all files. Every patch has one
-/// section for what welding reads (foreign, exported, components), one for its vertices, one for its faces.
+/// section for what welding reads (foreign, exported, components), one for its vertices, one for its faces, one for where
+/// vertices may go back to.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -20,11 +21,13 @@ struct PatchEntry {
   std::uint64_t seam_hash = 0;    ///< of foreign, exported and components
   std::uint64_t vertex_hash = 0;  ///< of positions, colours and classes
   std::uint64_t face_hash = 0;
+  std::uint64_t safe_hash = 0;
   std::uint32_t vertices = 0;
   std::uint32_t faces = 0;
   std::uint32_t foreign = 0;
   std::uint32_t exported = 0;
   std::uint32_t components = 0;
+  std::uint32_t safe = 0;  ///< vertices that may go back
   std::uint16_t has_colour = 0;
   std::uint16_t has_synthetic = 0;  ///< some face closes a hole
 };
@@ -50,7 +53,7 @@ class PatchFileWriter {
   std::vector<PatchEntry> table_;
 };
 
-/// All patches of a job. Holds the tables only (64 bytes a patch). Reading is thread-safe.
+/// All patches of a job. Holds the tables only (80 bytes a patch). Reading is thread-safe.
 class PatchStore {
  public:
   /// \throws InputError naming the file when one is damaged
@@ -73,6 +76,7 @@ class PatchStore {
   /// \param synthetic  per face, empty if none closes a hole; may be null
   void load_faces(std::size_t patch, std::vector<PatchFace>& faces,
                   std::vector<std::uint8_t>* synthetic = nullptr) const;
+  std::vector<SafeVertex> load_safe(std::size_t patch) const;
 
  private:
   PackedTables<PatchEntry> patches_;

@@ -25,7 +25,6 @@
 #include "stream/stages/scan/orient_solution.h"
 #include "stream/stages/smooth/smooth_needs.h"
 #include "stream/stages/smooth/smooth_stage.h"
-#include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/hole_limit.h"
@@ -34,8 +33,10 @@
 #include "stream/stages/surface/loops_stage.h"
 #include "stream/stages/surface/samples_stage.h"
 #include "stream/stages/surface/surface_stage.h"
-#include "stream/stages/surface/weld_stage.h"
 #include "stream/stages/surface/write_stage.h"
+#include "stream/stages/weld/border_stage.h"
+#include "stream/stages/weld/uncross_stage.h"
+#include "stream/stages/weld/weld_stage.h"
 
 namespace tessera {
 namespace {
@@ -210,6 +211,9 @@ class Composer {
     if (options_.smooths_border() && plan_.noise_cells > 0.0)
       add("border", groups, {patches_.most_of_tasks(border_task_bytes), 0, border_task_bytes({})}, 0, groups,
           faces_ * kBorderTime, 0.0);
+    for (const StageEntry& round : uncross_stages())
+      add(round.name, groups, {patches_.most_of_tasks(uncross_task_bytes), 0, uncross_task_bytes({})}, 0,
+          groups, round.name == "uncross-1" ? faces_ * kUncrossTime : 0.0, 0.0);
     if (const HoleLimit holes = hole_limit(options_, plan_); holes.edges > 0) {
       const auto finish = [&](auto of) { return loops_finish_bytes(run_, holes.edges, of); };
       const std::span<const PatchEntry> all = patches_.entries;

@@ -25,6 +25,7 @@ inline constexpr double kTopPointsTime = 0.07;
 inline constexpr double kTopBytes = 10.0;     // model and samples, of a forest
 inline constexpr double kSurfaceTime = 0.42;  // per face
 inline constexpr double kWeldTime = 0.03;     // per face
+inline constexpr double kUncrossTime = 0.2;   // per face, of scans that are mostly borders
 inline constexpr double kBorderTime = 0.1;    // per face, of scans that are mostly borders
 inline constexpr double kSamplesTime = 0.5;   // per point, of either pass
 inline constexpr double kWriteTime = 0.02;    // per face

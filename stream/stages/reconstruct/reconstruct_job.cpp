@@ -21,7 +21,6 @@
 #include "stream/stages/scan/uncertain_picture.h"
 #include "stream/stages/scan/unpack_stage.h"
 #include "stream/stages/smooth/smooth_before.h"
-#include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/holes_stage.h"
@@ -32,8 +31,10 @@
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/samples_stage.h"
 #include "stream/stages/surface/surface_stage.h"
-#include "stream/stages/surface/weld_stage.h"
 #include "stream/stages/surface/write_stage.h"
+#include "stream/stages/weld/border_stage.h"
+#include "stream/stages/weld/uncross_stage.h"
+#include "stream/stages/weld/weld_stage.h"
 
 namespace tessera {
 namespace {
@@ -177,10 +178,9 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       finish({open_full_surface, nullptr, nullptr, reconstruct_tolerance});
     return stages;
   }
-  append({{"weld", make_weld_stage},
-          {"border", make_border_stage},
-          {"loops", make_loops_stage},
-          {"holes", make_holes_stage}});
+  append({{"weld", make_weld_stage}, {"border", make_border_stage}});
+  append(uncross_stages());
+  append({{"loops", make_loops_stage}, {"holes", make_holes_stage}});
   if (!options.decimates()) {
     append({{"write", make_write_stage}});
     return stages;

@@ -16,7 +16,7 @@
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/surface/level_files.h"
 #include "stream/stages/surface/output_frame.h"
-#include "stream/stages/surface/weld_stage.h"
+#include "stream/stages/weld/weld_stage.h"
 
 namespace tessera {
 namespace {

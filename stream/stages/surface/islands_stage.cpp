@@ -19,7 +19,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/surface/first_pass.h"
-#include "stream/stages/surface/weld_stage.h"
+#include "stream/stages/weld/weld_stage.h"
 
 namespace tessera {
 namespace {

@@ -13,9 +13,9 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
-#include "stream/stages/surface/border_strip.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/hole_limit.h"
+#include "stream/stages/weld/border_strip.h"
 
 namespace tessera {
 namespace {

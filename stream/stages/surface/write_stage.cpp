@@ -10,8 +10,8 @@
 #include "stream/points/plan.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/surface/hole_files.h"
-#include "stream/stages/surface/numbered_patches.h"
 #include "stream/stages/surface/output_frame.h"
+#include "stream/stages/weld/numbered_patches.h"
 
 namespace tessera {
 namespace {

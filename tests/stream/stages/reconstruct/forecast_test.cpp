@@ -163,8 +163,8 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   const auto points = scan_without_duplicates(60000, 90.0);
   setup.task_points = setup.slice_points = 20000;
   std::set<std::string> same = {"distribute", "normals", "surface"};
-  std::vector<std::string> names = {"distribute", "order", "normals", "surface", "weld",
-                                    "border",     "loops", "holes",   "write"};
+  std::vector<std::string> names = {"distribute", "order",     "normals",   "surface", "weld",  "border",
+                                    "uncross-1",  "uncross-2", "uncross-3", "loops",   "holes", "write"};
   SECTION("given normals") {}
   SECTION("tiles that the cap cuts") {
     setup.memory = 160 * kMiB;
@@ -172,8 +172,8 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   SECTION("estimated normals, holes filled") {
     setup.options.normals = "estimate";
     setup.options.max_hole = "100";
-    names = {"distribute", "order", "normals", "links", "orient", "top",  "top-points",
-             "surface",    "weld",  "border",  "loops", "holes",  "write"};
+    names = {"distribute", "order",  "normals",   "links",     "orient",    "top",   "top-points", "surface",
+             "weld",       "border", "uncross-1", "uncross-2", "uncross-3", "loops", "holes",      "write"};
   }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
@@ -190,9 +190,9 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
     setup.options.tolerance = 0.5;
     setup.options.reference = "points";
     setup.options.keep_raw = true;
-    names = {"distribute", "order",         "normals",      "surface",    "weld",     "raw",
-             "mesh-read",  "mesh-vertices", "mesh-corners", "mesh-tiles", "points",   "pass-1",
-             "pass-2",     "pass-3",        "certify",      "samples",    "keep-raw", "write"};
+    names = {"distribute", "order",  "normals",   "surface",       "weld",         "uncross-1",  "uncross-2",
+             "uncross-3",  "raw",    "mesh-read", "mesh-vertices", "mesh-corners", "mesh-tiles", "points",
+             "pass-1",     "pass-2", "pass-3",    "certify",       "samples",      "keep-raw",   "write"};
   }
   Forecasted forecasted;
   const auto reserved = run_all(points, setup, work.path(), forecasted);

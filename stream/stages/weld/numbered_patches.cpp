@@ -1,4 +1,6 @@
-#include "stream/stages/surface/numbered_patches.h"
+#include "stream/stages/weld/numbered_patches.h"
+
+#include <algorithm>
 
 namespace tessera {
 namespace {
@@ -6,6 +8,20 @@ namespace {
 constexpr std::size_t kRemaps = 256;  ///< patches that lost an island and are named by others, held at once
 
 }  // namespace
+
+std::vector<std::size_t> kept_patches_around(const PatchStore& store, const Numbering& numbering,
+                                             const Int3& brick) {
+  std::vector<std::size_t> around;
+  for (int d = 0; d < 27; ++d) {
+    const Int3 n = {brick[0] + d % 3 - 1, brick[1] + d / 3 % 3 - 1, brick[2] + d / 9 - 1};
+    if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
+    const std::int64_t at = store.find(brick_key(n));
+    if (at >= 0 && numbering.patches[static_cast<std::size_t>(at)].kept_faces > 0)
+      around.push_back(static_cast<std::size_t>(at));
+  }
+  std::sort(around.begin(), around.end());
+  return around;
+}
 
 std::vector<std::uint32_t> NumberedPatches::make_remap(std::size_t patch) const {
   const PatchSeam seam = store_->load_seam(patch);
@@ -50,9 +66,8 @@ void NumberedPatches::load_faces(std::size_t patch, PatchFaces& out) {
 
 void NumberedPatches::load_kept_vertices(std::size_t patch, std::vector<Float3>& position,
                                          std::vector<std::uint32_t>& rgba) {
-  if (!moves_) moves_ = std::make_unique<BorderMoves>(work_);
-  store_->load_vertices(patch, position, rgba);
-  moves_->apply(store_->patches()[patch].key, position);
+  if (!positions_) positions_ = std::make_unique<PatchPositions>(work_, *store_);
+  positions_->load(patch, position, rgba);
   const std::uint32_t kept = numbering_->patches[patch].kept_vertices;
   if (kept == position.size()) return;
   const std::vector<std::uint32_t> map = make_remap(patch);

@@ -1,4 +1,4 @@
-#include "stream/stages/surface/border_stage.h"
+#include "stream/stages/weld/border_stage.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -6,8 +6,8 @@
 #include "kernels/smooth/border_fairing.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
-#include "stream/stages/surface/border_moves.h"
-#include "stream/stages/surface/border_strip.h"
+#include "stream/stages/weld/border_moves.h"
+#include "stream/stages/weld/border_strip.h"
 
 namespace tessera {
 namespace {

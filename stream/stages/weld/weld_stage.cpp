@@ -1,4 +1,4 @@
-#include "stream/stages/surface/weld_stage.h"
+#include "stream/stages/weld/weld_stage.h"
 
 #include <algorithm>
 #include <cstring>

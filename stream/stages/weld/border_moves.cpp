@@ -1,4 +1,4 @@
-#include "stream/stages/surface/border_moves.h"
+#include "stream/stages/weld/border_moves.h"
 
 #include "stream/files/task_files.h"
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "stream/stages/surface/numbered_patches.h"
+#include "stream/stages/weld/numbered_patches.h"
 
 namespace tessera {
 

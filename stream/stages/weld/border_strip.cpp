@@ -1,4 +1,4 @@
-#include "stream/stages/surface/border_strip.h"
+#include "stream/stages/weld/border_strip.h"
 
 #include <algorithm>
 
@@ -87,16 +87,7 @@ bool StripReader::is_near(const StripFace& face, std::size_t i, const Int3& bric
 bool StripReader::gather(std::size_t patch, int halo, std::vector<StripFace>& faces) {
   faces.clear();
   const Int3 here = brick(patch);
-  std::vector<std::size_t> around;
-  for (int d = 0; d < 27; ++d) {
-    const Int3 n = {here[0] + d % 3 - 1, here[1] + d / 3 % 3 - 1, here[2] + d / 9 - 1};
-    if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
-    const std::int64_t at = store_.find(brick_key(n));
-    if (at >= 0 && numbering_.patches[static_cast<std::size_t>(at)].kept_faces > 0)
-      around.push_back(static_cast<std::size_t>(at));
-  }
-  std::sort(around.begin(), around.end());
-  for (const std::size_t p : around) {
+  for (const std::size_t p : kept_patches_around(store_, numbering_, here)) {
     const Strip& strip = get(p);
     if (strip.torn) return false;
     for (const StripFace& f : strip.faces) {

@@ -39,6 +39,7 @@ class BorderMoves {
  public:
   /// Of a finished stage. \throws InputError naming the file when one is damaged
   explicit BorderMoves(const std::filesystem::path& work);
+  bool any(std::uint64_t brick) const { return tables_.find(brick) != nullptr; }
   /// \param position  of the patch's own vertices
   void apply(std::uint64_t brick, std::vector<Float3>& position) const;
 

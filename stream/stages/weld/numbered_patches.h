@@ -7,10 +7,14 @@
 #include <memory>
 #include <vector>
 
-#include "stream/stages/surface/border_moves.h"
-#include "stream/stages/surface/weld_stage.h"
+#include "stream/stages/weld/patch_positions.h"
+#include "stream/stages/weld/weld_stage.h"
 
 namespace tessera {
+
+/// Patches with kept faces among the 27 around a brick, ascending.
+std::vector<std::size_t> kept_patches_around(const PatchStore& store, const Numbering& numbering,
+                                             const Int3& brick);
 
 /// The faces of one patch, with what each of its vertices is called outside.
 struct PatchFaces {
@@ -30,8 +34,8 @@ class NumberedPatches {
 
   /// \pre the patch has kept faces
   void load_faces(std::size_t patch, PatchFaces& out);
-  /// The patch's own vertices, in the order of their numbers in the output: what goes is gone, what the stage "border"
-  /// moved has moved. \pre that stage is done
+  /// The patch's own vertices, in the order of their numbers in the output: what goes is gone, what later passes
+  /// moved has moved. \pre these are done
   /// \param position  cells, relative to the brick  \param rgba  empty if the patch has no colour
   void load_kept_vertices(std::size_t patch, std::vector<Float3>& position, std::vector<std::uint32_t>& rgba);
 
@@ -50,7 +54,7 @@ class NumberedPatches {
   std::map<std::size_t, std::vector<std::uint32_t>> remaps_;  ///< of patches that lost an island
   std::int64_t open_file_ = -1;                               ///< whose places are open
   std::unique_ptr<WeldFile> slots_;
-  std::unique_ptr<BorderMoves> moves_;
+  std::unique_ptr<PatchPositions> positions_;
 };
 
 }  // namespace tessera

@@ -1,0 +1,70 @@
+/// \file near_faces.h
+/// Faces of the welded mesh that reach into one brick, and which of them may cross others.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "kernels/mesh/risky_crossings.h"
+#include "stream/stages/weld/numbered_patches.h"
+#include "stream/stages/weld/patch_positions.h"
+
+namespace tessera {
+
+/// Reads the patches around the brick at work, and keeps what it may need again. One thread's.
+class NearFaces {
+ public:
+  /// \param round  of the pass "uncross", from 0: in the first, faces are risky whose corners may go back; later, those of
+  ///               which one did in the round before
+  NearFaces(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering, int round)
+      : store_(store),
+        numbering_(numbering),
+        round_(round),
+        numbered_(work, store, numbering),
+        positions_(work, store, round) {}
+
+  /// Pairs of faces that cross or overlap in the brick, a risky one among them.
+  /// \param back  gets the corners of both that may go back, as patch_vertex(), some of them more than once
+  /// \returns how many
+  std::uint64_t find_crossings(const Int3& brick, std::vector<std::uint64_t>& back);
+
+  /// Beyond so many faces in a brick the others take no part.
+  static constexpr std::size_t kMaxFaces = 150'000;
+  /// Most that it holds over these patches.
+  static std::uint64_t bytes(std::span<const PatchEntry> patches);
+
+ private:
+  struct Vertices {
+    std::vector<Float3> position, safe;
+    std::vector<std::uint8_t> risky;
+    std::uint64_t bytes() const { return (2 * sizeof(Float3) + 1) * position.size() + 128; }
+  };
+  /// Kept faces of a patch, in cells from the min corner of its brick: own vertices, then foreign ones.
+  struct View {
+    std::vector<Double3> position;
+    std::vector<std::uint64_t> name;
+    std::vector<std::uint8_t> returns, risky;  ///< per vertex: it may go back; it makes its faces risky
+    std::vector<PatchFace> faces;
+    std::vector<std::uint32_t> reaching;  ///< faces with a corner beyond the brick
+    std::uint64_t bytes() const {
+      return 34 * position.size() + sizeof(PatchFace) * faces.size() + 4 * reaching.size() + 256;
+    }
+  };
+
+  bool any_risky(std::size_t patch) const;
+  const Vertices& vertices(std::size_t patch);
+  const View& view(std::size_t patch);
+
+  const PatchStore& store_;
+  const Numbering& numbering_;
+  int round_;
+  NumberedPatches numbered_;
+  PatchPositions positions_;
+  std::map<std::size_t, Vertices> vertices_;
+  std::map<std::size_t, View> views_;
+  std::uint64_t vertex_bytes_ = 0, view_bytes_ = 0;
+  PatchFaces read_;
+};
+
+}  // namespace tessera

@@ -1,0 +1,93 @@
+#include "stream/stages/weld/uncross_stage.h"
+
+#include <nlohmann/json.hpp>
+
+#include "stream/stages/weld/near_faces.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+class UncrossStage : public Stage {
+ public:
+  UncrossStage(const JobState& state, int round)
+      : work_(state.work),
+        round_(round),
+        store_(open_patches(state.work)),
+        numbering_(Numbering::load(state.work / kNumberingFile)),
+        needed_(round == 0 || PatchPositions(state.work, store_, round).returned_any(round - 1)) {}
+
+  std::string name() const override { return "uncross-" + std::to_string(round_ + 1); }
+  std::size_t task_count() const override { return needed_ ? store_.file_count() : 0; }
+  std::uint64_t units() const override { return needed_ ? store_.patches().size() : 0; }
+  std::string unit_name() const override { return "bricks"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    const auto [first, last] = store_.file_range(task);
+    return uncross_task_bytes(store_.patches().subspan(first, last - first));
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    NearFaces near(work_, store_, numbering_, round_);
+    std::vector<std::uint64_t> back;
+    std::uint64_t pairs = 0;
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t p = first; p < last; ++p) {
+      context.check_stop();
+      context.advance(1);
+      if (numbering_.patches[p].kept_faces == 0) continue;
+      for (const Int3& brick : bricks_of(p)) pairs += near.find_crossings(brick, back);
+    }
+    if (round_ + 1 == kUncrossRounds) back.clear();
+    context.count_written(save_returned(context.create(returned_file_name(round_, task)), std::move(back)));
+    return {{"pairs", pairs}};
+  }
+
+  std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    std::uint64_t pairs = 0;
+    for (const json& s : summaries) pairs += s.at("pairs").get<std::uint64_t>();
+    return {{"crossing_pairs", pairs}};
+  }
+
+ private:
+  /// The brick of a patch, and those without a patch of which it is the first around: faces may reach into them.
+  std::vector<Int3> bricks_of(std::size_t patch) const {
+    const Int3 here = brick_of_key(store_.patches()[patch].key);
+    std::vector<Int3> bricks;
+    for (int d = 0; d < 27; ++d) {
+      const Int3 n = {here[0] + d % 3 - 1, here[1] + d / 3 % 3 - 1, here[2] + d / 9 - 1};
+      if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
+      const std::int64_t there = store_.find(brick_key(n));
+      const bool kept = there >= 0 && numbering_.patches[static_cast<std::size_t>(there)].kept_faces > 0;
+      if (n == here || (!kept && kept_patches_around(store_, numbering_, n).front() == patch))
+        bricks.push_back(n);
+    }
+    return bricks;
+  }
+
+  std::filesystem::path work_;
+  int round_;
+  PatchStore store_;
+  Numbering numbering_;
+  bool needed_;
+};
+
+}  // namespace
+
+std::uint64_t uncross_task_bytes(std::span<const PatchEntry> patches) {
+  return NearFaces::bytes(patches) + (std::uint64_t{2} << 20);
+}
+
+std::vector<StageEntry> uncross_stages() {
+  std::vector<StageEntry> stages;
+  for (int round = 0; round < kUncrossRounds; ++round)
+    stages.push_back({"uncross-" + std::to_string(round + 1), [round](const JobState& state) {
+                        return std::make_unique<UncrossStage>(state, round);
+                      }});
+  return stages;
+}
+
+}  // namespace tessera
