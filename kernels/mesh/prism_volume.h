@@ -33,6 +33,7 @@ class PlanTriangle {
   const std::array<PlanPoint, 3>& shadow() const { return shadow_; }  ///< counter-clockwise
   /// Of its plane, held within the heights of its corners.
   double height(const PlanPoint& at) const;
+  PlanPoint gradient() const { return {slope_x_, slope_y_}; }  ///< rise of its plane along x and y
 
  private:
   std::array<PlanPoint, 3> shadow_{};
