@@ -55,8 +55,9 @@ std::string surveyed_crs(const std::filesystem::path& mesh, const std::string& g
   return text;
 }
 
-void write_by_gdal(const std::filesystem::path& scratch, const std::string& command, nlohmann::json request,
-                   std::uint64_t memory_bytes, const std::filesystem::path& output) {
+std::string write_by_gdal(const std::filesystem::path& scratch, const std::string& command,
+                          nlohmann::json request, std::uint64_t memory_bytes,
+                          const std::filesystem::path& output) {
   const std::filesystem::path result = scratch / "result", file = scratch / "request.json";
   request["result"] = json_text(result);
   write_durably(file, dump_json(request));
@@ -66,6 +67,7 @@ void write_by_gdal(const std::filesystem::path& scratch, const std::string& comm
   if (child.exit_code != 0) throw_child_failure(child, "tessera-gdal");
   copy_to_output(result, output);
   std::filesystem::remove(result);
+  return child.message;
 }
 
 }  // namespace tessera

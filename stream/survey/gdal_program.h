@@ -18,9 +18,11 @@ std::string surveyed_crs(const std::filesystem::path& mesh, const std::string& g
 
 /// Lets it do what a request says and gives its result the final name.
 /// \param scratch  folder for the request and the result
-/// \param command  of tools/gdal_export.cpp \param request  what it reads; `result` is added
+/// \param command  of tools/survey/gdal_export.cpp \param request  what it reads; `result` is added
+/// \returns what it warns of, lines; may be empty
 /// \throws what it fails by; as OutputFile
-void write_by_gdal(const std::filesystem::path& scratch, const std::string& command, nlohmann::json request,
-                   std::uint64_t memory_bytes, const std::filesystem::path& output);
+std::string write_by_gdal(const std::filesystem::path& scratch, const std::string& command,
+                          nlohmann::json request, std::uint64_t memory_bytes,
+                          const std::filesystem::path& output);
 
 }  // namespace tessera

@@ -43,7 +43,7 @@ struct ChainRecord {
 };
 static_assert(sizeof(ChainRecord) == 80);
 
-/// As tools/gdal_export.cpp reads it, with the points behind it.
+/// As tools/survey/gdal_export.cpp reads it, with the points behind it.
 struct LineHeader {
   double elevation = 0.0;
   std::uint32_t index = 0, closed = 0;
@@ -260,9 +260,10 @@ ContourReport write_contours(const std::filesystem::path& mesh, const ContourOpt
   if (report.lines == 0)
     throw EmptyError(fmt::format("{}: no multiple of {:g} lies between its heights, {:.6g} to {:.6g}",
                                  mesh.string(), options.interval, low, high));
-  write_by_gdal(scratch.path(), "lines",
-                {{"raw", json_text(raw)}, {"format", line_format(output)}, {"crs", options.crs}},
-                options.memory_bytes, output);
+  report.warnings =
+      write_by_gdal(scratch.path(), "lines",
+                    {{"raw", json_text(raw)}, {"format", line_format(output)}, {"crs", options.crs}},
+                    options.memory_bytes, output);
   return report;
 }
 

@@ -19,6 +19,7 @@ struct ContourOptions {
 struct ContourReport {
   std::uint64_t lines = 0, closed = 0, points = 0;
   double lowest = 0.0, highest = 0.0;  ///< levels that have lines
+  std::string warnings;                ///< lines for the user
 };
 
 /// Lines ascend by level. Each is closed or ends where the mesh does, with higher ground on its left, and crosses no other

@@ -240,7 +240,7 @@ RasterReport write_rasters(const std::filesystem::path& mesh, const RasterOption
       });
   trim_allocator();
 
-  RasterReport report{frame.columns, frame.rows, frame.west, frame.north, {}};
+  RasterReport report{frame.columns, frame.rows, frame.west, frame.north, {}, {}};
   for (std::size_t k = 0; k < outputs.size(); ++k) {
     report.values.push_back(sampler.values(k).count());
     if (report.values[k] == 0)
@@ -255,7 +255,9 @@ RasterReport write_rasters(const std::filesystem::path& mesh, const RasterOption
     request["valid_percent"] =
         100.0 * static_cast<double>(report.values[k]) / static_cast<double>(frame.cells());
     request["crs"] = options.crs;
-    write_by_gdal(scratch.path(), "raster", request, options.memory_bytes, outputs[k].path);
+    const std::string warnings =
+        write_by_gdal(scratch.path(), "raster", request, options.memory_bytes, outputs[k].path);
+    if (!warnings.empty()) report.warnings += warnings + "\n";
     std::filesystem::remove(sampler.raw(k));
   }
   return report;

@@ -32,6 +32,7 @@ struct RasterReport {
   std::int64_t columns = 0, rows = 0;
   double west = 0.0, north = 0.0;     ///< of the upper left corner
   std::vector<std::uint64_t> values;  ///< cells with one, by output
+  std::string warnings;               ///< lines for the user
 };
 
 /// Their bytes hang on mesh, cell and options alone, not on memory, threads or windows.

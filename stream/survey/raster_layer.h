@@ -50,7 +50,7 @@ class LayerValues {
   /// Adds the statistics of another one of this layer. The order makes no difference.
   void merge(const LayerValues& other);
 
-  /// Bands, types, value for no data, statistics and the rule for overviews, as tools/gdal_export.cpp reads them.
+  /// Bands, types, value for no data, statistics and the rule for overviews, as tools/survey/gdal_export.cpp reads them.
   nlohmann::json description() const;
   std::uint64_t count() const { return count_; }  ///< cells with a value
 

@@ -203,7 +203,7 @@ TEST_CASE("raster: an orthophoto has the colours of the vertices, holes are tran
   CHECK_THAT(none.errors, Catch::Contains("no colours"));
 }
 
-TEST_CASE("raster: the same bytes with any cap, threads and windows; overviews, and valid as COG",
+TEST_CASE("raster: the same bytes with any cap, threads and windows, with overviews as a COG has them",
           "[pipeline]") {
   if (!has_gdal()) return;
   const TempFolder folder;

@@ -32,6 +32,7 @@ void run_contours(const ContoursCommand& command) {
   if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
   if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
   const ContourReport report = write_contours(command.mesh, options, command.output);
+  if (!report.warnings.empty()) fmt::print(stderr, "{}\n", report.warnings);
   fmt::print("{}: {} lines, {} of them closed, {} points, heights {:.10g} to {:.10g}\n",
              command.output.string(), report.lines, report.closed, report.points, report.lowest,
              report.highest);

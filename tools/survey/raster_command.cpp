@@ -65,6 +65,7 @@ void run_raster(const RasterCommand& given) {
   if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
   if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
   const RasterReport report = write_rasters(command.mesh, options, outputs);
+  if (!report.warnings.empty()) fmt::print(stderr, "{}", report.warnings);
   for (std::size_t k = 0; k < outputs.size(); ++k)
     fmt::print("{}: {}, {} x {} cells from {:.10g}, {:.10g} (upper left), {:.1f} % with a value\n",
                outputs[k].path.string(), name_of(outputs[k].layer), report.columns, report.rows, report.west,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/mesh/orientation_sign.h"
 #include "kernels/survey/contour_chains.h"
 #include "tests/helpers/random.h"
 
@@ -114,6 +115,25 @@ TEST_CASE("contour chains: in random heights with many ties every line is closed
       met += above(0) != above(1) || above(1) != above(2);
     }
   CHECK(steps == met);
+}
+
+TEST_CASE("contour chains: lines of rough ground do not cross", "[property]") {
+  test::Random random(11);
+  const MeshBlock block = grid_block(14, [&](double, double) { return random.in(0.0, 5.0); });
+  std::vector<std::array<PlanPoint, 2>> pieces;
+  for (const ContourChain& c : contour_chains(block, {0.0, 0.3}, 0, 20)) {
+    for (std::size_t k = 1; k < c.points.size(); ++k) pieces.push_back({c.points[k - 1], c.points[k]});
+    if (c.closed) pieces.push_back({c.points.back(), c.points.front()});
+  }
+  const auto apart = [](const std::array<PlanPoint, 2>& line, const std::array<PlanPoint, 2>& ends) {
+    return orient2d_sign(line[0], line[1], ends[0]) * orient2d_sign(line[0], line[1], ends[1]) < 0;
+  };
+  std::size_t crossings = 0;
+  for (std::size_t i = 0; i < pieces.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      crossings += apart(pieces[i], pieces[j]) && apart(pieces[j], pieces[i]);
+  CHECK(pieces.size() > 1000);
+  CHECK(crossings == 0);
 }
 
 TEST_CASE("contour chains: spikes and repeated points go, rings keep what turns", "[unit]") {

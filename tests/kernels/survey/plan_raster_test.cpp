@@ -62,7 +62,7 @@ TEST_CASE("plan raster: the highest and the lowest of several, walls cover nothi
   CHECK(std::count_if(cells.begin(), cells.end(), [](const RasterCell& c) { return c.top > 1.0; }) == 4);
 }
 
-TEST_CASE("plan raster: colours by barycentric weights; corners without colour have no say", "[unit]") {
+TEST_CASE("plan raster: colours by barycentric weights, and corners without colour have no say", "[unit]") {
   PlanRaster raster({0, 0, 3, 3}, 1.0);
   const Corners corner = {Double3{0, 0, 0}, {3, 0, 0}, {0, -3, 0}};
   const std::array<std::uint32_t, 3> rgba = {0xff0000ffu, 0xff00ff00u, 0xffff0000u};
