@@ -227,6 +227,13 @@ TEST_CASE("raster: the same bytes with any cap, threads and windows, with overvi
   CHECK((run("c", {"--tile", "100", "-t", "2"}) == want));
   CHECK((run("d", {"--tile", "1024", "-t", "1"}) == want));
   const nlohmann::json about = info(folder / "a.top.tif");
+  // GDAL's own judge of the format, where Python has it.
+  const std::string judge = "osgeo_utils.samples.validate_cloud_optimized_geotiff";
+  if (shell("/usr/bin/python3 -c 'import " + judge + "'").code == 0)
+    for (const std::string& layer : layers)
+      CHECK_THAT(
+          shell("/usr/bin/python3 -m " + judge + " " + (folder / ("a." + layer + ".tif")).string()).said,
+          Catch::Contains("is a valid cloud optimized GeoTIFF"));
   CHECK(about.at("bands")[0].at("overviews").size() == 2);
   CHECK(about.at("metadata").at("IMAGE_STRUCTURE").at("LAYOUT") == "COG");
   CHECK(about.at("metadata").at("IMAGE_STRUCTURE").at("COMPRESSION") == "DEFLATE");

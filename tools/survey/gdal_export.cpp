@@ -223,8 +223,11 @@ void write_lines(const Arguments& a) {
   named += dxf ? ".dxf" : format == "GPKG" ? ".gpkg" : ".geojson";
   std::unique_ptr<GDALDataset> set(driver->Create(named.c_str(), 0, 0, 0, GDT_Unknown, nullptr));
   if (!set) fail("the lines");
+  CPLStringList options;
+  // What doubles need to come back as they are, and no more.
+  if (format == "GeoJSON") options.SetNameValue("SIGNIFICANT_FIGURES", "17");
   OGRLayer* layer = set->CreateLayer(dxf ? "entities" : "contours", dxf ? nullptr : reference.get(),
-                                     wkbLineString25D, nullptr);
+                                     wkbLineString25D, options.List());
   if (!layer) fail("the lines");
   if (!dxf) {
     add_field(*layer, "elevation", OFTReal);

@@ -91,6 +91,7 @@ cli::Command raster_command() {
         "top: height of the highest face under the centre of a cell; ground: of the lowest; height: top less "
         "ground; slope: of the highest face, degrees; hillshade: light on it, 8 bits; ortho: its colour, "
         "holes transparent; missing: 1 where the mesh has a hole; default: top (repeatable)")
+      .split()
       .shown_as("top|ground|height|slope|hillshade|ortho|missing");
   t.add("azimuth", &c.options.azimuth, "hillshade: where the sun stands, degrees clockwise from north")
       .within(-360, 360);
