@@ -218,7 +218,7 @@ RasterReport write_rasters(const std::filesystem::path& mesh, const RasterOption
     if (output.layer == RasterLayer::kOrtho && !store.info().colour)
       throw UsageError("--layer ortho: " + mesh.string() + " has no colours");
   const RasterFrame frame(store.box(), options.cell);
-  require_disk(std::array{DiskNeed{scratch.path(), 2 * raw_bytes(frame, outputs), "the cells of the raster"}},
+  require_disk(std::array{DiskNeed{scratch.path(), 2 * raw_bytes(frame, outputs), "the raw raster"}},
                kLargerDisk);
 
   WorkerPool pool(run.threads);

@@ -66,7 +66,8 @@ TEST_CASE(
   const auto pyramid = [](double x, double y) { return 120.0 - std::abs(x - 20.0) - std::abs(y - 20.0); };
   const fs::path mesh = folder.write("pyramid.off", heights(40, 40.0, pyramid)),
                  out = folder / "lines.geojson";
-  make({mesh.string(), "-o", out.string(), "--interval", "2.5", "--index", "2", "--crs", "EPSG:25832"});
+  make({mesh.string(), "-o", out.string(), "--interval", "2.5", "--index", "2", "--crs",
+        folder.write("utm.txt", "EPSG:25832\n").string()});
   const nlohmann::json lines = nlohmann::json::parse(file_bytes(out));
   REQUIRE(lines.at("features").size() == 32 + 7);  // the tip at 120 is a point
   CHECK(lines.at("crs").at("properties").at("name").get<std::string>().find("25832") != std::string::npos);

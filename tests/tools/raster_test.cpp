@@ -246,6 +246,17 @@ TEST_CASE("raster: the same bytes with any cap, threads and windows, with overvi
   CHECK(at(600, 300) == Approx(50.0 - 0.2 * 75.0 + 0.3 * std::sin(150.0)).margin(0.1));
 }
 
+TEST_CASE("raster: nine million cells stay below a cap of 128 MiB, GDAL included", "[memory]") {
+  const TempFolder folder;
+  const fs::path mesh = folder.write("ramp.off", heights(100, 300.0, ramp));
+  const CommandResult r =
+      tessera_command({"raster", mesh.string(), "-o", (folder / "dtm.tif").string(), "--cell", "0.1",
+                       "--layer", "top,slope", "--memory", "128M", "-t", "2"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(r.peak_bytes < std::uint64_t{128} << 20);
+}
+
 TEST_CASE("raster: what cannot be is refused in a sentence, and nothing is left", "[pipeline]") {
   const TempFolder folder;
   const fs::path mesh = folder.write("ramp.off", heights(2, 4.0, ramp)), out = folder / "dtm.tif";

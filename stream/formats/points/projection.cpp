@@ -162,6 +162,7 @@ std::string crs_text(const std::string& text, const std::string& option) {
     const ReadFile file(text);
     crs.resize(static_cast<std::size_t>(std::min(file.size(), kMax)));
     file.read_at(0, crs.data(), crs.size());
+    crs.erase(crs.find_last_not_of(" \t\r\n") + 1);  // editors end lines
   }
   user_crs(crs, option);
   return crs;
