@@ -257,6 +257,21 @@ TEST_CASE("raster: nine million cells stay below a cap of 128 MiB, GDAL included
   CHECK(r.peak_bytes < std::uint64_t{128} << 20);
 }
 
+TEST_CASE("raster: stopped by a signal it leaves nothing behind", "[fault]") {
+  const TempFolder folder;
+  const fs::path mesh = folder.write("ramp.off", heights(20, 40.0, ramp)), scratch = folder / "scratch";
+  fs::create_directory(scratch);
+  for (const char* fault : {"TESSERA_FAULT=stop:1", "TESSERA_FAULT=stop:4"}) {
+    const CommandResult r = tessera_command({"raster", mesh.string(), "-o", (folder / "dtm.tif").string(),
+                                             "--cell", "0.5", "--tile", "16", "--temp", scratch.string()},
+                                            0, fault);
+    CAPTURE(fault, r.errors);
+    CHECK(r.code == 143);
+    CHECK(fs::is_empty(scratch));
+    CHECK(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()) == 2);
+  }
+}
+
 TEST_CASE("raster: what cannot be is refused in a sentence, and nothing is left", "[pipeline]") {
   const TempFolder folder;
   const fs::path mesh = folder.write("ramp.off", heights(2, 4.0, ramp)), out = folder / "dtm.tif";
