@@ -10,6 +10,7 @@ namespace tessera {
 // one line per command, alphabetical
 cli::Command cancel_command();
 cli::Command check_command();
+cli::Command contours_command();
 cli::Command convert_command();
 cli::Command csg_command();
 cli::Command decimate_command();
@@ -20,6 +21,7 @@ cli::Command info_command();
 cli::Command merge_command();
 cli::Command parameterize_command();
 cli::Command plan_command();
+cli::Command raster_command();
 cli::Command reconstruct_command();
 cli::Command remesh_command();
 cli::Command render_command();

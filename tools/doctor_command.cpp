@@ -19,6 +19,7 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
+#include "stream/survey/gdal_program.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
 
@@ -130,6 +131,11 @@ void run_doctor(const DoctorArguments& a) {
     line("OpenGL", create_gl_context()->description() + " draws: pictures and pages can be made");
   } catch (const ResourceError& e) {
     line("OpenGL", std::string(e.what()) + "; only render and the pictures of reports need it");
+  }
+  try {
+    line("GDAL", gdal_program().string() + " is there: rasters and contour lines can be written");
+  } catch (const ResourceError& e) {
+    line("GDAL", std::string(e.what()) + "; only raster and contours need it");
   }
   line("GPU", "not used");
   line("libraries", libraries());

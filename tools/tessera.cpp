@@ -36,6 +36,8 @@ int main(int argc, char** argv) {
       render_command(),
       report_command(),
       volume_command(),
+      raster_command(),
+      contours_command(),
       info_command(),
       convert_command(),
       parameterize_command(),

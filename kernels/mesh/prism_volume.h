@@ -31,6 +31,7 @@ class PlanTriangle {
   const std::array<Double2, 3>& shadow() const { return shadow_; }  ///< counter-clockwise
   /// Of its plane, held within the heights of its corners.
   double height(const Double2& at) const;
+  Double2 gradient() const { return {slope_x_, slope_y_}; }  ///< rise of its plane along x and y
 
  private:
   std::array<Double2, 3> shadow_{};

@@ -20,6 +20,8 @@ class FixedSum {
     if (!(unit_ > 0.0)) unit_ = std::ldexp(1.0, -1074);
   }
   void add(double value) { sum_ += static_cast<Int128>(value / unit_); }
+  /// \pre of the same largest term
+  void add(const FixedSum& other) { sum_ += other.sum_; }
   double value() const { return static_cast<double>(sum_) * unit_; }
 
  private:

@@ -13,6 +13,7 @@
 #include "stream/files/read_file.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"
+#include "stream/meshes/mesh_column.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/points/clip_polygon.h"
 #include "stream/runtime/memory_budget.h"
@@ -280,18 +281,13 @@ MeshVolumes measure_volumes(const std::filesystem::path& mesh, const VolumeOptio
   for (AreaSums& s : sums) {
     s.area = FixedSum(kMaxLayers * size * size), s.fill = s.cut = FixedSum(kMaxLayers * size * size * height);
   }
-  const auto column_of = [&](std::size_t p) {
-    MeshBox box = store.patches()[p].box;
-    box.low[2] = std::min(box.low[2], base->box().low[2]),
-    box.high[2] = std::max(box.high[2], base->box().high[2]);
-    return box;
-  };
+  const auto under_patch = [&](std::size_t p) { return column_of(store.patches()[p].box, base->box()); };
   std::mutex mutex;
   pool.run_tasks(
       store.patches().size(),
       [&](std::size_t p) {
         const std::uint64_t of_mesh = store.block_bytes(std::array{p});
-        return 3 * (of_mesh + (base ? base->block_bytes(base->select(column_of(p))) : 0));
+        return 3 * (of_mesh + (base ? base->block_bytes(base->select(under_patch(p))) : 0));
       },
       budget,
       [&](std::size_t p) {
@@ -300,7 +296,7 @@ MeshVolumes measure_volumes(const std::filesystem::path& mesh, const VolumeOptio
         std::vector<PlanFace> under;
         PlanBox box;
         for (const PlanFace& f : faces) box.add(f.box.low), box.add(f.box.high);
-        if (base) under = plan_faces(base->load_box(column_of(p)), origin);
+        if (base) under = plan_faces(base->load_box(under_patch(p)), origin);
         const PlanGrid grid(under, box);
         PatchVolumes volumes(areas, options, origin);
         for (const PlanFace& f : faces) volumes.add(f, base ? &grid : nullptr);

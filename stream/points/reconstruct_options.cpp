@@ -45,20 +45,6 @@ void validate_levels(const ReconstructOptions& o) {
     refuse("--reference points", "points are measured in lattices of one cell size only");
 }
 
-/// What a file of that name holds, else the text itself. \throws UsageError where it is no system
-std::string crs_text(const std::string& text) {
-  std::error_code error;
-  std::string crs = text;
-  if (std::filesystem::is_regular_file(text, error)) {
-    constexpr std::uint64_t kMax = std::uint64_t{1} << 20;
-    const ReadFile file(text);
-    crs.resize(static_cast<std::size_t>(std::min(file.size(), kMax)));
-    file.read_at(0, crs.data(), crs.size());
-  }
-  user_crs(crs, "--crs");
-  return crs;
-}
-
 }  // namespace
 
 void ReconstructOptions::validate() {
@@ -66,7 +52,7 @@ void ReconstructOptions::validate() {
   if (has_levels()) validate_levels(*this);
   PointFilter{*this};
   if (!clip.empty()) clip_rings = ClipPolygon::text_of_file(clip);
-  if (!crs.empty()) crs = crs_text(crs);
+  if (!crs.empty()) crs = crs_text(crs, "--crs");
   if (!project.empty() && project != "auto" && project != "off") user_crs(project, "--project");
   if (!project.empty() && project != "off" && resolution_limit > 0.0)
     throw UsageError(

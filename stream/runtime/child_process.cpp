@@ -3,7 +3,6 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
-#include <vector>
 
 #include <fcntl.h>
 #include <poll.h>
@@ -50,10 +49,11 @@ std::string watch(pid_t child, int pipe) {
   }
 }
 
-ChildResult run_once(std::vector<std::string> words, int lock) {
+/// \param words  its name first \param lock  kept open in the child; -1 = none
+ChildResult run_once(const char* program, std::vector<std::string> words, int lock) {
   int ends[2] = {-1, -1};
   if (::pipe2(ends, O_CLOEXEC) != 0) {
-    throw ResourceError(fmt::format("cannot start a task process: {}", std::strerror(errno)));
+    throw ResourceError(fmt::format("cannot start {}: {}", words.front(), std::strerror(errno)));
   }
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
@@ -61,15 +61,16 @@ ChildResult run_once(std::vector<std::string> words, int lock) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
-  ::posix_spawn_file_actions_adddup2(&actions, lock, kLockDescriptor);
+  if (lock >= 0) ::posix_spawn_file_actions_adddup2(&actions, lock, kLockDescriptor);
   pid_t child = 0;
-  const int error = ::posix_spawn(&child, "/proc/self/exe", &actions, nullptr, arguments.data(), environ);
+  const int error = ::posix_spawn(&child, program, &actions, nullptr, arguments.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
   ::close(ends[1]);
   ChildResult result;
   if (error == 0) result.message = watch(child, ends[0]);
   ::close(ends[0]);
-  if (error != 0) throw ResourceError(fmt::format("cannot start a task process: {}", std::strerror(error)));
+  if (error != 0)
+    throw ResourceError(fmt::format("cannot start {}: {}", words.front(), std::strerror(error)));
   int status = 0;
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
@@ -95,18 +96,34 @@ ChildResult run_task_process(const std::filesystem::path& work, const std::strin
   ChildResult result;
   for (int attempt = 0; attempt < kTries; ++attempt) {
     throw_if_stopped();
-    result = run_once(words, lock);
+    result = run_once("/proc/self/exe", words, lock);
     if (result.signal != SIGKILL) break;
   }
   return result;
 }
 
+std::filesystem::path program_beside(const std::string& name, const std::string& advice) {
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe").parent_path() / name;
+  if (::access(program.c_str(), X_OK) != 0)
+    throw ResourceError(fmt::format("{}: is not there or cannot be run; {}", program.string(), advice));
+  return program;
+}
+
+ChildResult run_program(const std::filesystem::path& program, const std::vector<std::string>& words) {
+  std::vector<std::string> all = {program.filename().string()};
+  all.insert(all.end(), words.begin(), words.end());
+  return run_once(program.c_str(), std::move(all), -1);
+}
+
 void throw_child_failure(const ChildResult& result, const std::string& stage, std::int64_t task) {
+  throw_child_failure(result, fmt::format("stage {}, task {}", stage, task_argument(task)));
+}
+
+void throw_child_failure(const ChildResult& result, const std::string& who) {
   throw_if_stopped();
   if (result.signal != 0) {
-    const std::string sentence =
-        fmt::format("stage {}, task {}: its process was ended by signal {} ({})", stage, task_argument(task),
-                    result.signal, ::strsignal(result.signal));
+    const std::string sentence = fmt::format("{}: its process was ended by signal {} ({})", who,
+                                             result.signal, ::strsignal(result.signal));
     if (result.signal == SIGKILL) throw ResourceError(sentence + "; the same command goes on");
     throw std::runtime_error(sentence);
   }
@@ -114,8 +131,7 @@ void throw_child_failure(const ChildResult& result, const std::string& stage, st
   const std::string prefix = "tessera: error: ";
   if (const std::size_t at = message.rfind(prefix); at != std::string::npos)
     message = message.substr(at + prefix.size());
-  if (message.empty())
-    message = fmt::format("stage {}, task {}: its process failed", stage, task_argument(task));
+  if (message.empty()) message = who + ": its process failed";
   switch (result.exit_code) {
     case static_cast<int>(ExitCode::kUsage):
     case static_cast<int>(ExitCode::kInput):

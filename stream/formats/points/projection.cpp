@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <map>
 #include <mutex>
@@ -9,6 +10,7 @@
 #include <utility>
 
 #include "octree/error.h"
+#include "stream/files/read_file.h"
 #include "stream/formats/proj_library.h"
 #include "stream/formats/scalar.h"
 
@@ -150,6 +152,20 @@ Crs user_crs(const std::string& text, const std::string& option) {
     if (quoted || !(*c == ' ' || (*c >= '\t' && *c <= '\r'))) flat += *c;
   }
   return crs_of_wkt(flat);
+}
+
+std::string crs_text(const std::string& text, const std::string& option) {
+  std::error_code error;
+  std::string crs = text;
+  if (std::filesystem::is_regular_file(text, error)) {
+    constexpr std::uint64_t kMax = std::uint64_t{1} << 20;
+    const ReadFile file(text);
+    crs.resize(static_cast<std::size_t>(std::min(file.size(), kMax)));
+    file.read_at(0, crs.data(), crs.size());
+    crs.erase(crs.find_last_not_of(" \t\r\n") + 1);  // editors end lines
+  }
+  user_crs(crs, option);
+  return crs;
 }
 
 Crs utm_zone(const Crs& geographic, double longitude, double latitude) {

@@ -22,6 +22,9 @@ bool is_same_crs(const Crs& a, const Crs& b);
 /// \throws UsageError naming `option` where it is none
 Crs user_crs(const std::string& text, const std::string& option);
 
+/// What a file of that name holds, else the text itself. \throws as user_crs
+std::string crs_text(const std::string& text, const std::string& option);
+
 /// The UTM zone of a place, in degrees, on the datum of the system as far as EPSG has zones of it, else WGS 84.
 /// \throws InputError for a place that has none (beyond 84 north or 80 south, or no degrees)
 Crs utm_zone(const Crs& geographic, double longitude, double latitude);

@@ -1,0 +1,276 @@
+// tessera-gdal: writes by GDAL what `tessera raster` and `tessera contours` have computed. A program of its own, so that
+// `tessera` does not load GDAL and all that it brings. It is called by those commands, with a request in their scratch folder.
+#include <cpl_conv.h>
+#include <cpl_error.h>
+#include <gdal_priv.h>
+#include <ogr_spatialref.h>
+#include <ogrsf_frmts.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
+#include "stream/files/path_text.h"
+#include "stream/files/read_file.h"
+#include "stream/runtime/child_process.h"
+#include "stream/runtime/stop.h"
+#include "tools/frame/cli.h"
+
+namespace {
+
+using nlohmann::json;
+using tessera::ResourceError;
+
+struct Arguments {
+  std::filesystem::path request;
+  std::uint64_t memory_bytes = std::uint64_t{1} << 30;
+  int parent = 0;
+};
+
+/// What GDAL said last.
+std::string& last_error() {
+  static std::string text;
+  return text;
+}
+
+void CPL_STDCALL note_error(CPLErr kind, CPLErrorNum, const char* text) {
+  if (kind == CE_Warning) fmt::print(stderr, "tessera: warning: GDAL: {}\n", text);
+  if (kind == CE_Failure || kind == CE_Fatal) last_error() = text;
+}
+
+[[noreturn]] void fail(const std::string& what) {
+  tessera::throw_if_stopped();
+  throw ResourceError(what + " could not be written: GDAL says: " + last_error());
+}
+
+int CPL_STDCALL go_on(double, const char*, void*) {
+  return tessera::stop_signal() == 0 ? TRUE : FALSE;
+}
+
+json read_request(const Arguments& a) {
+  if (a.request.empty())
+    throw tessera::UsageError("no request given: this program is called by tessera raster and contours");
+  if (a.parent != 0) tessera::follow_parent(a.parent);
+  // What GDAL itself and the rows at hand take stays below this; what is left is for its cache of blocks.
+  constexpr std::uint64_t kOwn = std::uint64_t{128} << 20, kMin = std::uint64_t{16} << 20,
+                          kMax = std::uint64_t{512} << 20;
+  const std::uint64_t left = a.memory_bytes > kOwn ? a.memory_bytes - kOwn : 0;
+  CPLSetErrorHandler(note_error);
+  // No side files, no network, and nothing that hangs on the machine.
+  CPLSetConfigOption("GDAL_PAM_ENABLED", "NO");
+  CPLSetConfigOption("PROJ_NETWORK", "OFF");
+  CPLSetConfigOption("GDAL_NUM_THREADS", "1");
+  GDALAllRegister();
+  GDALSetCacheMax64(static_cast<GIntBig>(std::clamp(left / 2, kMin, kMax)));
+  return tessera::parse_json(tessera::read_text(a.request), a.request.string());
+}
+
+/// \throws InputError where the text is no coordinate system
+std::unique_ptr<OGRSpatialReference> reference_of(const json& request) {
+  const auto text = request.at("crs").get<std::string>();
+  if (text.empty()) return nullptr;
+  auto reference = std::make_unique<OGRSpatialReference>();
+  reference->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+  if (reference->SetFromUserInput(text.c_str(), OGRSpatialReference::SET_FROM_USER_INPUT_LIMITATIONS_get()) !=
+      OGRERR_NONE)
+    throw tessera::InputError("the coordinate system of the mesh is none that GDAL knows (" +
+                              text.substr(0, 80) + "); correct the .prj beside it or name it with --crs");
+  return reference;
+}
+
+/// Of heights: that of the vertical system, else that of the plane.
+std::string height_unit(const OGRSpatialReference& reference) {
+  const char* name = nullptr;
+  if (reference.IsCompound() && reference.GetTargetLinearUnits("VERT_CS", &name) > 0.0 && name) return name;
+  if (reference.IsGeographic()) return "metre";
+  reference.GetLinearUnits(&name);
+  return name ? name : "";
+}
+
+std::filesystem::path path_of(const json& request, const char* key) {
+  return tessera::bytes_of_json_text(request.at(key).get<std::string>());
+}
+
+/// The raw file, as GDAL's ENVI driver reads it by a header beside it.
+std::unique_ptr<GDALDataset> open_raw(const json& request) {
+  const std::filesystem::path raw = path_of(request, "raw");
+  std::filesystem::path header = raw;
+  header.replace_extension(".hdr");
+  tessera::write_durably(
+      header,
+      fmt::format("ENVI\nsamples = {}\nlines = {}\nbands = {}\nheader offset = 0\nfile type = ENVI Standard\n"
+                  "data type = {}\ninterleave = bip\nbyte order = 0\n",
+                  request.at("columns").get<std::int64_t>(), request.at("rows").get<std::int64_t>(),
+                  request.at("bands").get<int>(), request.at("type") == "float" ? 4 : 1));
+  const std::array<const char*, 2> drivers = {"ENVI", nullptr};
+  std::unique_ptr<GDALDataset> set(
+      GDALDataset::Open(raw.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data()));
+  if (!set) fail(raw.string());
+  return set;
+}
+
+void describe_band(GDALRasterBand& band, const json& request, int index,
+                   const OGRSpatialReference* reference) {
+  static const std::array<GDALColorInterp, 4> kColours = {GCI_RedBand, GCI_GreenBand, GCI_BlueBand,
+                                                          GCI_AlphaBand};
+  const auto quantity = request.at("quantity").get<std::string>();
+  if (request.contains("nodata")) band.SetNoDataValue(request.at("nodata").get<double>());
+  band.SetColorInterpretation(quantity == "colour" ? kColours[static_cast<std::size_t>(index)]
+                                                   : GCI_GrayIndex);
+  if (quantity != "colour") band.SetDescription(request.at("layer").get<std::string>().c_str());
+  if (quantity == "angle") band.SetUnitType("degree");
+  if (quantity == "height" && reference) band.SetUnitType(height_unit(*reference).c_str());
+  const json& s = request.at("statistics").at(static_cast<std::size_t>(index));
+  for (const auto& [name, key] : {std::pair{"STATISTICS_MINIMUM", "minimum"},
+                                  {"STATISTICS_MAXIMUM", "maximum"},
+                                  {"STATISTICS_MEAN", "mean"},
+                                  {"STATISTICS_STDDEV", "deviation"}})
+    band.SetMetadataItem(name, fmt::format("{:.17g}", s.at(key).get<double>()).c_str());
+  band.SetMetadataItem("STATISTICS_VALID_PERCENT",
+                       fmt::format("{:.4g}", request.at("valid_percent").get<double>()).c_str());
+}
+
+void write_raster(const Arguments& a) {
+  const json request = read_request(a);
+  const std::unique_ptr<OGRSpatialReference> reference = reference_of(request);
+  const std::unique_ptr<GDALDataset> raw = open_raw(request);
+  GDALDriver* described = GetGDALDriverManager()->GetDriverByName("VRT");
+  const std::unique_ptr<GDALDataset> source(
+      described->CreateCopy("", raw.get(), FALSE, nullptr, nullptr, nullptr));
+  if (!source) fail("the raster");
+  const auto cell = request.at("cell").get<double>();
+  std::array<double, 6> transform = {request.at("west").get<double>(),  cell, 0.0,
+                                     request.at("north").get<double>(), 0.0,  -cell};
+  source->SetGeoTransform(transform.data());
+  if (reference) source->SetSpatialRef(reference.get());
+  source->SetMetadata(nullptr);
+  source->SetMetadataItem("AREA_OR_POINT", "Area");
+  for (int band = 1; band <= source->GetRasterCount(); ++band)
+    describe_band(*source->GetRasterBand(band), request, band - 1, reference.get());
+  CPLStringList options;
+  options.SetNameValue("COMPRESS", "DEFLATE");
+  options.SetNameValue("PREDICTOR", "YES");
+  options.SetNameValue("BLOCKSIZE", "512");
+  options.SetNameValue("BIGTIFF", "IF_SAFER");
+  options.SetNameValue("SPARSE_OK", "YES");
+  options.SetNameValue("OVERVIEW_RESAMPLING", request.at("overviews").get<std::string>().c_str());
+  const std::filesystem::path result = path_of(request, "result");
+  GDALDriver* cog = GetGDALDriverManager()->GetDriverByName("COG");
+  if (!cog)
+    throw ResourceError("this GDAL has no driver for Cloud Optimised GeoTIFF (it is there from 3.1 on)");
+  std::unique_ptr<GDALDataset> written(
+      cog->CreateCopy(result.c_str(), source.get(), FALSE, options.List(), go_on, nullptr));
+  if (!written) fail("the raster");
+  written->FlushCache();
+  written.reset();
+  if (!last_error().empty()) fail("the raster");
+}
+
+/// As stream/survey/mesh_contours.cpp writes it.
+struct LineHeader {
+  double elevation = 0.0;
+  std::uint32_t index = 0, closed = 0;
+  std::uint64_t count = 0;
+};
+
+/// Calls use(header, points) for every line of a raw file.
+template <class Use>
+void for_each_line(const std::filesystem::path& path, const Use& use) {
+  const tessera::ReadFile file(path);
+  std::vector<std::array<double, 2>> points;
+  for (std::uint64_t at = 0; at < file.size();) {
+    tessera::throw_if_stopped();
+    LineHeader header;
+    file.read_at(at, &header, sizeof header);
+    at += sizeof header;
+    if (header.count > (file.size() - at) / sizeof points[0])
+      throw tessera::InputError(path.string() + ": is damaged: a line is longer than the file");
+    points.resize(header.count);
+    file.read_at(at, points.data(), header.count * sizeof points[0]);
+    at += header.count * sizeof points[0];
+    use(header, points);
+  }
+}
+
+void add_field(OGRLayer& layer, const char* name, OGRFieldType type) {
+  OGRFieldDefn field(name, type);
+  if (layer.CreateField(&field) != OGRERR_NONE) fail("the lines");
+}
+
+void write_lines(const Arguments& a) {
+  const json request = read_request(a);
+  std::unique_ptr<OGRSpatialReference> reference = reference_of(request);
+  const auto format = request.at("format").get<std::string>();
+  const bool dxf = format == "DXF";
+  // A GeoPackage says when it was written: always the same, so that equal lines have equal bytes.
+  CPLSetConfigOption("OGR_CURRENT_DATE", "2000-01-01T00:00:00.000Z");
+  GDALDriver* driver = GetGDALDriverManager()->GetDriverByName(format.c_str());
+  if (!driver) throw ResourceError("this GDAL has no driver for " + format);
+  // Drivers go by the extension too.
+  const std::filesystem::path result = path_of(request, "result");
+  std::filesystem::path named = result;
+  named += dxf ? ".dxf" : format == "GPKG" ? ".gpkg" : ".geojson";
+  std::unique_ptr<GDALDataset> set(driver->Create(named.c_str(), 0, 0, 0, GDT_Unknown, nullptr));
+  if (!set) fail("the lines");
+  CPLStringList options;
+  // What doubles need to come back as they are, and no more.
+  if (format == "GeoJSON") options.SetNameValue("SIGNIFICANT_FIGURES", "17");
+  OGRLayer* layer = set->CreateLayer(dxf ? "entities" : "contours", dxf ? nullptr : reference.get(),
+                                     wkbLineString25D, options.List());
+  if (!layer) fail("the lines");
+  if (!dxf) {
+    add_field(*layer, "elevation", OFTReal);
+    add_field(*layer, "index_line", OFTInteger);
+    add_field(*layer, "closed", OFTInteger);
+  }
+  const bool transactions = set->StartTransaction() == OGRERR_NONE;
+  for_each_line(path_of(request, "raw"), [&](const LineHeader& header, const auto& points) {
+    OGRLineString line;
+    const std::size_t count = points.size() + (header.closed != 0 ? 1 : 0);
+    line.setNumPoints(static_cast<int>(count));
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto& p = points[k % points.size()];
+      line.setPoint(static_cast<int>(k), p[0], p[1], header.elevation);
+    }
+    OGRFeature feature(layer->GetLayerDefn());
+    feature.SetGeometry(&line);
+    if (dxf) {
+      feature.SetField("Layer", header.index != 0 ? "CONTOUR_INDEX" : "CONTOUR");
+    } else {
+      feature.SetField("elevation", header.elevation);
+      feature.SetField("index_line", static_cast<int>(header.index));
+      feature.SetField("closed", static_cast<int>(header.closed));
+    }
+    if (layer->CreateFeature(&feature) != OGRERR_NONE) fail("the lines");
+  });
+  if (transactions && set->CommitTransaction() != OGRERR_NONE) fail("the lines");
+  set.reset();
+  if (!last_error().empty()) fail("the lines");
+  std::filesystem::rename(named, result);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  auto a = std::make_shared<Arguments>();
+  tessera::OptionTable t;
+  t.add("request", &a->request, "what to write, as tessera raster and contours say it").positional();
+  t.add("memory", &a->memory_bytes, "cap on memory").bytes();
+  t.add("driven", &a->parent, "process that drives this one").hidden();
+  return tessera::cli::run(
+      "tessera-gdal", "Writes foreign files by GDAL for tessera raster and contours, which call it.",
+      {{"raster", "Raw cells to a Cloud Optimised GeoTIFF.", t, [a] { write_raster(*a); }},
+       {"lines", "Raw lines to GeoPackage, GeoJSON or DXF.", t, [a] { write_lines(*a); }}},
+      argc, argv);
+}
