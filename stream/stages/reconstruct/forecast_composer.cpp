@@ -174,9 +174,14 @@ class Composer {
     return multipoles + ends;
   }
 
+  /// Noisy samples are fitted again with wider radii, and look for sheets and creases that noise only feigns.
+  double surface_time() const {
+    return kSurfaceTime + std::min(1.0, plan_.noise_cells / kNoisyCells) * kNoisySurfaceTime;
+  }
   void level_surface(std::uint64_t patches) {
     add("surface", groups_.size(), known(level_surface_task_bytes(max_points_near(bricks_)), 0), patches,
-        groups_.size(), faces_ * kSurfaceTime, static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
+        groups_.size(), faces_ * surface_time(),
+        static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
   }
   void surface(bool fused, std::uint64_t patches) {
     const BrickSectionStore no_cells({});
@@ -188,7 +193,7 @@ class Composer {
       if (closes_) open = std::max(open, surface_tile_bytes(bricks_, closing, t, halo_, fused, 0));
     });
     add("surface", groups_.size(), {maximum, 0, closes_ ? open : maximum}, patches, groups_.size(),
-        faces_ * (kSurfaceTime + (fused ? kFirstPassTime : 0.0)),
+        faces_ * (surface_time() + (fused ? kFirstPassTime : 0.0)),
         static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
   }
 
