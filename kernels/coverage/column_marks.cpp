@@ -74,7 +74,7 @@ void ColumnCounter::flush(std::vector<ColumnCounts>& out) {
   for (Slot& slot : slots_) hand_out(slot, out);
 }
 
-void ColumnCover::mark(std::int64_t u, std::int64_t v, std::vector<ColumnMask>& out) {
+void ColumnCover::mark(std::int32_t u, std::int32_t v, std::vector<ColumnMask>& out) {
   if (u < 0 || v < 0) return;
   const auto at_u = static_cast<std::uint32_t>(u), at_v = static_cast<std::uint32_t>(v);
   const std::uint64_t key = column_block_key(at_u, at_v);
@@ -86,26 +86,28 @@ void ColumnCover::mark(std::int64_t u, std::int64_t v, std::vector<ColumnMask>& 
   slot.columns |= column_bit(at_u, at_v);
 }
 
+ColumnCover::Corner ColumnCover::corner(double u, double v) {
+  return {u, v, static_cast<std::int32_t>(std::floor(u)), static_cast<std::int32_t>(std::floor(v))};
+}
+
 void ColumnCover::add(const std::array<Corner, 3>& face, std::vector<ColumnMask>& out) {
-  const auto column = [](double at) { return static_cast<std::int64_t>(std::floor(at)); };
-  std::int64_t low_u = column(face[0].u), high_u = low_u, low_v = column(face[0].v), high_v = low_v;
+  std::int32_t low_u = face[0].column_u, high_u = low_u, low_v = face[0].column_v, high_v = low_v;
   for (const Corner& c : face) {
-    const std::int64_t u = column(c.u), v = column(c.v);
-    mark(u, v, out);
-    low_u = std::min(low_u, u), high_u = std::max(high_u, u);
-    low_v = std::min(low_v, v), high_v = std::max(high_v, v);
+    mark(c.column_u, c.column_v, out);
+    low_u = std::min(low_u, c.column_u), high_u = std::max(high_u, c.column_u);
+    low_v = std::min(low_v, c.column_v), high_v = std::max(high_v, c.column_v);
   }
-  if (low_u == high_u && low_v == high_v) return;
-  const double au = face[1].u - face[0].u, av = face[1].v - face[0].v;
-  const double bu = face[2].u - face[0].u, bv = face[2].v - face[0].v;
-  const double area = au * bv - av * bu;
+  if (high_u - low_u + high_v - low_v <= 1) return;  // each of these holds a corner
+  double au = face[1].u - face[0].u, av = face[1].v - face[0].v;
+  double bu = face[2].u - face[0].u, bv = face[2].v - face[0].v;
+  double area = au * bv - av * bu;
   if (area == 0.0) return;
-  for (std::int64_t v = low_v; v <= high_v; ++v)
-    for (std::int64_t u = low_u; u <= high_u; ++u) {
-      const double pu = static_cast<double>(u) + 0.5 - face[0].u;
-      const double pv = static_cast<double>(v) + 0.5 - face[0].v;
-      const double s = (pu * bv - pv * bu) / area, t = (au * pv - av * pu) / area;
-      if (s >= 0.0 && t >= 0.0 && s + t <= 1.0) mark(u, v, out);
+  if (area < 0.0) std::swap(au, bu), std::swap(av, bv), area = -area;
+  for (std::int32_t v = low_v; v <= high_v; ++v)
+    for (std::int32_t u = low_u; u <= high_u; ++u) {
+      const double pu = u + 0.5 - face[0].u, pv = v + 0.5 - face[0].v;
+      const double s = pu * bv - pv * bu, t = au * pv - av * pu;
+      if (s >= 0.0 && t >= 0.0 && s + t <= area) mark(u, v, out);
     }
 }
 

@@ -67,13 +67,16 @@ class ColumnCover {
  public:
   struct Corner {
     double u = 0.0, v = 0.0;  ///< edges of columns
+    std::int32_t column_u = 0, column_v = 0;
   };
-  /// \pre corners are finite; what lies at negative coordinates covers nothing
+  /// \param u, v  edges of columns, finite, below 2^31
+  static Corner corner(double u, double v);
+  /// What lies at negative coordinates covers nothing.
   void add(const std::array<Corner, 3>& face, std::vector<ColumnMask>& out);
   void flush(std::vector<ColumnMask>& out);
 
  private:
-  void mark(std::int64_t u, std::int64_t v, std::vector<ColumnMask>& out);
+  void mark(std::int32_t u, std::int32_t v, std::vector<ColumnMask>& out);
   static constexpr std::uint64_t kFree = ~std::uint64_t{0};
   std::array<ColumnMask, 64> slots_ = [] {
     std::array<ColumnMask, 64> free{};

@@ -20,14 +20,17 @@ class NearSamples {
   std::span<const std::uint8_t> near() const { return near_; }
 
  private:
-  int cell(std::size_t axis, double at) const;  ///< clamped to those that there are
+  /// Cells that a box touches, clamped to those that there are.
+  std::array<Int3, 2> cells(const Double3& low, const Double3& high) const;
+  template <class Use>
+  void for_cells(const std::array<Int3, 2>& range, const Use& use) const;
 
   std::span<const Double3> samples_;
   double distance_;
-  Double3 low_{};
-  double edge_ = 1.0;
+  Double3 low_{}, high_{};  ///< of all that lies within the distance of a sample, by coordinates
+  double per_edge_ = 1.0;
   Int3 cells_ = {1, 1, 1};
-  std::vector<std::uint32_t> start_, sample_;  ///< by cell
+  std::vector<std::uint32_t> start_, sample_;  ///< by cell: those within the distance of it, by coordinates
   std::vector<std::uint8_t> near_;
 };
 

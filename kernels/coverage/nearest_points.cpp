@@ -8,7 +8,8 @@
 namespace tessera {
 namespace {
 
-constexpr int kMaxCubes = 60;  ///< along an axis
+constexpr int kMaxCubes = 60;           ///< along an axis
+constexpr double kCubeRounding = 1e-4;  ///< edges, by which floats may put a point into the wrong cube
 // A surface beyond doubt: squares of distances to the plane and along it, as eigenvalues of their sums.
 constexpr double kMaxOffPlane = 0.5;    ///< root mean square, spacings
 constexpr double kMaxThickness = 0.15;  ///< of the smaller extent in the plane, squared
@@ -28,21 +29,18 @@ NearestPoints::NearestPoints(std::span<const float> x, std::span<const float> y,
   const std::array<std::span<const float>, 3> axes = {x, y, z};
   Float3 high{};
   for (std::size_t a = 0; a < 3; ++a) {
-    const auto [least, most] = std::minmax_element(axes[a].begin(), axes[a].end());
-    low_[a] = *least, high[a] = *most;
+    low_[a] = high[a] = axes[a][0];
+    for (const float at : axes[a]) low_[a] = std::min(low_[a], at), high[a] = std::max(high[a], at);
     extent = std::max(extent, double{high[a]} - double{low_[a]});
   }
   edge_ = std::max(edge_, extent / (kMaxCubes - 1));
-  for (std::size_t a = 0; a < 3; ++a)
-    cubes_[a] = static_cast<int>((double{high[a]} - double{low_[a]}) / edge_) + 1;
-  const auto index = [&](std::size_t i) {
-    const Int3 c = cube({x_[i], y_[i], z_[i]});
-    return static_cast<std::size_t>((c[2] * cubes_[1] + c[1]) * cubes_[0] + c[0]);
-  };
+  per_edge_ = static_cast<float>(1.0 / edge_);
+  for (std::size_t a = 0; a < 3; ++a) cubes_[a] = static_cast<int>((high[a] - low_[a]) * per_edge_) + 1;
   start_.assign(static_cast<std::size_t>(cubes_[0] * cubes_[1] * cubes_[2]) + 1, 0);
   std::vector<std::uint32_t> of_point(x.size());
   for (std::size_t i = 0; i < x.size(); ++i) {
-    of_point[i] = static_cast<std::uint32_t>(index(i));
+    const Int3 c = cube({x_[i], y_[i], z_[i]});
+    of_point[i] = static_cast<std::uint32_t>((c[2] * cubes_[1] + c[1]) * cubes_[0] + c[0]);
     ++start_[of_point[i] + 1];
   }
   for (std::size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
@@ -56,10 +54,8 @@ NearestPoints::NearestPoints(std::span<const float> x, std::span<const float> y,
 
 Int3 NearestPoints::cube(const Float3& p) const {
   Int3 c{};
-  for (std::size_t a = 0; a < 3; ++a) {
-    const double at = std::floor((double{p[a]} - double{low_[a]}) / edge_);
-    c[a] = static_cast<int>(std::clamp(at, 0.0, static_cast<double>(cubes_[a] - 1)));
-  }
+  for (std::size_t a = 0; a < 3; ++a)
+    c[a] = std::clamp(static_cast<int>((p[a] - low_[a]) * per_edge_), 0, cubes_[a] - 1);
   return c;
 }
 
@@ -67,7 +63,7 @@ void NearestPoints::find(const Float3& p, std::size_t count, double limit,
                          std::vector<Neighbour>& out) const {
   out.clear();
   const Int3 middle = cube(p);
-  const int rings = std::max(1, static_cast<int>(std::ceil(limit / edge_)));
+  const int rings = static_cast<int>(limit / (edge_ * (1.0 - kCubeRounding))) + 1;
   const double limit_square = limit * limit;
   const auto less = [](const Neighbour& a, const Neighbour& b) {
     return a.square != b.square ? a.square < b.square : a.point < b.point;
@@ -93,8 +89,9 @@ void NearestPoints::find(const Float3& p, std::size_t count, double limit,
       }
     if (out.size() < count) continue;
     std::nth_element(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(count - 1), out.end(), less);
-    // What lies in none of these cubes is farther away than so many edges.
-    if (out[count - 1].square <= ring * edge_ * (ring * edge_)) break;
+    // What lies in none of these cubes is farther away than so many edges, but for rounding of the cubes.
+    const double beyond = ring * edge_ * (1.0 - kCubeRounding);
+    if (out[count - 1].square <= beyond * beyond) break;
   }
   const std::size_t found = std::min(count, out.size());
   std::partial_sort(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(found), out.end(), less);

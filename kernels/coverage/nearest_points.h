@@ -33,6 +33,7 @@ class NearestPoints {
   std::span<const float> x_, y_, z_;
   Float3 low_{};
   double edge_ = 1.0;
+  float per_edge_ = 1.0f;
   Int3 cubes_ = {1, 1, 1};
   std::vector<std::uint32_t> start_,
       point_;  ///< points of cube c: point_[start_[c]] to point_[start_[c + 1]]

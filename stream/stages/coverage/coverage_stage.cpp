@@ -214,6 +214,7 @@ class CoverageStage : public Stage {
       index.push_back(i);
       open.push_back(p);
     });
+    if (open.empty()) return;
     NearSamples samples(open, distance);
     for (const auto& f : part.faces)
       samples.add({part.position[f[0]], part.position[f[1]], part.position[f[2]]});
@@ -223,11 +224,11 @@ class CoverageStage : public Stage {
 
   void cover_columns(const PlacedFaces& part, ColumnCover& cover, std::vector<ColumnMask>& columns) const {
     const double per_cell = static_cast<double>(kQuantaPerCell) / seen_.column_edge;
-    const auto corner = [&](std::uint32_t v) {
-      const Double3& p = part.position[v];
-      return ColumnCover::Corner{p[axes_.u] * per_cell, p[axes_.v] * per_cell};
-    };
-    for (const auto& f : part.faces) cover.add({corner(f[0]), corner(f[1]), corner(f[2])}, columns);
+    std::vector<ColumnCover::Corner> corner(part.position.size());
+    for (std::size_t v = 0; v < corner.size(); ++v)
+      corner[v] =
+          ColumnCover::corner(part.position[v][axes_.u] * per_cell, part.position[v][axes_.v] * per_cell);
+    for (const auto& f : part.faces) cover.add({corner[f[0]], corner[f[1]], corner[f[2]]}, columns);
     if (columns.size() > kColumnsBeforeCombined) combine_columns(columns);
   }
 

@@ -11,7 +11,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kHeldPatches = 12;  ///< whose vertices are kept for those around them
+constexpr std::size_t kHeldPatches = 32;  ///< whose vertices are kept for those around them
 constexpr std::size_t kMinStorePatches = 16, kMaxStoreTasks = 400;
 constexpr std::uint64_t kPlacedVertexBytes = sizeof(Double3) + 4, kPlacedFaceBytes = 12;
 
@@ -188,7 +188,7 @@ std::unique_ptr<FaceSource> stored_faces(MeshStore store, const Lattice& lattice
 }
 
 std::uint64_t welded_faces_bytes(std::uint64_t vertices, std::uint64_t faces, std::uint64_t filling_bytes) {
-  return (2 * kHeldPatches * sizeof(Float3) + kPlacedVertexBytes + 40) * vertices +
+  return (kHeldPatches * sizeof(Float3) + kPlacedVertexBytes + sizeof(Double3) + 60) * vertices +
          2 * (kPlacedFaceBytes + 12) * faces + 5 * filling_bytes + NumberedPatches::kCacheBytes;
 }
 std::uint64_t stored_faces_bytes(std::uint64_t block_bytes) {

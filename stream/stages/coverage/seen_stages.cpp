@@ -212,7 +212,7 @@ class SeenStage : public Stage {
     const std::uint64_t place =
         mix(mix(static_cast<std::uint64_t>(q[0]) << 32 | static_cast<std::uint64_t>(q[1])) ^
             static_cast<std::uint64_t>(q[2]));
-    return place % seen_.stride == 0;
+    return place <= ~std::uint64_t{0} / seen_.stride;
   }
 
   std::uint64_t keep_confirmed(const PointBlock& block, const std::vector<std::uint32_t>& sample,
