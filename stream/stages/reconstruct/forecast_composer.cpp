@@ -101,7 +101,10 @@ class Composer {
       if (options_.smooths()) smooth();
       decimate(patches + smoothed / 2);
     }
-    cover(fused || options_.decimates());
+    const std::uint64_t cover =
+        planned_coverage_bytes(fused || options_.decimates(), largest_, filling_bytes());
+    add("coverage", groups_.size(), {cover, coverage_finish_bytes(), coverage_finish_bytes()}, 0,
+        2 * groups_.size(), faces_ * (options_.decimates() ? 0.1 : 1.0) * kCoverageTime, 0.0);
     if (!options_.decimates())
       add("write", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
           forecast_.output_bytes, 1, faces_ * kWriteTime,
@@ -139,12 +142,9 @@ class Composer {
           order, order_task_bytes(b, plan_bricks_, std::min(runs, b.points), options_.max_brick_points));
     add("order", buckets, known(order, OrderStage::kFinishBytes), store_bytes_, buckets, points_ * kOrderTime,
         static_cast<double>(run_bytes_ + store_bytes_));
-    std::uint64_t seen = 0;
-    for (const PlanBucket& b : plan_.buckets)
-      seen = std::max(seen, seen_task_bytes(bricks_, b.first_brick, b.first_brick + b.bricks));
     add("seen-spacing", 0, known(0, seen_spacing_bytes(bricks_)), 0, 1, 0.0, 0.0);
-    add("seen", buckets, known(seen, seen_finish_bytes()), 0, 2 * buckets, points_ * kSeenTime,
-        static_cast<double>(store_bytes_));
+    add("seen", buckets, known(planned_seen_bytes(plan_, bricks_), seen_finish_bytes()), 0, 2 * buckets,
+        points_ * kSeenTime, static_cast<double>(store_bytes_));
     if (!mode_.needed()) return;
     add("normals", buckets, known(normals_task_bytes(bricks_, 0, bricks_.size()), 0), overlay_bytes_, buckets,
         points_ * (mode_.estimate ? kEstimateTime : kShapeTime),
@@ -230,16 +230,6 @@ class Composer {
       add("raw", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
           forecast_.output_bytes, 1, faces_ * kWriteTime,
           static_cast<double>(patches + forecast_.output_bytes));
-  }
-
-  /// \param stored  the mesh lies in a store, else in welded patches
-  void cover(bool stored) {
-    const std::uint64_t faces =
-        stored ? stored_faces_bytes(surface_block_bytes(largest_.faces))
-               : welded_faces_bytes(largest_.vertices + largest_.foreign, largest_.faces, filling_bytes());
-    add("coverage", groups_.size(),
-        {coverage_task_bytes(faces), coverage_finish_bytes(), coverage_finish_bytes()}, 0, 2 * groups_.size(),
-        faces_ * (options_.decimates() ? 0.1 : 1.0) * kCoverageTime, 0.0);
   }
 
   /// The raw mesh comes back as a store.
