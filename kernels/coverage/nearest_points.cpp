@@ -98,8 +98,8 @@ void NearestPoints::find(const Float3& p, std::size_t count, double limit,
   out.resize(found);
 }
 
-double spacing_by_sixth(double square) {
-  return std::sqrt(0.5 * square);
+double spacing_by_neighbour(double square, int neighbour) {
+  return std::sqrt(neighbour > 4 ? 0.5 * square : square);
 }
 
 bool confirmed(const Float3& p, std::span<const Float3, kConfirmingPoints> at, double spacing) {

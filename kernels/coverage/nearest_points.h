@@ -39,15 +39,16 @@ class NearestPoints {
       point_;  ///< points of cube c: point_[start_[c]] to point_[start_[c + 1]]
 };
 
-/// Neighbours, the point itself among them, that confirmed() looks at, and those that spacing is told by.
+/// Nearest points, the point itself among them, that confirmed() looks at.
 inline constexpr std::size_t kConfirmingPoints = 13;
-inline constexpr std::size_t kSpacingPoints = 7;
+/// Neighbour by which spacing is told.
+inline constexpr int kSpacingNeighbour = 6;
 /// The farthest of them may lie so far away, spacings.
 inline constexpr double kConfirmingReach = 4.0;
 
-/// Distance of samples of a surface by that of the sixth neighbour: on a square grid it lies across a square.
-/// \param square  of that distance
-double spacing_by_sixth(double square);
+/// Distance of samples of a surface by that of a neighbour: on a square grid the first four lie one spacing away, the next
+/// four across a square. \param square  of that distance  \param neighbour  from 1 to 8
+double spacing_by_neighbour(double square, int neighbour);
 
 /// Whether a point lies on a surface beyond doubt: its twelve neighbours lie within kConfirmingReach spacings, around it, not
 /// in a line, and within half a spacing of their plane of least squares, of which they are a flat share.

@@ -27,11 +27,12 @@ using json = nlohmann::json;
 
 constexpr const char* kSpacingFile = "seen/spacing.json";
 constexpr std::size_t kSites = 512;               ///< places where the spacing is looked at
-constexpr std::uint64_t kMostSampled = 1u << 16;  ///< points, nearly
+constexpr std::uint64_t kMostSampled = 1u << 17;  ///< points, nearly
 /// Cells around what is looked at. Points farther apart than the spacing that goes with it, the support of no surface
 /// reaches across.
 constexpr int kMaxSeenHalo = 16;
 constexpr double kMaxSpacing = (kMaxSeenHalo - 1) / kConfirmingReach;
+constexpr int kMinNeighbour = 3;
 constexpr int kSiteHalo = 6;               ///< a sixth neighbour of that spacing lies within
 constexpr std::uint64_t kPointBytes = 52;  ///< of a block while it is loaded, and its cubes
 constexpr std::uint64_t kSeenFixedBytes = std::uint64_t{6} << 20;
@@ -71,7 +72,13 @@ std::uint64_t points_with_halo(std::span<const BrickEntry> bricks, const BrickEn
 
 class SeenSpacingStage : public SerialStage {
  public:
-  explicit SeenSpacingStage(const JobState& state) : points_(scan_points(state)) {}
+  explicit SeenSpacingStage(const JobState& state) : points_(scan_points(state)) {
+    // Points that merged count as neighbours too: of a scan on a coarse grid each stands for several.
+    const double merged = static_cast<double>(points_.point_count()) /
+                          static_cast<double>(std::max<std::uint64_t>(1, Plan::of_work(state.work).points()));
+    neighbour_ = std::clamp(static_cast<int>(std::floor(kSpacingNeighbour * merged + 0.5)), kMinNeighbour,
+                            kSpacingNeighbour);
+  }
 
   std::string name() const override { return "seen-spacing"; }
   std::uint64_t units() const override { return kSites; }
@@ -95,7 +102,7 @@ class SeenSpacingStage : public SerialStage {
     const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
     if (!squares.empty()) {
       std::nth_element(squares.begin(), middle, squares.end());
-      if (const double spacing = spacing_by_sixth(*middle); spacing <= kMaxSpacing)
+      if (const double spacing = spacing_by_neighbour(*middle, neighbour_); spacing <= kMaxSpacing)
         found["spacing"] = spacing;
     }
     write_durably(context.create(kSpacingFile), dump_json(found));
@@ -103,7 +110,7 @@ class SeenSpacingStage : public SerialStage {
   }
 
  private:
-  /// The distance to the sixth neighbour of a point, from a small box around it.
+  /// The distance of a point to the neighbour that tells spacing, from a small box around it.
   void look(std::size_t brick, std::size_t index, std::vector<double>& squares) const {
     const PointRecord p = points_.records(brick).at(index);
     Int3 origin{};
@@ -114,12 +121,14 @@ class SeenSpacingStage : public SerialStage {
       at[a] = static_cast<float>(p.q[a] - (origin[a] << kQuantumBits)) / kQuantaPerCell;
     const NearestPoints nearest(block.x, block.y, block.z, 1.0);
     std::vector<NearestPoints::Neighbour> found;
-    nearest.find(at, kSpacingPoints, kSiteHalo, found);
+    const auto wanted = static_cast<std::size_t>(neighbour_) + 1;  // with the point itself
+    nearest.find(at, wanted, kSiteHalo, found);
     // Farther than the box shows: too sparse to count but as that.
-    squares.push_back(found.size() == kSpacingPoints ? found.back().square : kSiteHalo * kSiteHalo * 4.0);
+    squares.push_back(found.size() == wanted ? found.back().square : kSiteHalo * kSiteHalo * 4.0);
   }
 
   PointStore points_;
+  int neighbour_ = kSpacingNeighbour;
 };
 
 class SeenStage : public Stage {

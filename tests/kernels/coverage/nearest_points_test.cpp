@@ -79,13 +79,14 @@ TEST_CASE("nearest points: the same as by looking at all, with ties and fewer th
   }
 }
 
-TEST_CASE("nearest points: the sixth neighbour of a square grid tells its spacing", "[unit]") {
+TEST_CASE("nearest points: any neighbour of a square grid tells its spacing", "[unit]") {
   const Cloud cloud = sheet([](int, int) { return 0.0; });
   const NearestPoints nearest(cloud.x, cloud.y, cloud.z, 1.0);
   Neighbours found;
-  nearest.find(cloud.at(6 * 13 + 6), kSpacingPoints, 4.0, found);
-  REQUIRE(found.size() == kSpacingPoints);
-  CHECK(spacing_by_sixth(found.back().square) == Approx(1.0));
+  nearest.find(cloud.at(6 * 13 + 6), 9, 4.0, found);
+  REQUIRE(found.size() == 9);
+  for (int n = 1; n <= 8; ++n)
+    CHECK(spacing_by_neighbour(found[static_cast<std::size_t>(n)].square, n) == Approx(1.0));
 }
 
 TEST_CASE("nearest points: a surface confirms, its border, lines and strewn points do not", "[unit]") {

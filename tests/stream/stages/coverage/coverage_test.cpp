@@ -125,7 +125,8 @@ TEST_CASE("coverage: both figures are what counting says, strewn points in neith
   std::int64_t filled = 0, bare = 0;
   for (const auto& [at, count] : columns)
     if (count >= 4) ++filled, bare += corner(0) + (at.first + 0.5) * edge > right;
-  CHECK(std::fabs(static_cast<double>(c.at("columns").get<std::int64_t>() - filled)) < 0.004 * filled);
+  CHECK(std::fabs(static_cast<double>(c.at("columns").get<std::int64_t>() - filled)) <
+        0.004 * static_cast<double>(filled));
   // The columns of the last corners are covered whatever their middle is.
   CHECK(std::fabs(static_cast<double>(c.at("columns_missing").get<std::int64_t>() - bare)) < 60.0);
   CHECK(c.at("plan").get<double>() == Approx(2.0 / 3.0).margin(0.02));
@@ -151,6 +152,16 @@ TEST_CASE("coverage: the same figures and picture for any order, files, tasks, c
     CHECK(got.coverage == want.coverage);
     CHECK(got.picture == want.picture);
   }
+}
+
+TEST_CASE("coverage: points that merge leave the spacing what it is", "[unit]") {
+  auto points = ground_and_cloud();
+  const Measured want = measure(points, {}, 93.0, 140.0, 12, 1);
+  const std::size_t count = points.size();
+  for (std::size_t i = 0; i < count; i += 2) points.push_back(points[i]);
+  const Measured got = measure(points, {}, 93.0, 140.0, 12, 1);
+  CHECK(got.coverage.at("spacing").get<double>() ==
+        Approx(want.coverage.at("spacing").get<double>()).epsilon(0.002));
 }
 
 TEST_CASE("coverage: where nothing is missing it is all, without a picture, and one of before goes",
