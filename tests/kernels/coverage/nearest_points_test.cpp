@@ -89,12 +89,12 @@ TEST_CASE("nearest points: any neighbour of a square grid tells its spacing", "[
     CHECK(spacing_by_neighbour(found[static_cast<std::size_t>(n)].square, n) == Approx(1.0));
 }
 
-TEST_CASE("nearest points: a surface confirms, its border, lines and strewn points do not", "[unit]") {
+TEST_CASE("nearest points: a surface confirms, its corner, lines and strewn points do not", "[unit]") {
   CHECK(middle_is_confirmed(sheet([](int, int) { return 0.0; })));
   CHECK(middle_is_confirmed(sheet([](int i, int j) { return 0.1 * ((i * 7 + j * 3) % 5 - 2); })));
   CHECK(middle_is_confirmed(sheet([](int i, int) { return 0.7 * i; })));
   CHECK_FALSE(middle_is_confirmed(sheet([](int i, int j) { return 1.2 * ((i * 7 + j * 3) % 5 - 2); })));
-  CHECK_FALSE(middle_is_confirmed(sheet([](int, int) { return 0.0; }), 6));  // at the border
+  CHECK_FALSE(middle_is_confirmed(sheet([](int, int) { return 0.0; }), 0));  // in a corner
   Cloud line, sparse;
   for (int i = 0; i < 169; ++i) {
     line.add({0.25f * static_cast<float>(i), 0.02f * static_cast<float>(i % 3),

@@ -239,8 +239,9 @@ TEST_CASE("forecast: closing and decimation have their stages, with the disk tha
   }
   CHECK(names_of(forecasted.forecast, true) == stages_of_the_run(setup.options));
   CHECK(names_of(forecasted.forecast, false) ==
-        std::vector<std::string>{"distribute", "order", "normals", "multipole", "rims", "close", "surface",
-                                 "islands", "prune", "pass-2", "pass-3", "certify", "write"});
+        std::vector<std::string>{"distribute", "order", "seen-spacing", "seen", "normals", "multipole",
+                                 "rims", "close", "surface", "islands", "prune", "pass-2", "pass-3",
+                                 "certify", "coverage", "write"});
   for (const char* stage : {"normals", "multipole", "rims"})
     CHECK(find(forecasted.forecast, stage)->task_bytes == reserved.at(stage).task);
   CHECK(find(forecasted.forecast, "close")->memory_bytes() >= reserved.at("close").finish);
