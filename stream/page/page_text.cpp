@@ -151,9 +151,12 @@ std::string completeness(const json& report, const PageParts& parts) {
   Rows rows;
   rows.emplace_back(
       "points on a surface beyond doubt",
-      fmt::format("{} lie farther than {} from the mesh; one in {} of all points was looked at",
-                  missing("/points_missing", "/points"), number_text(number_at(coverage, "/distance")),
-                  escape(count_text(value_at(coverage, "/one_in")))));
+      fmt::format(
+          "{} lie farther than {} from the mesh; {} looked at", missing("/points_missing", "/points"),
+          number_text(number_at(coverage, "/distance")),
+          value_at(coverage, "/one_in") == 1
+              ? "all points were"
+              : "one in " + escape(count_text(value_at(coverage, "/one_in"))) + " of all points was"));
   rows.emplace_back(
       "columns seen from above",
       fmt::format("{}, squares of {} that hold at least four points, have no mesh",
