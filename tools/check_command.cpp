@@ -15,8 +15,10 @@
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/page/report_value.h"
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
+#include "stream/stages/reconstruct/coverage_check.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
 
@@ -29,6 +31,7 @@ struct CheckCommand {
   MeshCheckOptions options;
   std::filesystem::path truth;
   TruthOptions truth_options;
+  std::filesystem::path scan;
   std::filesystem::path reference;
   CompareOptions compare;
   std::string method = "exact";
@@ -45,17 +48,29 @@ std::filesystem::path scratch_folder(const std::filesystem::path& mesh) {
   return ::access(folder.c_str(), W_OK) == 0 ? folder : std::filesystem::temp_directory_path();
 }
 
-MeshComparison compare_with_reference(const CheckCommand& command, const MeshCheckOptions& options) {
+RunOptions run_of(const MeshCheckOptions& options) {
   RunOptions run;
   run.memory_bytes = options.memory_bytes;
   run.temp = options.temp;
-  run.threads = command.threads > 0 ? command.threads : core_count();
+  run.threads = options.threads;
+  return run;
+}
+
+nlohmann::json check_coverage(const CheckCommand& command, const MeshCheckOptions& options) {
+  const nlohmann::json coverage = measure_coverage(command.mesh, {command.scan.string()}, run_of(options));
+  const std::string said = coverage_text({{"coverage", coverage}});
+  std::cout << (said.empty() ? "coverage: not measured, the points of the scan tell no spacing" : said)
+            << std::endl;
+  return coverage;
+}
+
+MeshComparison compare_with_reference(const CheckCommand& command, const MeshCheckOptions& options) {
   CompareOptions compare = command.compare;
   compare.check_stop = throw_if_stopped;
   compare.method = command.method == "raster" ? CompareMethod::kRaster
                    : command.method == "auto" ? CompareMethod::kAuto
                                               : CompareMethod::kExact;
-  return compare_mesh_files(command.mesh, command.reference, compare, run);
+  return compare_mesh_files(command.mesh, command.reference, compare, run_of(options));
 }
 
 void run_check(const CheckCommand& command) {
@@ -67,7 +82,7 @@ void run_check(const CheckCommand& command) {
   if (command.reference.empty() &&
       (command.compare.tolerance != 0.0 || command.with_borders || command.method != CheckCommand().method))
     throw UsageError("--tolerance, --borders and --method need --reference FILE to compare with");
-  cli::check_line_writes({command.mesh, command.reference, command.truth},
+  cli::check_line_writes({command.mesh, command.reference, command.truth, command.scan},
                          {{command.json, "--json", existing_by(command.force)}});
   MeshCheckOptions options = command.options;
   options.check_stop = throw_if_stopped;
@@ -77,7 +92,7 @@ void run_check(const CheckCommand& command) {
   const MeshCheck check = check_mesh(*mesh, options);
   std::cout << describe(check) << std::flush;
   for (const std::string& warning : mesh->warnings()) std::cout << "warning: " << warning << std::endl;
-  nlohmann::json truth_report, comparison_report;
+  nlohmann::json truth_report, comparison_report, coverage;
   std::string complaint;
   if (!command.reference.empty()) {
     const MeshComparison comparison = compare_with_reference(command, options);
@@ -85,6 +100,7 @@ void run_check(const CheckCommand& command) {
     comparison_report = to_json(comparison);
     complaint = comparison.complaint(command.with_borders);
   }
+  if (!command.scan.empty()) coverage = check_coverage(command, options);
   if (!command.truth.empty()) {
     TruthOptions truth_options = command.truth_options;
     truth_options.memory_bytes = options.memory_bytes;
@@ -96,6 +112,7 @@ void run_check(const CheckCommand& command) {
   if (!command.json.empty()) {
     nlohmann::json report = to_json(check);
     if (!truth_report.is_null()) report["truth"] = truth_report;
+    if (!coverage.is_null()) report["coverage"] = coverage;
     if (!comparison_report.is_null()) {
       report["deviation"] = comparison_report;
       report["deviation"]["reference"] = json_text(command.reference);
@@ -135,6 +152,11 @@ cli::Command check_command() {
   t.add("truth", &c.truth, "compare with the surface that `tessera synth` scanned")
       .shown_as("FILE.truth.json");
   t.add("h", &c.truth_options.h, "lattice spacing of the mesh, for --truth; 0 = sample spacing").at_least(0);
+  t.add("scan", &c.scan,
+        "points in the coordinates of the mesh, a file or a quoted glob: say how much of what they show is "
+        "in it, "
+        "as the report of a reconstruction does")
+      .shown_as("SCAN");
   t.add("reference", &c.reference,
         "prove that this mesh and the one given stay within --tolerance of each other, both ways; exit code "
         "6 if not");
@@ -149,7 +171,7 @@ cli::Command check_command() {
       .one_of({"exact", "raster", "auto"});
   t.add("borders", &c.with_borders,
         "with --reference: border curves must stay within the tolerance of each other too");
-  cli::add_threads(t, c.threads, "threads for --crossings and --reference");
+  cli::add_threads(t, c.threads, "threads for --crossings, --reference and --scan");
   t.add("json,report", &c.json, "also write the result to this file");
   cli::add_force(t, c.force);
   t.add("memory", &c.options.memory_bytes, "cap on memory; larger meshes go through --temp").bytes();

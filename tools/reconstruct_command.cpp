@@ -8,6 +8,7 @@
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/page/report_value.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
@@ -50,6 +51,11 @@ void run_reconstruct(const ReconstructOptions& options, JobState state, const st
                cost_text(report));
     cli::print_tolerance(report);
     cli::print_smoothing(report);
+    if (const std::string coverage = coverage_text(report); !coverage.empty())
+      fmt::print("{}{}\n", coverage,
+                 report.at("coverage").at("picture") == true
+                     ? "; " + state.output.string() + ".missing.png shows in magenta what is not"
+                     : "");
   };
   if (state.run.verbosity >= 0) say_mesh();
   if (!site) return;

@@ -55,6 +55,10 @@ std::string summary(const json& report, const PageParts& parts) {
                   parts.check->boundary_edges == 0 ? "no border edge" : "holes and outer borders");
   if (const json& maximum = value_at(report, "/certificate/certified_max"); maximum.is_number())
     tiles += tile(bound_text(maximum.get<double>(), 6), "largest distance, proven both ways");
+  if (const json& confirmed = value_at(report, "/coverage/confirmed"); confirmed.is_number()) {
+    const std::string text = coverage_text(report);
+    tiles += tile(text.substr(0, text.find('%') + 1), "of what was seen is in the mesh");
+  }
   if (const json& time = value_at(report, "/wall_s"); time.is_number())
     tiles += tile(time_text(time.get<double>()), "from start to end");
   if (const json& peak = value_at(report, "/peak_bytes"); peak.is_number())
@@ -136,6 +140,36 @@ std::string deviation(const json& report, const PageParts& parts) {
   return body.empty() ? "" : html::section("deviation", "Deviation", body);
 }
 
+std::string completeness(const json& report, const PageParts& parts) {
+  const json& coverage = value_at(report, "/coverage");
+  const std::string said = coverage_text(report);
+  if (said.empty()) return "";
+  const auto missing = [&](const char* part, const char* all) {
+    return fmt::format("{} of {}", escape(count_text(value_at(coverage, part))),
+                       escape(count_text(value_at(coverage, all))));
+  };
+  Rows rows;
+  rows.emplace_back(
+      "points on a surface beyond doubt",
+      fmt::format(
+          "{} lie farther than {} from the mesh; {} looked at", missing("/points_missing", "/points"),
+          number_text(number_at(coverage, "/distance")),
+          value_at(coverage, "/one_in") == 1
+              ? "all points were"
+              : "one in " + escape(count_text(value_at(coverage, "/one_in"))) + " of all points was"));
+  rows.emplace_back(
+      "columns seen from above",
+      fmt::format("{}, squares of {} that hold at least four points, have no mesh",
+                  missing("/columns_missing", "/columns"), number_text(number_at(coverage, "/column_edge"))));
+  std::string body = html::paragraph(said + ".") + html::table(rows);
+  if (!parts.missing.empty())
+    body += html::picture(
+        parts.missing, "The scan from above, in magenta where its mesh lacks what was seen",
+        "From above: grey where the mesh holds what was seen, magenta where something is missing. "
+        "Leaves, spray and noise are not counted.");
+  return html::section("completeness", "Completeness", body);
+}
+
 std::string uncertainty(const json& report, const PageParts& parts) {
   const json& orient = stage_result(report, "orient");
   const json& share = value_at(orient, "/uncertain_fraction");
@@ -210,7 +244,7 @@ std::string page_text(const json& report, const PageParts& parts) {
       escape(text_at(report, "/machine/processor")), escape(text_at(report, "/machine/cores")));
   text += refusal(report) + summary(report, parts) + warnings(report) + went_in(report) +
           came_out(report, parts) + pictures(parts) + preview(parts) + deviation(report, parts) +
-          uncertainty(report, parts);
+          completeness(report, parts) + uncertainty(report, parts);
   if (const std::string shape = shape_figures(report, parts); !shape.empty())
     text += html::section("shape", "Shape", shape);
   text += html::section("run", "How it ran", run_figures(report)) + options(report);

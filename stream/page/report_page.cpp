@@ -188,8 +188,9 @@ fs::path page_path(const fs::path& report) {
 
 PageParts make_page_parts(const json& report, const PageRequest& request) {
   PageParts parts;
-  fs::path uncertain = bytes_of_json_text(text_at(report, "/output/path"));
-  parts.uncertain = file_bytes(uncertain += ".uncertain.png");
+  const std::string output = bytes_of_json_text(text_at(report, "/output/path"));
+  parts.uncertain = file_bytes(output + ".uncertain.png");
+  if (value_at(report, "/coverage/picture") == true) parts.missing = file_bytes(output + ".missing.png");
   std::error_code error;
   if (value_at(report, "/refused").is_object() || !fs::is_regular_file(request.mesh, error)) {
     if (!value_at(report, "/refused").is_object())

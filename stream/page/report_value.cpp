@@ -1,5 +1,6 @@
 #include "stream/page/report_value.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -52,6 +53,19 @@ const json& stage_result(const json& report, const std::string& stage) {
     for (const json& entry : stages)
       if (text_at(entry, "/name") == stage) return value_at(entry, "/result");
   return kNull;
+}
+
+std::string coverage_text(const json& report) {
+  const auto percent = [&](const char* pointer) {
+    const double share = std::clamp(number_at(report, pointer), 0.0, 1.0);
+    return share == 1.0 ? std::string("100 %") : fmt::format("{:.2f} %", std::floor(1e4 * share) / 100.0);
+  };
+  std::string text;
+  if (value_at(report, "/coverage/confirmed").is_number())
+    text = percent("/coverage/confirmed") + " of what was seen is in the mesh";
+  if (value_at(report, "/coverage/plan").is_number())
+    text += (text.empty() ? "" : ", ") + std::string("seen from above ") + percent("/coverage/plan");
+  return text;
 }
 
 std::string count_text(const json& value) {

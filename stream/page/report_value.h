@@ -18,6 +18,10 @@ double tolerance_of_job(const nlohmann::json& report);
 /// What a stage reported; null where it did not run.
 const nlohmann::json& stage_result(const nlohmann::json& report, const std::string& stage);
 
+/// Of `coverage` in the report of a reconstruction: "99.30 % of what was seen is in the mesh, seen from above 99.99 %"; empty
+/// where it was not measured. Nothing is 100 % of which a part is missing.
+std::string coverage_text(const nlohmann::json& report);
+
 std::string count_text(const nlohmann::json& value);  ///< 1,234,567
 std::string bytes_text(const nlohmann::json& value);  ///< 1.50 GiB
 std::string time_text(double seconds);                ///< "2 h 05 min", "3 min 20 s", "4.5 s"

@@ -37,6 +37,7 @@ struct ChainResult {
 inline JobState chain_job(const std::filesystem::path& work, const ChainSetup& setup) {
   JobState job;
   job.work = work;
+  job.output = work / "out.ply";
   ReconstructOptions options = setup.options;
   options.resolution = setup.h;
   job.settings = to_settings(options);

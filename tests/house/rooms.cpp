@@ -22,6 +22,7 @@ const std::map<std::string, std::set<std::string>> kKernelFolders = {
     {"merge", {"field", "mesh", "holes"}},
     {"remesh", {"mesh", "decimate"}},
     {"certify", {"mesh"}},
+    {"coverage", {"mesh"}},
     {"smooth", {"mesh"}},
     {"holes", {"mesh", "smooth"}},
     {"maps", {"mesh"}},

@@ -189,6 +189,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/field", "stream/stages/solid", {"far_stages", "field_job", "field_stages", "surface_distance"});
     by("stream/import/mesh_import", "stream/import",
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
+    by("stream/stages/coverage/coverage", "stream/stages/coverage",
+       {"coverage_stage", "face_source", "missing_picture", "seen_stages"});
     by("tools/decimate", "stream/meshes", {"store_write_stage"});
     by("tools/decimate", "stream/stages/decimate",
        {"certify_stage", "decimate_job", "pass_blocks", "round_before", "unsettled_region"});
@@ -205,7 +207,8 @@ const std::map<std::string, std::string>& covering_tests() {
         "resample_options", "resample_scale_stage", "resample_stages"});
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
        {"forecast_composer", "forecast_list", "forecast_rates", "planned_patches"});
-    by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});
+    by("tools/reconstruct", "stream/stages/reconstruct",
+       {"coverage_check", "forecast_stage", "reconstruct_job"});
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct", {"brick_needs"});
     by("tools/levels", "stream/stages/surface",
        {"level_fields", "level_files", "level_surface_stage", "levels_stage"});

@@ -1,7 +1,9 @@
 // The main job as a user runs it: one hash over everything that must not matter, kills, caps.
 #include <catch2/catch.hpp>
+
 #include <cstdlib>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
@@ -37,14 +39,31 @@ std::vector<std::string> job(const std::vector<std::string>& inputs, const std::
   return words;
 }
 
-std::string mesh_of(const std::vector<std::string>& inputs, const std::vector<std::string>& more) {
+/// What the report says of what is missing, and its picture.
+std::string coverage_of(const std::filesystem::path& out) {
+  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  const std::string picture = out.string() + ".missing.png";
+  REQUIRE(report.at("coverage").at("picture") == std::filesystem::exists(picture));
+  return report.at("coverage").dump() + (std::filesystem::exists(picture) ? file_bytes(picture) : "");
+}
+
+struct ScanResult {
+  std::string mesh, coverage;
+  bool operator==(const ScanResult&) const = default;
+};
+
+ScanResult result_of(const std::vector<std::string>& inputs, const std::vector<std::string>& more) {
   const TempFolder folder;
   const auto out = folder.path() / "mesh.ply";
   const CommandResult r = tessera_command(job(inputs, out, more));
   INFO(r.errors);
   REQUIRE(r.code == 0);
   CHECK_FALSE(std::filesystem::exists(out.string() + ".tessera"));
-  return file_bytes(out);
+  return {file_bytes(out), coverage_of(out)};
+}
+
+std::string mesh_of(const std::vector<std::string>& inputs, const std::vector<std::string>& more) {
+  return result_of(inputs, more).mesh;
 }
 
 /// The lines of the scan in another order, over `parts` files.
@@ -72,31 +91,68 @@ std::vector<std::string> reordered(const TempFolder& folder, std::size_t parts, 
 
 TEST_CASE("reconstruct: one hash over tiles, threads, caps, order, files and processes", "[pipeline]") {
   const std::vector<std::string> whole = {scan().string()};
-  const std::string want = mesh_of(whole, {"--tile-size", "64", "-t", "1", "--memory", "1G"});
-  REQUIRE(want.size() > 500'000);
+  const ScanResult want = result_of(whole, {"--tile-size", "64", "-t", "1", "--memory", "1G"});
+  REQUIRE(want.mesh.size() > 500'000);
   for (const char* tile : {"64", "128", "256"})
     for (const char* threads : {"1", "2", "5"}) {
       CAPTURE(tile, threads);
-      CHECK(mesh_of(whole, {"--tile-size", tile, "-t", threads, "--memory", "2G"}) == want);
+      CHECK(result_of(whole, {"--tile-size", tile, "-t", threads, "--memory", "2G"}) == want);
     }
-  CHECK(mesh_of(whole, {"--memory", "192M", "-t", "2"}) == want);
-  CHECK(mesh_of(whole, {"--processes", "-t", "2"}) == want);
+  CHECK(result_of(whole, {"--memory", "192M", "-t", "2"}) == want);
+  CHECK(result_of(whole, {"--processes", "-t", "2"}) == want);
   const TempFolder folder;
-  CHECK(mesh_of(reordered(folder, 1, true), {}) == want);
-  CHECK(mesh_of(reordered(folder, 3, false), {"--memory", "256M"}) == want);
+  CHECK(result_of(reordered(folder, 1, true), {}) == want);
+  CHECK(result_of(reordered(folder, 3, false), {"--memory", "256M"}) == want);
+}
+
+TEST_CASE("reconstruct: check --scan tells of a mesh what its job told, and of less of it less",
+          "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  REQUIRE(tessera_command(job({scan().string()}, out, {})).code == 0);
+  const auto told = [&](const std::filesystem::path& mesh) {
+    const auto file = folder.path() / "check.json";
+    const CommandResult r = tessera_command({"check", mesh.string(), "--scan", scan().string(), "--json",
+                                             file.string(), "--force", "--memory", "256M"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return nlohmann::json::parse(file_bytes(file)).at("coverage");
+  };
+  nlohmann::json want = nlohmann::json::parse(file_bytes(out.string() + ".report.json")).at("coverage");
+  want.erase("picture");
+  nlohmann::json whole = told(out);
+  REQUIRE(whole.at("measured") == true);
+  whole.erase("measured");
+  CHECK(whole == want);
+  CHECK(whole.at("confirmed").get<double>() > 0.99);
+
+  // The half of the scan below its mean x.
+  double sum = 0.0, count = 0.0;
+  std::ifstream lines(scan());
+  for (std::string line; std::getline(lines, line);)
+    if (!line.empty() && line[0] != '#') sum += std::strtod(line.c_str(), nullptr), ++count;
+  const auto half = folder.path() / "half.ply";
+  const std::string box = "-1e9,-1e9,-1e9," + std::to_string(sum / count) + ",1e9,1e9";
+  REQUIRE(tessera_command(job({scan().string()}, half, {"--bounds", box})).code == 0);
+  const nlohmann::json less = told(half);
+  CHECK(less.at("points") == want.at("points"));
+  CHECK(less.at("confirmed").get<double>() < 0.9);
+  CHECK(less.at("plan").get<double>() < want.at("plan").get<double>());
+  CHECK(tessera_command({"check", out.string(), "--scan", (folder.path() / "none.las").string()}).code == 3);
 }
 
 TEST_CASE("reconstruct: killed at commits and writes, the same command ends in the same bytes", "[fault]") {
-  const std::string want = mesh_of({scan().string()}, {});
+  const ScanResult want = result_of({scan().string()}, {});
   const TempFolder folder;
   const auto out = folder.path() / "mesh.ply";
   const auto words = job({scan().string()}, out, {"-t", "2"});
   const CommandResult r = resumed_after_kills(words, [&] {
-    if (std::filesystem::exists(out)) CHECK(file_bytes(out) == want);  // killed behind the last rename
+    if (std::filesystem::exists(out)) CHECK(file_bytes(out) == want.mesh);  // killed behind the last rename
   });
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  CHECK(file_bytes(out) == want);
+  CHECK(file_bytes(out) == want.mesh);
+  CHECK(coverage_of(out) == want.coverage);
 }
 
 TEST_CASE("reconstruct: killed at every commit point, the same command ends in the same bytes", "[fault]") {

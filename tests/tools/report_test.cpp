@@ -92,6 +92,10 @@ TEST_CASE("report: the page is well formed, holds the figures, and loads nothing
   CHECK(holds(page, "src=\"data:image/png;base64,"));
   CHECK(holds(page, "id=\"view-faces\""));
   CHECK(holds(page, "Faces by their smallest angle"));
+  CHECK(holds(page, "<section id=\"completeness\""));
+  CHECK(holds(page, " of what was seen is in the mesh"));
+  CHECK(holds(page, count("coverage", "points_missing") + " of " + count("coverage", "points")));
+  CHECK(report.at("coverage").at("confirmed") > 0.9);
   CHECK_FALSE(holds(page, "http:"));
   CHECK_FALSE(holds(page, "https:"));
   CHECK_FALSE(holds(page, "<link"));

@@ -7,6 +7,9 @@
 
 #include "stream/points/multipole_store.h"
 #include "stream/points/top_store.h"
+#include "stream/stages/coverage/coverage_stage.h"
+#include "stream/stages/coverage/seen_stages.h"
+#include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/scan/top_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/surface_stage.h"
@@ -36,6 +39,19 @@ std::uint64_t planned_close_bytes(const RunOptions& run, std::span<const BrickEn
     lent = std::max(lent, close_bytes(run, counts));
   }
   return lent;
+}
+
+std::uint64_t planned_seen_bytes(const Plan& plan, std::span<const BrickEntry> bricks) {
+  std::uint64_t maximum = 0;
+  for (const PlanBucket& b : plan.buckets)
+    maximum = std::max(maximum, seen_task_bytes(bricks, b.first_brick, b.first_brick + b.bricks));
+  return maximum;
+}
+
+std::uint64_t planned_coverage_bytes(bool stored, const PatchEntry& largest, std::uint64_t filling_bytes) {
+  return coverage_task_bytes(stored ? stored_faces_bytes(surface_block_bytes(largest.faces))
+                                    : welded_faces_bytes(std::uint64_t{largest.vertices} + largest.foreign,
+                                                         largest.faces, filling_bytes));
 }
 
 TopNeeds planned_top_needs(const RunOptions& run, const ReconstructOptions& options,

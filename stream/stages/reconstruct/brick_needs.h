@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <span>
 
+#include "stream/meshes/patch_store.h"
+#include "stream/points/plan.h"
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/options.h"
@@ -12,6 +14,12 @@ namespace tessera {
 
 /// Of the end of the close stage. \param bricks  ascending key
 std::uint64_t planned_close_bytes(const RunOptions& run, std::span<const BrickEntry> bricks);
+
+/// Of a task of the seen stage. \param bricks  of the plan
+std::uint64_t planned_seen_bytes(const Plan& plan, std::span<const BrickEntry> bricks);
+
+/// Of a task of the coverage stage. \param stored  the mesh lies in a store, else in welded patches
+std::uint64_t planned_coverage_bytes(bool stored, const PatchEntry& largest, std::uint64_t filling_bytes);
 
 /// Of the stages of the top surface.
 struct TopNeeds {

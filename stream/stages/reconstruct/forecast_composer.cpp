@@ -10,6 +10,8 @@
 #include "stream/points/closing_store.h"
 #include "stream/points/multipole_store.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/coverage/coverage_stage.h"
+#include "stream/stages/coverage/seen_stages.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_stage.h"
@@ -100,6 +102,10 @@ class Composer {
       if (options_.smooths()) smooth();
       decimate(patches + smoothed / 2);
     }
+    const std::uint64_t cover =
+        planned_coverage_bytes(fused || options_.decimates(), largest_, filling_bytes());
+    add("coverage", groups_.size(), {cover, coverage_finish_bytes(), coverage_finish_bytes()}, 0,
+        2 * groups_.size(), faces_ * (options_.decimates() ? 0.1 : 1.0) * kCoverageTime, 0.0);
     if (!options_.decimates())
       add("write", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
           forecast_.output_bytes, 1, faces_ * kWriteTime,
@@ -137,6 +143,9 @@ class Composer {
           order, order_task_bytes(b, plan_bricks_, std::min(runs, b.points), options_.max_brick_points));
     add("order", buckets, known(order, OrderStage::kFinishBytes), store_bytes_, buckets, points_ * kOrderTime,
         static_cast<double>(run_bytes_ + store_bytes_));
+    add("seen-spacing", 0, known(0, seen_spacing_bytes(bricks_)), 0, 1, 0.0, 0.0);
+    add("seen", buckets, known(planned_seen_bytes(plan_, bricks_), seen_finish_bytes()), 0, 2 * buckets,
+        points_ * kSeenTime, static_cast<double>(store_bytes_));
     if (!mode_.needed()) return;
     add("normals", buckets, known(normals_task_bytes(bricks_, 0, bricks_.size()), 0), overlay_bytes_, buckets,
         points_ * (mode_.estimate ? kEstimateTime : kShapeTime),

@@ -16,6 +16,7 @@ inline constexpr double kOutputBytes = 19.0;  // per face: 13 bytes a face, half
 // them.
 inline constexpr double kDistributeTime = 0.05;
 inline constexpr double kOrderTime = 0.05;
+inline constexpr double kSeenTime = 0.1;
 inline constexpr double kShapeTime = 0.25;     // supporters of points with normals
 inline constexpr double kEstimateTime = 0.95;  // normals too
 inline constexpr double kLinksTime = 0.15;
@@ -27,11 +28,12 @@ inline constexpr double kSurfaceTime = 0.42;  // per face, of exact samples
 inline constexpr double kNoisySurfaceTime =
     2.2;  // beside that, of noise of a twentieth of the resolution and more
 inline constexpr double kNoisyCells = 0.05;
-inline constexpr double kWeldTime = 0.03;    // per face
-inline constexpr double kUncrossTime = 0.2;  // per face, of scans that are mostly borders
-inline constexpr double kBorderTime = 0.1;   // per face, of scans that are mostly borders
-inline constexpr double kSamplesTime = 0.5;  // per point, of either pass
-inline constexpr double kWriteTime = 0.02;   // per face
+inline constexpr double kWeldTime = 0.03;      // per face
+inline constexpr double kUncrossTime = 0.2;    // per face, of scans that are mostly borders
+inline constexpr double kBorderTime = 0.1;     // per face, of scans that are mostly borders
+inline constexpr double kSamplesTime = 0.5;    // per point, of either pass
+inline constexpr double kCoverageTime = 0.17;  // per face
+inline constexpr double kWriteTime = 0.02;     // per face
 // With --holes, per point and per face of the open surface; what closing itself takes only the holes know.
 inline constexpr double kMultipoleTime = 0.1;
 inline constexpr double kBoundaryTime = 0.4;

@@ -9,6 +9,9 @@
 #include "stream/meshes/mesh_store_output.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
+#include "stream/stages/coverage/coverage_stage.h"
+#include "stream/stages/coverage/missing_picture.h"
+#include "stream/stages/coverage/seen_stages.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/reconstruct/forecast_stage.h"
 #include "stream/stages/scan/distribute_stage.h"
@@ -59,6 +62,11 @@ void summarise(nlohmann::json& report) {
     report["samples"] = samples;
   if (const nlohmann::json points = result_of(report, "points"); points.is_object())
     report["points_to_surface"] = points;
+  if (nlohmann::json coverage = result_of(report, "coverage");
+      coverage.is_object() && coverage.value("measured", false)) {
+    coverage.erase("measured");
+    report["coverage"] = std::move(coverage);
+  }
   if (islands.is_object()) {
     mesh = islands;
     mesh.erase("full_faces");
@@ -113,6 +121,18 @@ std::vector<StageNeed> early_needs(const JobState& state) {
 
 }  // namespace
 
+namespace {
+
+StageEntry coverage_of(const std::function<MeshStore(const JobState&)>& store) {
+  return {"coverage", [=](const JobState& state) {
+            return make_coverage_stage(state, [=](const JobState& s) {
+              return stored_faces(store(s), Plan::of_work(s.work).lattice);
+            });
+          }};
+}
+
+}  // namespace
+
 std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   std::vector<StageEntry> stages = {
       // in the order in which they run
@@ -124,6 +144,8 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"forecast", make_forecast_stage},
       {"distribute", make_distribute_stage},
       {"order", make_order_stage},
+      {"seen-spacing", make_seen_spacing_stage},
+      {"seen", make_seen_stage},
       {"normals", make_normals_stage},
       {"links", make_links_stage},
       {"orient", make_orient_stage},
@@ -146,18 +168,16 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
     stores.placed = [](const JobState& state) { return plan_placement(state, Plan::of_work(state.work)); };
     const SimplifyOptions simplify = reconstruct_simplify_options(options);
     append(simplify_stages(simplify, stores, "tessera reconstruct"));
+    const auto result = [=](const JobState& s) {
+      return open_pass_input(s, stores, {simplify.passes, last_round(s.work), false});
+    };
     // The last stage ends the job.
     if (options.reference == "points")
       stages.insert(stages.end() - 1,
                     {"samples", [=](const JobState& state) {
-                       return make_samples_stage(
-                           state,
-                           {reconstruct_tolerance(state),
-                            [=](const JobState& s) {
-                              return open_pass_input(s, stores, {simplify.passes, last_round(s.work), false});
-                            },
-                            false});
+                       return make_samples_stage(state, {reconstruct_tolerance(state), result, false});
                      }});
+    stages.insert(stages.end() - 1, coverage_of(result));
     if (options.keep_raw)
       stages.insert(stages.end() - 1, {"keep-raw", [=](const JobState& state) {
                                          return make_keep_raw_stage(state, stores.full(state),
@@ -168,10 +188,11 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   if (fuses_stores(options)) {
     append({{"islands", make_islands_stage}, {"prune", make_prune_stage}});
     if (!options.decimates())
-      append({{"write", [](const JobState& state) {
-                 return make_store_write_stage(state, open_full_surface(state), "made by tessera reconstruct",
-                                               sort_bytes(state.run));
-               }}});
+      append({coverage_of(open_full_surface), {"write", [](const JobState& state) {
+                                                 return make_store_write_stage(
+                                                     state, open_full_surface(state),
+                                                     "made by tessera reconstruct", sort_bytes(state.run));
+                                               }}});
     else if (fuses_first_pass(options))
       finish({open_full_surface, open_first_pass, first_pass_blocks, reconstruct_tolerance});
     else
@@ -182,7 +203,8 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   append(uncross_stages());
   append({{"loops", make_loops_stage}, {"holes", make_holes_stage}});
   if (!options.decimates()) {
-    append({{"write", make_write_stage}});
+    append({{"coverage", [](const JobState& state) { return make_coverage_stage(state, welded_faces); }},
+            {"write", make_write_stage}});
     return stages;
   }
   append({{"raw", make_raw_write_stage}});
@@ -208,6 +230,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
     job.sidecars.push_back({uncertain_picture_path, "the picture of --normals"});
     job.sidecars.push_back({uncertain_points_path, "the doubts of --normals"});
   }
+  job.sidecars.push_back({missing_picture_path, "the picture of what is missing"});
   job.sidecars.push_back({crs_sidecar_path, "the coordinate system beside -o", false, crs_text});
   job.sidecars.push_back(known_origin());
   if (options.keep_raw) {

@@ -162,9 +162,10 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   ChainSetup setup;
   const auto points = scan_without_duplicates(60000, 90.0);
   setup.task_points = setup.slice_points = 20000;
-  std::set<std::string> same = {"distribute", "normals", "surface"};
-  std::vector<std::string> names = {"distribute", "order",     "normals",   "surface", "weld",  "border",
-                                    "uncross-1",  "uncross-2", "uncross-3", "loops",   "holes", "write"};
+  std::set<std::string> same = {"distribute", "seen", "normals", "surface"};
+  std::vector<std::string> names = {"distribute", "order", "seen-spacing", "seen",      "normals",
+                                    "surface",    "weld",  "border",       "uncross-1", "uncross-2",
+                                    "uncross-3",  "loops", "holes",        "coverage",  "write"};
   SECTION("given normals") {}
   SECTION("tiles that the cap cuts") {
     setup.memory = 160 * kMiB;
@@ -172,27 +173,30 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   SECTION("estimated normals, holes filled") {
     setup.options.normals = "estimate";
     setup.options.max_hole = "100";
-    names = {"distribute", "order",  "normals",   "links",     "orient",    "top",   "top-points", "surface",
-             "weld",       "border", "uncross-1", "uncross-2", "uncross-3", "loops", "holes",      "write"};
+    names = {"distribute", "order",      "seen-spacing", "seen",     "normals", "links",     "orient",
+             "top",        "top-points", "surface",      "weld",     "border",  "uncross-1", "uncross-2",
+             "uncross-3",  "loops",      "holes",        "coverage", "write"};
   }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
-    names = {"distribute", "order",  "normals", "surface", "islands",
-             "prune",      "pass-2", "pass-3",  "certify", "write"};
+    names = {"distribute", "order",  "seen-spacing", "seen",    "normals",  "surface", "islands",
+             "prune",      "pass-2", "pass-3",       "certify", "coverage", "write"};
   }
   SECTION("smoothed and decimated") {
     setup.options.tolerance = 0.1;
     setup.options.smooth = "auto";
-    names = {"distribute", "order",    "normals",    "surface", "islands", "prune",  "reach",   "noise",
-             "smooth-1",   "smooth-2", "noise-left", "pass-1",  "pass-2",  "pass-3", "certify", "write"};
+    names = {"distribute", "order",  "seen-spacing", "seen",     "normals",  "surface",    "islands",
+             "prune",      "reach",  "noise",        "smooth-1", "smooth-2", "noise-left", "pass-1",
+             "pass-2",     "pass-3", "certify",      "coverage", "write"};
   }
   SECTION("decimated against the points, the surface kept: by way of a mesh") {
     setup.options.tolerance = 0.5;
     setup.options.reference = "points";
     setup.options.keep_raw = true;
-    names = {"distribute", "order",  "normals",   "surface",       "weld",         "uncross-1",  "uncross-2",
-             "uncross-3",  "raw",    "mesh-read", "mesh-vertices", "mesh-corners", "mesh-tiles", "points",
-             "pass-1",     "pass-2", "pass-3",    "certify",       "samples",      "keep-raw",   "write"};
+    names = {"distribute",    "order",        "seen-spacing", "seen",      "normals",  "surface",
+             "weld",          "uncross-1",    "uncross-2",    "uncross-3", "raw",      "mesh-read",
+             "mesh-vertices", "mesh-corners", "mesh-tiles",   "points",    "pass-1",   "pass-2",
+             "pass-3",        "certify",      "samples",      "coverage",  "keep-raw", "write"};
   }
   Forecasted forecasted;
   const auto reserved = run_all(points, setup, work.path(), forecasted);
@@ -238,8 +242,9 @@ TEST_CASE("forecast: closing and decimation have their stages, with the disk tha
   }
   CHECK(names_of(forecasted.forecast, true) == stages_of_the_run(setup.options));
   CHECK(names_of(forecasted.forecast, false) ==
-        std::vector<std::string>{"distribute", "order", "normals", "multipole", "rims", "close", "surface",
-                                 "islands", "prune", "pass-2", "pass-3", "certify", "write"});
+        std::vector<std::string>{"distribute", "order", "seen-spacing", "seen", "normals", "multipole",
+                                 "rims", "close", "surface", "islands", "prune", "pass-2", "pass-3",
+                                 "certify", "coverage", "write"});
   for (const char* stage : {"normals", "multipole", "rims"})
     CHECK(find(forecasted.forecast, stage)->task_bytes == reserved.at(stage).task);
   CHECK(find(forecasted.forecast, "close")->memory_bytes() >= reserved.at("close").finish);
