@@ -90,10 +90,20 @@ ColumnCover::Corner ColumnCover::corner(double u, double v) {
   return {u, v, static_cast<std::int32_t>(std::floor(u)), static_cast<std::int32_t>(std::floor(v))};
 }
 
-void ColumnCover::add(const std::array<Corner, 3>& face, std::vector<ColumnMask>& out) {
+void ColumnCover::add(std::span<const Corner> corners, std::span<const std::array<std::uint32_t, 3>> faces,
+                      std::vector<ColumnMask>& out) {
+  std::vector<std::uint8_t> used(corners.size(), 0);
+  for (const auto& f : faces)
+    for (const std::uint32_t v : f) used[v] = 1;
+  for (std::size_t v = 0; v < corners.size(); ++v)
+    if (used[v] != 0) mark(corners[v].column_u, corners[v].column_v, out);
+  for (const auto& f : faces) mark_middles({corners[f[0]], corners[f[1]], corners[f[2]]}, out);
+}
+
+/// Of columns that hold none of the corners.
+void ColumnCover::mark_middles(const std::array<Corner, 3>& face, std::vector<ColumnMask>& out) {
   std::int32_t low_u = face[0].column_u, high_u = low_u, low_v = face[0].column_v, high_v = low_v;
   for (const Corner& c : face) {
-    mark(c.column_u, c.column_v, out);
     low_u = std::min(low_u, c.column_u), high_u = std::max(high_u, c.column_u);
     low_v = std::min(low_v, c.column_v), high_v = std::max(high_v, c.column_v);
   }

@@ -4,6 +4,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "octree/vector.h"
@@ -72,11 +73,13 @@ class ColumnCover {
   /// \param u, v  edges of columns, finite, below 2^31
   static Corner corner(double u, double v);
   /// What lies at negative coordinates covers nothing.
-  void add(const std::array<Corner, 3>& face, std::vector<ColumnMask>& out);
+  void add(std::span<const Corner> corners, std::span<const std::array<std::uint32_t, 3>> faces,
+           std::vector<ColumnMask>& out);
   void flush(std::vector<ColumnMask>& out);
 
  private:
   void mark(std::int32_t u, std::int32_t v, std::vector<ColumnMask>& out);
+  void mark_middles(const std::array<Corner, 3>& face, std::vector<ColumnMask>& out);
   static constexpr std::uint64_t kFree = ~std::uint64_t{0};
   std::array<ColumnMask, 64> slots_ = [] {
     std::array<ColumnMask, 64> free{};

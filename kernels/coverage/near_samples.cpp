@@ -33,10 +33,10 @@ NearSamples::NearSamples(std::span<const Double3> samples, double distance)
   };
   for (const Double3& p : samples) for_cells(around(p), [&](std::size_t c) { ++start_[c + 1]; });
   for (std::size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
-  std::vector<std::uint32_t> next(start_.begin(), start_.end() - 1);
+  end_.assign(start_.begin(), start_.end() - 1);
   sample_.resize(start_.back());
   for (std::uint32_t i = 0; i < samples.size(); ++i)
-    for_cells(around(samples[i]), [&](std::size_t c) { sample_[next[c]++] = i; });
+    for_cells(around(samples[i]), [&](std::size_t c) { sample_[end_[c]++] = i; });
 }
 
 std::array<Int3, 2> NearSamples::cells(const Double3& low, const Double3& high) const {
@@ -67,14 +67,46 @@ void NearSamples::add(const std::array<Double3, 3>& face) {
     high[a] = std::min(std::max({face[0][a], face[1][a], face[2][a]}), high_[a]);
     if (high[a] < low_[a] || low[a] > high_[a]) return;
   }
-  for_cells(cells(low, high), [&](std::size_t c) {
-    for (std::uint32_t s = start_[c]; s < start_[c + 1]; ++s) {
-      const std::uint32_t i = sample_[s];
-      if (near_[i] != 0) continue;
+  for_cells(cells(low, high), [&](std::size_t c) { meet(c, face); });
+}
+
+void NearSamples::meet(std::size_t cell, const std::array<Double3, 3>& face) {
+  for (std::uint32_t s = start_[cell]; s < end_[cell];) {
+    const std::uint32_t i = sample_[s];
+    if (near_[i] == 0) {
       const TriangleFoot foot = foot_in_triangle(samples_[i], face[0], face[1], face[2]);
       near_[i] = squared_distance(samples_[i], foot.at) < distance_ * distance_ ? 1 : 0;
     }
-  });
+    if (near_[i] != 0)
+      sample_[s] = sample_[--end_[cell]];
+    else
+      ++s;
+  }
+}
+
+void NearSamples::add(std::span<const Double3> position,
+                      std::span<const std::array<std::uint32_t, 3>> faces) {
+  if (samples_.empty()) return;
+  constexpr std::uint32_t kBeyond = 0xffffffffu;
+  std::vector<std::uint32_t> cell(position.size(), kBeyond);
+  for (std::size_t v = 0; v < position.size(); ++v) {
+    bool inside = true;
+    for (std::size_t a = 0; a < 3; ++a)
+      inside = inside && position[v][a] >= low_[a] && position[v][a] <= high_[a];
+    if (!inside) continue;
+    const Int3 at = cells(position[v], position[v])[0];
+    cell[v] = static_cast<std::uint32_t>((at[2] * cells_[1] + at[1]) * cells_[0] + at[0]);
+  }
+  for (const auto& f : faces) {
+    const std::uint32_t c = cell[f[0]];
+    const bool one_cell = c != kBeyond && c == cell[f[1]] && c == cell[f[2]];
+    if (one_cell && start_[c] == end_[c]) continue;
+    const std::array<Double3, 3> face = {position[f[0]], position[f[1]], position[f[2]]};
+    if (one_cell)
+      meet(c, face);
+    else
+      add(face);
+  }
 }
 
 }  // namespace tessera

@@ -16,6 +16,8 @@ class NearSamples {
   NearSamples(std::span<const Double3> samples, double distance);
 
   void add(const std::array<Double3, 3>& face);
+  /// Faces over positions.
+  void add(std::span<const Double3> position, std::span<const std::array<std::uint32_t, 3>> faces);
   /// Per sample: 1 if a face came near it.
   std::span<const std::uint8_t> near() const { return near_; }
 
@@ -25,12 +27,15 @@ class NearSamples {
   template <class Use>
   void for_cells(const std::array<Int3, 2>& range, const Use& use) const;
 
+  void meet(std::size_t cell, const std::array<Double3, 3>& face);
+
   std::span<const Double3> samples_;
   double distance_;
   Double3 low_{}, high_{};  ///< of all that lies within the distance of a sample, by coordinates
   double per_edge_ = 1.0;
   Int3 cells_ = {1, 1, 1};
-  std::vector<std::uint32_t> start_, sample_;  ///< by cell: those within the distance of it, by coordinates
+  /// By cell: those within the distance of it, by coordinates, that no face was near yet when last looked at.
+  std::vector<std::uint32_t> start_, end_, sample_;
   std::vector<std::uint8_t> near_;
 };
 

@@ -216,8 +216,7 @@ class CoverageStage : public Stage {
     });
     if (open.empty()) return;
     NearSamples samples(open, distance);
-    for (const auto& f : part.faces)
-      samples.add({part.position[f[0]], part.position[f[1]], part.position[f[2]]});
+    samples.add(part.position, part.faces);
     for (std::size_t i = 0; i < index.size(); ++i)
       near[index[i] / 64] |= std::uint64_t{samples.near()[i]} << index[i] % 64;
   }
@@ -228,7 +227,7 @@ class CoverageStage : public Stage {
     for (std::size_t v = 0; v < corner.size(); ++v)
       corner[v] =
           ColumnCover::corner(part.position[v][axes_.u] * per_cell, part.position[v][axes_.v] * per_cell);
-    for (const auto& f : part.faces) cover.add({corner[f[0]], corner[f[1]], corner[f[2]]}, columns);
+    cover.add(corner, part.faces, columns);
     if (columns.size() > kColumnsBeforeCombined) combine_columns(columns);
   }
 

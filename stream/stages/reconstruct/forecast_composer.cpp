@@ -102,14 +102,10 @@ class Composer {
       if (options_.smooths()) smooth();
       decimate(patches + smoothed / 2);
     }
-    const std::uint64_t cover =
-        planned_coverage_bytes(fused || options_.decimates(), largest_, filling_bytes());
+    const auto cover = planned_coverage_bytes(fused || options_.decimates(), largest_, filling_bytes());
     add("coverage", groups_.size(), {cover, coverage_finish_bytes(), coverage_finish_bytes()}, 0,
         2 * groups_.size(), faces_ * (options_.decimates() ? 0.1 : 1.0) * kCoverageTime, 0.0);
-    if (!options_.decimates())
-      add("write", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
-          forecast_.output_bytes, 1, faces_ * kWriteTime,
-          static_cast<double>(patches + forecast_.output_bytes));
+    if (!options_.decimates()) add_write("write", patch_write(), patches);
     forecast_.peak_disk_bytes =
         std::max({inputs_.unpacked_bytes + run_bytes_, run_bytes_ + store_bytes_,
                   top_bytes_ > 0 ? 2 * store_bytes_ + overlay_bytes_ + top_bytes_ : 0,
@@ -183,13 +179,9 @@ class Composer {
     return multipoles + ends;
   }
 
-  /// Noisy samples are fitted again with wider radii, and look for sheets and creases that noise only feigns.
-  double surface_time() const {
-    return kSurfaceTime + std::min(1.0, plan_.noise_cells / kNoisyCells) * kNoisySurfaceTime;
-  }
   void level_surface(std::uint64_t patches) {
     add("surface", groups_.size(), known(level_surface_task_bytes(max_points_near(bricks_)), 0), patches,
-        groups_.size(), faces_ * surface_time(),
+        groups_.size(), faces_ * surface_time(plan_.noise_cells),
         static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
   }
   void surface(bool fused, std::uint64_t patches) {
@@ -202,7 +194,7 @@ class Composer {
       if (closes_) open = std::max(open, surface_tile_bytes(bricks_, closing, t, halo_, fused, 0));
     });
     add("surface", groups_.size(), {maximum, 0, closes_ ? open : maximum}, patches, groups_.size(),
-        faces_ * (surface_time() + (fused ? kFirstPassTime : 0.0)),
+        faces_ * (surface_time(plan_.noise_cells) + (fused ? kFirstPassTime : 0.0)),
         static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
   }
 
@@ -222,12 +214,12 @@ class Composer {
         {patches_.most_of_tasks(weld_task_bytes), weld_finish_bytes(patches_.entries.size(), components),
          weld_finish_bytes(0, 0)},
         0, groups, faces_ * kWeldTime, 0.0);
+    const auto each = [&](auto of) { return Memory{patches_.most_of_tasks(of), 0, of({})}; };
     if (options_.smooths_border() && plan_.noise_cells > 0.0)
-      add("border", groups, {patches_.most_of_tasks(border_task_bytes), 0, border_task_bytes({})}, 0, groups,
-          faces_ * kBorderTime, 0.0);
-    for (const StageEntry& round : uncross_stages())
-      add(round.name, groups, {patches_.most_of_tasks(uncross_task_bytes), 0, uncross_task_bytes({})}, 0,
-          groups, round.name == "uncross-1" ? faces_ * kUncrossTime : 0.0, 0.0);
+      add("border", groups, each(border_task_bytes), 0, groups, faces_ * kBorderTime, 0.0);
+    for (const StageEntry& round : uncross_stages())  // only the first looks at all bricks
+      add(round.name, groups, each(uncross_task_bytes), 0, groups,
+          round.name == "uncross-1" ? faces_ * kUncrossTime : 0.0, 0.0);
     if (const HoleLimit holes = hole_limit(options_, plan_); holes.edges > 0) {
       const auto finish = [&](auto of) { return loops_finish_bytes(run_, holes.edges, of); };
       const std::span<const PatchEntry> all = patches_.entries;
@@ -235,10 +227,7 @@ class Composer {
           groups, 0.0, static_cast<double>(patches));
       add("holes", groups, known(hole_task_bytes(holes.edges), 0), 0, groups, 0.0, 0.0);
     }
-    if (options_.decimates())
-      add("raw", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
-          forecast_.output_bytes, 1, faces_ * kWriteTime,
-          static_cast<double>(patches + forecast_.output_bytes));
+    if (options_.decimates()) add_write("raw", patch_write(), patches);
   }
 
   /// The raw mesh comes back as a store.
@@ -307,12 +296,8 @@ class Composer {
                           write_mesh_store_bytes(0, 0, sort_bytes(run_))};
     if (options_.reference == "points")
       add_samples("samples", std::min<std::uint64_t>(faces / 10, 2 * largest));
-    const auto add_write = [&](const char* stage) {
-      add(stage, 0, write, forecast_.output_bytes, 1, faces_ * kWriteTime,
-          static_cast<double>(patches + forecast_.output_bytes));
-    };
-    if (options_.keep_raw) add_write("keep-raw");
-    add_write("write");
+    if (options_.keep_raw) add_write("keep-raw", write, patches);
+    add_write("write", write, patches);
   }
 
   /// \param near  faces near one brick
@@ -321,6 +306,13 @@ class Composer {
         {samples_task_bytes(largest_brick_, surface_block_bytes(near), near), 0,
          samples_task_bytes(largest_brick_, 0, 0)},
         0, 0, points_ * kSamplesTime, static_cast<double>(store_bytes_));
+  }
+  void add_write(const char* stage, const Memory& memory, std::uint64_t patches) {
+    add(stage, 0, memory, forecast_.output_bytes, 1, faces_ * kWriteTime,
+        static_cast<double>(patches + forecast_.output_bytes));
+  }
+  Memory patch_write() const {
+    return {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())};
   }
   template <class Use>
   void for_each_tile(const Use& use) const {

@@ -1,6 +1,7 @@
 /// \file forecast_rates.h
 /// Measured rates by which a forecast tells disk, time and what only the work itself knows.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 
 namespace tessera::rates {
@@ -23,11 +24,11 @@ inline constexpr double kLinksTime = 0.15;
 inline constexpr double kOrientTime = 0.25;
 inline constexpr double kTopTime = 0.45;  // of scenes from above
 inline constexpr double kTopPointsTime = 0.07;
-inline constexpr double kTopBytes = 10.0;     // model and samples, of a forest
-inline constexpr double kSurfaceTime = 0.42;  // per face, of exact samples
-inline constexpr double kNoisySurfaceTime =
-    2.2;  // beside that, of noise of a twentieth of the resolution and more
-inline constexpr double kNoisyCells = 0.05;
+inline constexpr double kTopBytes = 10.0;  // model and samples, of a forest
+/// Per face. Noisy samples are fitted again with wider radii, and look for sheets and creases that noise only feigns.
+constexpr double surface_time(double noise_cells) {
+  return 0.42 + 2.2 * std::min(1.0, noise_cells / 0.05);
+}
 inline constexpr double kWeldTime = 0.03;      // per face
 inline constexpr double kUncrossTime = 0.2;    // per face, of scans that are mostly borders
 inline constexpr double kBorderTime = 0.1;     // per face, of scans that are mostly borders

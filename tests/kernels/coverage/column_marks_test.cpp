@@ -27,9 +27,11 @@ std::set<Column> columns_of(const std::vector<ColumnMask>& blocks) {
 std::set<Column> covered_by(const std::array<double, 6>& uv) {
   ColumnCover cover;
   std::vector<ColumnMask> blocks;
-  cover.add({ColumnCover::corner(uv[0], uv[1]), ColumnCover::corner(uv[2], uv[3]),
-             ColumnCover::corner(uv[4], uv[5])},
-            blocks);
+  const std::array<ColumnCover::Corner, 3> corners = {ColumnCover::corner(uv[0], uv[1]),
+                                                      ColumnCover::corner(uv[2], uv[3]),
+                                                      ColumnCover::corner(uv[4], uv[5])};
+  const std::array<std::array<std::uint32_t, 3>, 1> faces = {{{0, 1, 2}}};
+  cover.add(corners, faces, blocks);
   cover.flush(blocks);
   combine_columns(blocks);
   return columns_of(blocks);

@@ -27,8 +27,16 @@ TEST_CASE("near samples: the same as by looking at all pairs, small faces and on
     }
     faces.push_back({Double3{0, 0, 24}, Double3{60, 0, 25}, Double3{0, 60, 26}});
     faces.push_back({Double3{20, 20, 20}, Double3{20, 20, 20}, Double3{20, 20, 20}});  // a point
-    NearSamples near(samples, distance);
-    for (const auto& f : faces) near.add(f);
+    NearSamples near(samples, distance), at_once(samples, distance);
+    std::vector<Double3> corners;
+    std::vector<std::array<std::uint32_t, 3>> numbers;
+    for (const auto& f : faces) {
+      near.add(f);
+      const auto first = static_cast<std::uint32_t>(corners.size());
+      corners.insert(corners.end(), f.begin(), f.end());
+      numbers.push_back({first, first + 1, first + 2});
+    }
+    at_once.add(corners, numbers);
     std::size_t count = 0;
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const bool wanted = std::any_of(faces.begin(), faces.end(), [&](const auto& f) {
@@ -37,6 +45,7 @@ TEST_CASE("near samples: the same as by looking at all pairs, small faces and on
       });
       CAPTURE(distance, i);
       REQUIRE((near.near()[i] != 0) == wanted);
+      REQUIRE((at_once.near()[i] != 0) == wanted);
       count += wanted;
     }
     CHECK(count > 10);
