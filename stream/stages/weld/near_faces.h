@@ -43,16 +43,24 @@ class NearFaces {
   /// Kept faces of a patch, in cells from the min corner of its brick: own vertices, then foreign ones.
   struct View {
     std::vector<Double3> position;
-    std::vector<std::uint64_t> name;
     std::vector<std::uint8_t> returns, risky;  ///< per vertex: it may go back; it makes its faces risky
+    std::vector<VertexSlot> foreign;
     std::vector<PatchFace> faces;
+    std::vector<std::uint32_t> risky_faces;
     std::vector<std::uint32_t> reaching;  ///< faces with a corner beyond the brick
+    VertexSlot slot(std::size_t patch, std::uint32_t v) const {
+      const std::size_t own = position.size() - foreign.size();
+      return v < own ? VertexSlot{static_cast<std::uint32_t>(patch), v} : foreign[v - own];
+    }
+    bool is_risky(const PatchFace& f) const { return (risky[f[0]] | risky[f[1]] | risky[f[2]]) != 0; }
     std::uint64_t bytes() const {
-      return 34 * position.size() + sizeof(PatchFace) * faces.size() + 4 * reaching.size() + 256;
+      return 26 * position.size() + sizeof(VertexSlot) * foreign.size() + sizeof(PatchFace) * faces.size() +
+             4 * (risky_faces.size() + reaching.size()) + 256;
     }
   };
 
-  bool any_risky(std::size_t patch) const;
+  /// false: no face of one of the patch's vertices that is risky reaches into the brick.
+  bool may_be_risky(std::size_t patch, const Int3& brick);
   const Vertices& vertices(std::size_t patch);
   const View& view(std::size_t patch);
 
