@@ -261,7 +261,7 @@ bool is_measured_at(const SurfaceModel& model, const Step& step, std::int32_t he
   return found;
 }
 
-/// Columns on either side of steps whose wall was not measured. \param wanted  looks at these alone
+/// Columns on either side of steps whose wall was not measured, of a skin of all steps. \param wanted  looks at these alone
 std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vector<std::uint8_t>& wanted) {
   std::vector<std::uint8_t> out(model.height.size());
   for (int v = 0; v + 1 < model.edge; ++v)
@@ -272,7 +272,8 @@ std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vecto
         const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
         if (wanted[j] == 0 || model.height[j] == kNoHeight) continue;
         if (std::abs(std::int64_t{model.height[i]} - model.height[j]) >= kBareStep &&
-            !is_measured(model, {u, v, axis, model.height[i], model.height[j]}))
+            (model.use == ModelUse::kSkin ||
+             !is_measured(model, {u, v, axis, model.height[i], model.height[j]})))
           out[i] = out[j] = 1;
       }
     }
@@ -351,6 +352,18 @@ void find_ground(Square s, std::span<const ColumnLayers> layers, const std::vect
     if (wanted[i] != 0) model.ground[i] = fitted[i], model.ground_rgba[i] = layers[i].bottom.rgba;
 }
 
+/// Columns of a skin of which no measured point will be kept: samples stand there too, or it would have holes.
+void stand_in_lone_columns(Square s, std::span<const ColumnLayers> layers, SurfaceModel& model) {
+  for (int v = 1; v + 1 < s.edge; ++v)
+    for (int u = 1; u + 1 < s.edge; ++u) {
+      const std::size_t i = s.at(u, v);
+      const PointLayer& top = layers[i].top;
+      if (top.height == kNoHeight || model.height[i] == kNoHeight) continue;
+      const bool off = std::abs(std::int64_t{top.height} - model.height[i]) > model.reach(i);
+      if (off || 2 * top.volumetric > top.points) model.flags[i] |= kModelStands;
+    }
+}
+
 }  // namespace
 
 void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers) {
@@ -381,13 +394,22 @@ void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> l
 }
 
 std::int32_t SurfaceModel::reach(std::size_t column) const {
-  return 2 * kCell + 2 * noise[column];
+  const std::int32_t level = 2 * kCell + 2 * noise[column];
+  if (use == ModelUse::kStandIn || height[column] == kNoHeight) return level;
+  // Within the column the skin rises by no more than this from its middle; beyond a step samples stand anyway.
+  std::int32_t rise = 0;
+  const auto row = static_cast<std::size_t>(edge);
+  for (const std::size_t n : {column - row, column - 1, column + 1, column + row})
+    if (height[n] != kNoHeight) rise = std::max(rise, std::abs(height[n] - height[column]));
+  return level + std::min(rise, kBareStep) / 2;
 }
 
-SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
+SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, ModelUse use) {
   const Square s{edge};
   SurfaceModel model;
   model.edge = edge;
+  model.use = use;
+  const bool skin = use == ModelUse::kSkin;
   const std::size_t n = layers.size();
   model.wall_low.resize(n), model.wall_high.resize(n), model.wall_u.resize(n), model.wall_v.resize(n);
   model.height.resize(n), model.noise.resize(n), model.rgba.resize(n), model.flags.assign(n, 0);
@@ -417,7 +439,8 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
   const std::vector<std::int64_t> majority = box_sums(s, votes, kVoteRadius);
   std::vector<std::uint8_t> strewn(n);
   for (std::size_t i = 0; i < n; ++i) strewn[i] = closed[i] != 0 && majority[i] > 0;
-  strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
+  // What is thin hangs over points of its own that stay; a skin has nothing else there.
+  if (!skin) strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
   strewn = erode(s, dilate(s, strewn, kCloseRadius), kCloseRadius);
   model.height = smooth;
   const std::vector<std::uint8_t> beside = dilate(s, bare_steps(model, measured), kBareMargin);
@@ -453,8 +476,12 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
     }
     if (stands[i] != 0) model.flags[i] |= kModelStands;
     if (by_step[i] != 0) model.flags[i] |= kModelStep;
+    if (skin) model.flags[i] |= kModelSkin;
   }
-  find_ground(s, layers, measured, model);
+  if (skin)
+    stand_in_lone_columns(s, layers, model);
+  else
+    find_ground(s, layers, measured, model);
   return model;
 }
 
@@ -515,6 +542,7 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
         const std::int64_t rise = std::int64_t{model.height[j]} - model.height[i];
         const Step step = {u, v, axis, model.height[i], model.height[j]};
         const bool tall = std::abs(rise) >= kBareStep, measured = tall && is_measured(model, step);
+        const bool skin = model.use == ModelUse::kSkin;
         if (!tall && !stands(i) && !stands(j)) continue;
         const std::int64_t lines = std::abs(rise) / kSampleStep;
         const float steep = static_cast<float>(rise) / kQuantaPerCell;
@@ -531,7 +559,11 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
                            true,
                            tall};
           (axis == 0 ? m.u : m.v) += along;
-          if (inside(m) && !(measured && is_measured_at(model, step, m.height))) use(m);
+          if (!inside(m)) continue;
+          const bool seen = measured && is_measured_at(model, step, m.height);
+          if (seen && !skin) continue;
+          m.unseen = tall && !seen;
+          use(m);
         }
       }
     }

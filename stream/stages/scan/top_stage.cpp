@@ -37,7 +37,8 @@ using BrickColumns = std::map<std::pair<int, int>, std::vector<std::size_t>>;
 class TopStage : public Stage {
  public:
   explicit TopStage(const JobState& state)
-      : axes_(ViewAxes::along(reconstruct_options(state).up.value_or(Double3{0, 0, 1}))) {
+      : axes_(ViewAxes::along(reconstruct_options(state).up.value_or(Double3{0, 0, 1}))),
+        use_(reconstruct_options(state).surface == "top" ? ModelUse::kSkin : ModelUse::kStandIn) {
     auto overlay = PointOverlay::open(state.work);
     if (!overlay || overlay->volumetric() != VolumetricUse::kTop) return;
     store_ = std::make_unique<PointStore>(list_task_files(state.work / kScanPointFolder, kPointExtension),
@@ -88,7 +89,7 @@ class TopStage : public Stage {
         if (is_core(u - gu) && is_core(v - gv)) context.advance(1);
       });
       context.check_stop();
-      model = fit_surface_model(layers, raster);
+      model = fit_surface_model(layers, raster, use_);
     }
     context.check_stop();
     TopFileWriter writer(
@@ -202,6 +203,7 @@ class TopStage : public Stage {
   }
 
   ViewAxes axes_;
+  ModelUse use_;
   int edge_ = 0;                       ///< brick columns of a task along an edge
   std::unique_ptr<PointStore> store_;  ///< null where no top surface is wanted
   BrickColumns columns_;

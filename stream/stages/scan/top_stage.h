@@ -1,5 +1,6 @@
 /// \file top_stage.h
-/// Passes of scenes seen from above whose strewn points the top surface stands in for; no task in others.
+/// Passes of scenes seen from above whose strewn points the top surface stands in for, or of which it is all that is wanted;
+/// no task in others.
 ///   top         points -> the model of the top surface by brick column, and its samples by brick
 ///   top-points  points and samples -> the points that the surface is made of, in place of the scan's
 #pragma once
