@@ -352,8 +352,9 @@ void find_ground(Square s, std::span<const ColumnLayers> layers, const std::vect
     if (wanted[i] != 0) model.ground[i] = fitted[i], model.ground_rgba[i] = layers[i].bottom.rgba;
 }
 
-/// Columns of a skin of which no measured point will be kept: samples stand there too, or it would have holes.
-void stand_in_lone_columns(Square s, std::span<const ColumnLayers> layers, SurfaceModel& model) {
+/// Of a skin, samples stand too in columns of which no measured point will be kept, or it would have holes; the others have the
+/// height of their own layer, not of the smooth surface around, so that the samples beside them go down to their points.
+void settle_skin(Square s, std::span<const ColumnLayers> layers, SurfaceModel& model) {
   for (int v = 1; v + 1 < s.edge; ++v)
     for (int u = 1; u + 1 < s.edge; ++u) {
       const std::size_t i = s.at(u, v);
@@ -362,6 +363,9 @@ void stand_in_lone_columns(Square s, std::span<const ColumnLayers> layers, Surfa
       const bool off = std::abs(std::int64_t{top.height} - model.height[i]) > model.reach(i);
       if (off || 2 * top.volumetric > top.points) model.flags[i] |= kModelStands;
     }
+  for (std::size_t i = 0; i < layers.size(); ++i)
+    if (layers[i].top.height != kNoHeight && (model.flags[i] & kModelStands) == 0)
+      model.height[i] = layers[i].top.height;
 }
 
 }  // namespace
@@ -479,7 +483,7 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, M
     if (skin) model.flags[i] |= kModelSkin;
   }
   if (skin)
-    stand_in_lone_columns(s, layers, model);
+    settle_skin(s, layers, model);
   else
     find_ground(s, layers, measured, model);
   return model;

@@ -189,6 +189,23 @@ TEST_CASE("surface model: a skin has no ground below crowns, and stands where th
   CHECK((skin.flags[skin.at(112, 112)] & kModelStands) != 0);
 }
 
+TEST_CASE("surface model: beside a crown the skin goes down to the points of the ground", "[unit]") {
+  Random random(12);
+  const auto layers = layers_of([&](int u, int v) {
+    return in_square(u, v, 80, 112) ? column(8 + random.in(-1.5, 1.5), true) : column(5);
+  });
+  const SurfaceModel skin = fit_surface_model(layers, kEdge, ModelUse::kSkin);
+  std::uint64_t ground = 0;
+  for (int v = 66; v < 126; ++v)
+    for (int u = 66; u < 126; ++u) {
+      const std::size_t i = skin.at(u, v);
+      if ((skin.flags[i] & kModelStands) != 0) continue;
+      ++ground;
+      REQUIRE(skin.height[i] == cells(5));
+    }
+  CHECK(ground > 1500);
+}
+
 TEST_CASE("surface model: the skin reaches farther where it is steep, by half a step at most", "[unit]") {
   const double slope = GENERATE(0.0, 2.0, 9.0);
   const SurfaceModel skin =
