@@ -36,6 +36,8 @@ constexpr int kCloseRadius = 2;
 constexpr int kActiveMargin = 2;  ///< columns around those that stand that take part in the diffusion
 /// Samples go down the steps of the model a cell apart.
 constexpr std::int32_t kSampleStep = kCell;
+/// Of a skin half as far: no measured wall and no ground below helps them against the points at their foot, which are dense.
+constexpr std::int32_t kSkinStep = kCell / 2;
 /// A step so high is a wall, measured or bare. The model stands beside bare ones, and hides what is so near behind them.
 constexpr std::int32_t kBareStep = 3 * kCell;
 constexpr int kBareMargin = 1, kBareColumns = 3;
@@ -548,7 +550,7 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
         const bool tall = std::abs(rise) >= kBareStep, measured = tall && is_measured(model, step);
         const bool skin = model.use == ModelUse::kSkin;
         if (!tall && !stands(i) && !stands(j)) continue;
-        const std::int64_t lines = std::abs(rise) / kSampleStep;
+        const std::int64_t lines = std::abs(rise) / (skin ? kSkinStep : kSampleStep);
         const float steep = static_cast<float>(rise) / kQuantaPerCell;
         Float3 normal = {0.0f, 0.0f, 1.0f};
         normal[static_cast<std::size_t>(axis)] = -steep;

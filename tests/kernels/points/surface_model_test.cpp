@@ -166,7 +166,7 @@ TEST_CASE("surface model: a skin goes down every step, and tells the walls that 
   const SurfaceModel model = fit_surface_model(layers, kEdge, ModelUse::kSkin);
   std::uint64_t steps = 0, unseen = 0;
   for (const ModelSample& m : samples_of(model)) steps += m.step, unseen += m.step && m.unseen;
-  CHECK(steps == 20 * kBrickCells);
+  CHECK(steps == 40 * kBrickCells);  // two a cell
   CHECK(unseen == (seen ? 0 : steps));
   CHECK((model.flags[model.at(96, 96)] & kModelStands) != 0);
   CHECK(model.flags[model.at(80, 96)] == kModelSkin);
