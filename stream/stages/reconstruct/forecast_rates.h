@@ -24,6 +24,7 @@ inline constexpr double kOrientTime = 0.25;
 inline constexpr double kTopTime = 0.45;  // of scenes from above
 inline constexpr double kTopPointsTime = 0.07;
 inline constexpr double kTopBytes = 10.0;     // model and samples, of a forest
+inline constexpr double kSkinBytes = 18.0;    // of a skin
 inline constexpr double kSurfaceTime = 0.42;  // per face, of exact samples
 inline constexpr double kNoisySurfaceTime =
     2.2;  // beside that, of noise of a twentieth of the resolution and more
