@@ -36,6 +36,8 @@ constexpr int kCloseRadius = 2;
 constexpr int kActiveMargin = 2;  ///< columns around those that stand that take part in the diffusion
 /// Samples go down the steps of the model a cell apart.
 constexpr std::int32_t kSampleStep = kCell;
+/// Of a skin half as far: no measured wall and no ground below helps them against the points at their foot, which are dense.
+constexpr std::int32_t kSkinStep = kCell / 2;
 /// A step so high is a wall, measured or bare. The model stands beside bare ones, and hides what is so near behind them.
 constexpr std::int32_t kBareStep = 3 * kCell;
 constexpr int kBareMargin = 1, kBareColumns = 3;
@@ -261,7 +263,7 @@ bool is_measured_at(const SurfaceModel& model, const Step& step, std::int32_t he
   return found;
 }
 
-/// Columns on either side of steps whose wall was not measured. \param wanted  looks at these alone
+/// Columns on either side of steps whose wall was not measured, of a skin of all steps. \param wanted  looks at these alone
 std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vector<std::uint8_t>& wanted) {
   std::vector<std::uint8_t> out(model.height.size());
   for (int v = 0; v + 1 < model.edge; ++v)
@@ -272,7 +274,8 @@ std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vecto
         const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
         if (wanted[j] == 0 || model.height[j] == kNoHeight) continue;
         if (std::abs(std::int64_t{model.height[i]} - model.height[j]) >= kBareStep &&
-            !is_measured(model, {u, v, axis, model.height[i], model.height[j]}))
+            (model.use == ModelUse::kSkin ||
+             !is_measured(model, {u, v, axis, model.height[i], model.height[j]})))
           out[i] = out[j] = 1;
       }
     }
@@ -351,6 +354,22 @@ void find_ground(Square s, std::span<const ColumnLayers> layers, const std::vect
     if (wanted[i] != 0) model.ground[i] = fitted[i], model.ground_rgba[i] = layers[i].bottom.rgba;
 }
 
+/// Of a skin, samples stand too in columns of which no measured point will be kept, or it would have holes; the others have the
+/// height of their own layer, not of the smooth surface around, so that the samples beside them go down to their points.
+void settle_skin(Square s, std::span<const ColumnLayers> layers, SurfaceModel& model) {
+  for (int v = 1; v + 1 < s.edge; ++v)
+    for (int u = 1; u + 1 < s.edge; ++u) {
+      const std::size_t i = s.at(u, v);
+      const PointLayer& top = layers[i].top;
+      if (top.height == kNoHeight || model.height[i] == kNoHeight) continue;
+      const bool off = std::abs(std::int64_t{top.height} - model.height[i]) > model.reach(i);
+      if (off || 2 * top.volumetric > top.points) model.flags[i] |= kModelStands;
+    }
+  for (std::size_t i = 0; i < layers.size(); ++i)
+    if (layers[i].top.height != kNoHeight && (model.flags[i] & kModelStands) == 0)
+      model.height[i] = layers[i].top.height;
+}
+
 }  // namespace
 
 void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers) {
@@ -381,13 +400,22 @@ void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> l
 }
 
 std::int32_t SurfaceModel::reach(std::size_t column) const {
-  return 2 * kCell + 2 * noise[column];
+  const std::int32_t level = 2 * kCell + 2 * noise[column];
+  if (use == ModelUse::kStandIn || height[column] == kNoHeight) return level;
+  // Within the column the skin rises by no more than this from its middle; beyond a step samples stand anyway.
+  std::int32_t rise = 0;
+  const auto row = static_cast<std::size_t>(edge);
+  for (const std::size_t n : {column - row, column - 1, column + 1, column + row})
+    if (height[n] != kNoHeight) rise = std::max(rise, std::abs(height[n] - height[column]));
+  return level + std::min(rise, kBareStep) / 2;
 }
 
-SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
+SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, ModelUse use) {
   const Square s{edge};
   SurfaceModel model;
   model.edge = edge;
+  model.use = use;
+  const bool skin = use == ModelUse::kSkin;
   const std::size_t n = layers.size();
   model.wall_low.resize(n), model.wall_high.resize(n), model.wall_u.resize(n), model.wall_v.resize(n);
   model.height.resize(n), model.noise.resize(n), model.rgba.resize(n), model.flags.assign(n, 0);
@@ -417,7 +445,8 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
   const std::vector<std::int64_t> majority = box_sums(s, votes, kVoteRadius);
   std::vector<std::uint8_t> strewn(n);
   for (std::size_t i = 0; i < n; ++i) strewn[i] = closed[i] != 0 && majority[i] > 0;
-  strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
+  // What is thin hangs over points of its own that stay; a skin has nothing else there.
+  if (!skin) strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
   strewn = erode(s, dilate(s, strewn, kCloseRadius), kCloseRadius);
   model.height = smooth;
   const std::vector<std::uint8_t> beside = dilate(s, bare_steps(model, measured), kBareMargin);
@@ -453,8 +482,12 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge) {
     }
     if (stands[i] != 0) model.flags[i] |= kModelStands;
     if (by_step[i] != 0) model.flags[i] |= kModelStep;
+    if (skin) model.flags[i] |= kModelSkin;
   }
-  find_ground(s, layers, measured, model);
+  if (skin)
+    settle_skin(s, layers, model);
+  else
+    find_ground(s, layers, measured, model);
   return model;
 }
 
@@ -515,8 +548,9 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
         const std::int64_t rise = std::int64_t{model.height[j]} - model.height[i];
         const Step step = {u, v, axis, model.height[i], model.height[j]};
         const bool tall = std::abs(rise) >= kBareStep, measured = tall && is_measured(model, step);
+        const bool skin = model.use == ModelUse::kSkin;
         if (!tall && !stands(i) && !stands(j)) continue;
-        const std::int64_t lines = std::abs(rise) / kSampleStep;
+        const std::int64_t lines = std::abs(rise) / (skin ? kSkinStep : kSampleStep);
         const float steep = static_cast<float>(rise) / kQuantaPerCell;
         Float3 normal = {0.0f, 0.0f, 1.0f};
         normal[static_cast<std::size_t>(axis)] = -steep;
@@ -531,7 +565,11 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
                            true,
                            tall};
           (axis == 0 ? m.u : m.v) += along;
-          if (inside(m) && !(measured && is_measured_at(model, step, m.height))) use(m);
+          if (!inside(m)) continue;
+          const bool seen = measured && is_measured_at(model, step, m.height);
+          if (seen && !skin) continue;
+          m.unseen = tall && !seen;
+          use(m);
         }
       }
     }

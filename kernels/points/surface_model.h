@@ -51,16 +51,24 @@ struct ColumnLayers {
 /// the highest point, so that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
 void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers);
 
+/// What a model and its samples are for.
+enum class ModelUse {
+  kStandIn,  ///< for points on no surface of their own; measured walls, and what lies below, are left to their points
+  kSkin,  ///< all that one sees: one height per column, joined by walls, and nothing below
+};
+
 /// Bits of SurfaceModel::flags.
 enum ModelFlag : std::uint8_t {
   kModelStands = 1,  ///< samples of the model stand in for what was measured
   kModelFilled = 2,  ///< nothing was measured here, but all around
-  kModelStep = 4,    ///< near a step whose wall was not measured
+  kModelStep = 4,    ///< near a step whose wall was not measured; of a skin near any
+  kModelSkin = 8,    ///< the model has a height here, and is a skin
 };
 
 /// The model over a square of columns, u fastest.
 struct SurfaceModel {
   int edge = 0;
+  ModelUse use = ModelUse::kStandIn;
   std::vector<std::int32_t> height;  ///< kNoHeight where there is none
   std::vector<std::int32_t> noise;   ///< mean distance of the layers from the model around here, quanta
   std::vector<std::int32_t> foot;    ///< the lowest height around, where kModelStep
@@ -76,11 +84,13 @@ struct SurfaceModel {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(u);
   }
   /// Measured points of a column that stands lie on what the samples stand for from so far below its height on, quanta.
+  /// Of a skin: points so near its height lie on it; more where it is steep. \pre not on the rim
   std::int32_t reach(std::size_t column) const;
 };
 
 /// \param layers  edge^2, u fastest; the rim of kSurfaceModelHalo columns is context
-SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge);
+SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge,
+                               ModelUse use = ModelUse::kStandIn);
 
 /// A sample of a model. Position in quanta from the corner of column (0, 0), height along up.
 struct ModelSample {
@@ -92,7 +102,7 @@ struct ModelSample {
 };
 
 /// One sample on every column that stands and one on its ground, and a line of them, a cell apart, down every step to a neighbour whose wall was
-/// not measured. Calls use for those that lie over columns [first, last)^2. \pre kSurfaceModelHalo <= first, last <= edge - kSurfaceModelHalo
+/// not measured; of a skin down every step, and none on the ground. Calls use for those that lie over columns [first, last)^2. \pre kSurfaceModelHalo <= first, last <= edge - kSurfaceModelHalo
 void sample_surface_model(const SurfaceModel& model, int first, int last,
                           const std::function<void(const ModelSample&)>& use);
 

@@ -45,11 +45,29 @@ void validate_levels(const ReconstructOptions& o) {
     refuse("--reference points", "points are measured in lattices of one cell size only");
 }
 
+/// \throws UsageError for what excludes one product of a scene from above
+void validate_surface(const ReconstructOptions& o) {
+  const auto refuse = [&](const std::string& option, const std::string& why) {
+    throw UsageError("--surface " + o.surface + " with " + option + ": " + why + "; leave one of them out");
+  };
+  if (o.has_levels())
+    refuse("--levels " + std::to_string(o.levels),
+           "the surface model is made in lattices of one cell size only");
+  if (o.from != "auto" && o.from != "above")
+    refuse("--from " + o.from, "the surface model is of scenes seen from above");
+  if (o.normals == "given") refuse("--normals given", "the surface model comes with estimated normals");
+  if (o.vegetation != "auto" && o.vegetation != "top")
+    refuse("--vegetation " + o.vegetation, "the surface model stands in for strewn points");
+  if (o.reference == "points")
+    refuse("--reference points", "the surface model replaces points that were to be measured");
+}
+
 }  // namespace
 
 void ReconstructOptions::validate() {
   max_hole_edges();
   if (has_levels()) validate_levels(*this);
+  if (surface != "all") validate_surface(*this);
   PointFilter{*this};
   if (!clip.empty()) clip_rings = ClipPolygon::text_of_file(clip);
   if (!crs.empty()) crs = crs_text(crs, "--crs");

@@ -22,6 +22,7 @@ struct ReconstructOptions {
   std::string border = "auto";
   std::string outliers = "auto";
   std::string vegetation = "auto";
+  std::string surface = "all";
   std::string normals = "auto";
   std::vector<Double3> viewpoints;
   std::string from = "auto";
@@ -49,7 +50,8 @@ struct ReconstructOptions {
   /// Whether a surface model may stand in for strewn points: not in columns of the finest of several lattices, and not where
   /// every point of a surface is to be measured, for it replaces some.
   bool models_top() const {
-    return vegetation == "top" || (vegetation == "auto" && !has_levels() && reference != "points");
+    return surface != "all" || vegetation == "top" ||
+           (vegetation == "auto" && !has_levels() && reference != "points");
   }
   bool smooths_border() const {
     return border == "smooth" || (border == "auto" && tolerance == 0.0 && !has_levels());
@@ -127,6 +129,13 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "one, which comes out torn; auto: top in scenes from above (drop with "
         "--levels or --reference points), else surface")
       .one_of({"auto", "top", "drop", "keep", "surface"});
+  t.add("surface", &o.surface,
+        "which surface of a scene from above is wanted; all: every one that was seen; top: one skin (a "
+        "digital "
+        "surface model), a height everywhere and walls at its steps, nothing below crowns, eaves and roofs; "
+        "faces of it that nobody saw are marked (`synthetic` in PLY), e.g. reconstruct town.laz -o dsm.ply "
+        "--surface top")
+      .one_of({"all", "top"});
   t.add(
        "normals", &o.normals,
        "auto: given normals where at least half of the points have one, those of rows and columns (E57, PTX) "

@@ -63,7 +63,7 @@ std::vector<Words> jobs(const Files& files) {
       {"remesh", files.at("body.ply"), "--faces", "20000"},
       {"resample", files.at("body.ply")},
       {"resurface", files.at("body.ply"), "--resolution", "0.02"},
-      {"deform", files.at("body.ply"), files.at("edit.json"), "--base-vertices", "4000"},
+      {"deform", files.at("body.ply"), files.at("edit.json"), "--base-vertices", "4000", "--no-html"},
   };
 }
 

@@ -1,6 +1,7 @@
 // The top surface as a user meets it: crowns over ground become one smooth skin, with nothing given, and the ground stays.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -40,6 +41,22 @@ std::string wood(const TempFolder& folder, bool up_is_y = false) {
       point(x + 1.5 * random.gaussian(), y + 1.5 * random.gaussian(), z + 1.2 * random.gaussian());
   }
   return folder.write(up_is_y ? "turned.xyz" : "wood.xyz", text);
+}
+
+/// A field, the floor below a flat roof of 20 x 20 and its walls, a line a point; `reversed` from the last to the first.
+std::string hall(const TempFolder& folder, bool reversed = false) {
+  Random random(6);
+  std::vector<std::string> lines;
+  const auto point = [&](double x, double y, double z) {
+    lines.push_back(std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n");
+  };
+  for (int i = 0; i < 100000; ++i) point(random.in(0, kSide), random.in(0, kSide), 0.0);
+  for (int i = 0; i < 8000; ++i) point(random.in(30, 50), random.in(30, 50), 8.0);
+  for (int i = 0; i < 3000; ++i) point(random.in(0, 1) < 0.5 ? 30 : 50, random.in(30, 50), random.in(0, 8));
+  if (reversed) std::reverse(lines.begin(), lines.end());
+  std::string text;
+  for (const std::string& line : lines) text += line;
+  return folder.write(reversed ? "reversed.xyz" : "hall.xyz", text);
 }
 
 /// Share of the squares of one of [x0, x1) x [y0, y1) over which vertices of the mesh lie between two heights.
@@ -103,6 +120,70 @@ TEST_CASE("top surface: it replaces no point that is to be measured", "[pipeline
   CHECK(refused.errors.find("--vegetation top with --reference points") != std::string::npos);
 }
 
+TEST_CASE("top surface: a skin has one height per column, and walls", "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const std::vector<std::string> skin = {"--surface", "top", "--from", "above"};
+  SECTION("ground below crowns is not in it") {
+    const auto in = wood(folder);
+    reconstructed(in, out, skin);
+    const WholeMesh mesh = read_whole(out);
+    // Every square shows crowns or, between them, ground; hardly one shows both.
+    const double crowns = covered(mesh, 6, 25, 6, kSide - 6, 6, 20);
+    const double ground = covered(mesh, 6, 25, 6, kSide - 6, -3, 3);
+    CHECK(crowns > 0.95);
+    CHECK(crowns + ground > 0.99);
+    CHECK(crowns + ground < 1.05);
+    CHECK(covered(mesh, 34, kSide - 1, 1, kSide - 1, -1, 1) > 0.999);
+    CHECK(downwards(mesh) < 0.001);
+    const auto all = folder.path() / "all.ply";
+    reconstructed(in, all, {});
+    CHECK(covered(read_whole(all), 6, 25, 6, kSide - 6, -3, 3) > 0.5);
+  }
+  SECTION("the floor below a roof is not in it, its walls are, seen or not") {
+    const auto in = hall(folder);
+    const nlohmann::json report = reconstructed(in, out, skin);
+    CHECK(stage_result(report, "top-points").at("measured_behind").get<int>() > 5000);
+    const WholeMesh mesh = read_whole(out);
+    CHECK(covered(mesh, 32, 48, 32, 48, 7, 9) > 0.999);
+    CHECK(covered(mesh, 32, 48, 32, 48, -3, 7) == 0.0);
+    CHECK(covered(mesh, 29, 31, 31, 49, 2, 6) > 0.5);
+    CHECK(covered(mesh, 31, 49, 29, 31, 2, 6) > 0.5);  // nobody saw it
+    CHECK(downwards(mesh) < 0.001);
+    const auto all = folder.path() / "all.ply";
+    reconstructed(in, all, {"--from", "above"});
+    CHECK(covered(read_whole(all), 32, 48, 32, 48, -1, 1) > 0.9);
+  }
+}
+
+TEST_CASE("top surface: a skin is refused where there is none", "[pipeline]") {
+  const TempFolder folder;
+  const auto in = wood(folder);
+  const auto out = folder.path() / "mesh.ply";
+  const auto refused = [&](std::vector<std::string> more, const std::string& why) {
+    more.insert(more.end(), {"--surface", "top", "--force"});
+    const CommandResult r = tessera_command(reconstruct_words(in, out, more));
+    INFO(r.errors);
+    CHECK(r.code == 2);
+    CHECK(r.errors.find("--surface top") != std::string::npos);
+    CHECK(r.errors.find(why) != std::string::npos);
+  };
+  refused({"--levels", "2"}, "--levels 2");
+  refused({"--from", "inside"}, "--from inside");
+  refused({"--normals", "given"}, "--normals given");
+  refused({"--vegetation", "keep"}, "--vegetation keep");
+  refused({"--tolerance", "20", "--reference", "points"}, "--reference points");
+  refused({"--viewpoint", "40,40,100"}, "not seen from above");
+  std::string plate;
+  for (int i = 0; i < 900; ++i) plate += std::to_string(i % 30) + " " + std::to_string(i / 30) + " 0 0 0 1\n";
+  const auto with_normals = folder.write("normals.xyz", plate);
+  const CommandResult given = tessera_command(
+      reconstruct_words(with_normals, out, {"--surface", "top", "--columns", "x,y,z,nx,ny,nz", "--force"}));
+  INFO(given.errors);
+  CHECK(given.code == 2);
+  CHECK(given.errors.find("--normals estimate") != std::string::npos);
+}
+
 TEST_CASE("top surface: up is any axis", "[pipeline]") {
   const TempFolder folder;
   const auto out = folder.path() / "mesh.ply";
@@ -117,6 +198,9 @@ TEST_CASE("top surface: up is any axis", "[pipeline]") {
 TEST_CASE("top surface: same bytes whatever tiles, threads, cap and kills", "[property]") {
   const TempFolder folder;
   const auto in = wood(folder);
+  const bool skin = GENERATE(false, true);
+  CAPTURE(skin);
+  const std::vector<std::string> product = {"--surface", skin ? "top" : "all"};
   std::string first;
   for (const std::vector<std::string>& run : {std::vector<std::string>{"-t", "1"},
                                               {"-t", "2", "--tile-size", "64"},
@@ -124,14 +208,27 @@ TEST_CASE("top surface: same bytes whatever tiles, threads, cap and kills", "[pr
     const auto out = folder.path() / "mesh.ply";
     std::vector<std::string> more = run;
     more.push_back("--force");
+    more.insert(more.end(), product.begin(), product.end());
     reconstructed(in, out, more);
     if (first.empty()) first = file_bytes(out);
     CHECK(file_bytes(out) == first);
   }
   const auto out = folder.path() / "killed.ply";
-  const CommandResult r = resumed_after_kills(reconstruct_words(in, out, {"-t", "2"}));
+  std::vector<std::string> more = {"-t", "2"};
+  more.insert(more.end(), product.begin(), product.end());
+  const CommandResult r = resumed_after_kills(reconstruct_words(in, out, more));
   INFO(r.errors);
   REQUIRE(r.code == 0);
+  CHECK(file_bytes(out) == first);
+}
+
+TEST_CASE("top surface: a skin is the same bytes whatever the order of points", "[property]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const std::vector<std::string> skin = {"--surface", "top", "--from", "above", "--force"};
+  reconstructed(hall(folder), out, skin);
+  const std::string first = file_bytes(out);
+  reconstructed(hall(folder, true), out, skin);
   CHECK(file_bytes(out) == first);
 }
 

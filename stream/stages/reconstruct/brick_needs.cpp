@@ -17,7 +17,7 @@
 namespace tessera {
 namespace {
 
-/// Samples of a brick that its top surface crosses, steps too.
+/// Samples of a brick that its top surface crosses, steps too; of a skin twice as many.
 constexpr std::uint64_t kBrickSamples = std::uint64_t{4} * kBrickCells * kBrickCells;
 
 }  // namespace
@@ -57,7 +57,9 @@ std::uint64_t planned_coverage_bytes(bool stored, const PatchEntry& largest, std
 TopNeeds planned_top_needs(const RunOptions& run, const ReconstructOptions& options,
                            std::span<const BrickEntry> bricks) {
   const ViewAxes axes = ViewAxes::along(options.up.value_or(Double3{0, 0, 1}));
-  const int edge = top_group_columns(run);
+  const bool skin = options.surface == "top";
+  const ModelUse use = skin ? ModelUse::kSkin : ModelUse::kStandIn;
+  const int edge = top_group_columns(run, use);
   std::map<std::pair<int, int>, std::uint64_t> columns;
   std::set<std::pair<int, int>> groups;
   std::uint64_t brick = 0, column = 0;
@@ -68,7 +70,8 @@ TopNeeds planned_top_needs(const RunOptions& run, const ReconstructOptions& opti
     column = std::max(column, points), brick = std::max(brick, b.points);
     groups.emplace(at[axes.u] / edge, at[axes.v] / edge);
   }
-  return {groups.size(), top_task_bytes(edge, column, brick), top_points_task_bytes(brick, kBrickSamples)};
+  return {groups.size(), top_task_bytes(edge, column, brick, use),
+          top_points_task_bytes(brick, (skin ? 2 : 1) * kBrickSamples)};
 }
 
 bool may_have_top(const ReconstructOptions& options) {

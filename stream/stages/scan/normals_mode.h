@@ -45,7 +45,7 @@ struct NormalsMode {
   bool completes =
       false;  ///< given normals stay, and points without one get an estimated one that follows them
 
-  /// \throws UsageError when normals are demanded that the input does not carry
+  /// \throws UsageError when normals are demanded that the input does not carry, or are used where they exclude an option
   NormalsMode(const ReconstructOptions& options, std::size_t inputs, const Plan& plan,
               const NormalAgreement& agreement)
       : by_sensor(!plan.sensors.empty()),
@@ -61,10 +61,15 @@ struct NormalsMode {
     estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < minimum);
     conflict =
         !estimate && !plan.grid_normals && (agreement.share() > kMaxConflict || agreement.split > kMaxSplits);
-    if (options.normals == "given" || estimate || plan.grid_normals) return;
-    lines = conflict;
-    completes = !lines && plan.normal_fraction < kCompleteShare;
-    estimate = lines || completes;
+    if (options.normals != "given" && !estimate && !plan.grid_normals) {
+      lines = conflict;
+      completes = !lines && plan.normal_fraction < kCompleteShare;
+      estimate = lines || completes;
+    }
+    if (options.surface != "all" && !estimate)
+      throw UsageError("--surface " + options.surface +
+                       ": the normals of the scan are used, and the surface model comes with estimated ones; "
+                       "give --normals estimate");
   }
 
   bool needed() const { return estimate || clean; }

@@ -39,6 +39,7 @@ class OrientStage : public Stage {
         max_uncertain_(reconstruct_options(state).max_uncertain),
         from_(reconstruct_options(state).from),
         vegetation_(reconstruct_options(state).vegetation),
+        surface_(reconstruct_options(state).surface),
         models_top_(reconstruct_options(state).models_top()),
         memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
@@ -119,6 +120,9 @@ class OrientStage : public Stage {
     if (mode_.clean) clean(decisions, entry);
     const std::string scene = entry.value("scene", "");
     const bool from_above = scene == kAirborne || scene == kSeenFromAbove;
+    if (surface_ != "all" && !from_above)
+      throw UsageError("--surface " + surface_ + ": the scene was not seen from above (" + scene +
+                       "); give --from above if it was, or leave --surface out");
     if (mode_.propagate()) {
       if (vegetation_ == "drop" || (vegetation_ == "auto" && from_above))
         decisions.volumetric = VolumetricUse::kDrop;
@@ -187,6 +191,7 @@ class OrientStage : public Stage {
   double max_uncertain_;
   std::string from_;
   std::string vegetation_;
+  std::string surface_;
   bool models_top_;
   std::uint64_t memory_bytes_;
   Plan plan_;

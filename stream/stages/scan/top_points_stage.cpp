@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -103,7 +104,7 @@ class TopPointsStage : public Stage {
     std::uint64_t covered = 0;   ///< strewn points in columns that samples stand in for
     std::uint64_t left_out = 0;  ///< strewn points elsewhere: wires, poles, what lies below a surface
     std::uint64_t at_top = 0;    ///< points of surfaces that samples stand in for
-    std::uint64_t behind = 0;    ///< points of surfaces behind the walls of samples
+    std::uint64_t behind = 0;    ///< points of surfaces behind the walls of samples, of a skin all off it
   };
 
   /// use(key, brick or null) for the bricks of a task that hold points or samples, ascending.
@@ -145,6 +146,7 @@ class TopPointsStage : public Stage {
         return true;
       }
       if (!c || c->flags == 0) return false;
+      if ((c->flags & kModelSkin) != 0) return !is_on_skin(p, *c, counts);
       const float facing = static_cast<float>(axes_.sign) * decode_normal(p.normal)[axes_.up];
       const auto reach = static_cast<std::int32_t>(c->reach);
       const bool below = axes_.sign * p.q[axes_.up] <=
@@ -159,6 +161,16 @@ class TopPointsStage : public Stage {
       counts.behind += gone;
       return gone;
     });
+  }
+
+  /// Of columns that samples stand in for nothing stays, elsewhere what lies at the height of the skin and does not face down.
+  bool is_on_skin(const PointRecord& p, const ModelColumn& c, Counts& counts) const {
+    const std::int64_t above = std::int64_t{axes_.sign} * p.q[axes_.up] - c.height;
+    const bool at_top = std::abs(above) <= static_cast<std::int64_t>(c.reach);
+    const float facing = static_cast<float>(axes_.sign) * decode_normal(p.normal)[axes_.up];
+    if (at_top && (c.flags & kModelStands) == 0 && facing >= kDownCosine) return true;
+    ++(at_top ? counts.at_top : counts.behind);
+    return false;
   }
 
   ViewAxes axes_;

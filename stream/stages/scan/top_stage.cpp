@@ -25,8 +25,9 @@ using json = nlohmann::json;
 constexpr std::uint64_t kModelColumnBytes = sizeof(ColumnLayers) + 35 + 12 * 8;
 constexpr std::uint64_t kBlockPointBytes = 42;
 constexpr std::uint64_t kTopFixedBytes = 12u << 20;
-/// Samples a column while they are put in order: steps between columns are few.
+/// Samples a column while they are put in order: steps between columns are few; a skin of a forest has five a column.
 constexpr std::uint64_t kColumnSampleBytes = 3 * sizeof(PointRecord);
+constexpr std::uint64_t kSkinColumnBytes = 12 * sizeof(PointRecord);
 
 /// Cosine with up up to which a surface stands steep.
 constexpr float kSteepCosine = 0.5f;
@@ -37,7 +38,8 @@ using BrickColumns = std::map<std::pair<int, int>, std::vector<std::size_t>>;
 class TopStage : public Stage {
  public:
   explicit TopStage(const JobState& state)
-      : axes_(ViewAxes::along(reconstruct_options(state).up.value_or(Double3{0, 0, 1}))) {
+      : axes_(ViewAxes::along(reconstruct_options(state).up.value_or(Double3{0, 0, 1}))),
+        use_(reconstruct_options(state).surface == "top" ? ModelUse::kSkin : ModelUse::kStandIn) {
     auto overlay = PointOverlay::open(state.work);
     if (!overlay || overlay->volumetric() != VolumetricUse::kTop) return;
     store_ = std::make_unique<PointStore>(list_task_files(state.work / kScanPointFolder, kPointExtension),
@@ -46,7 +48,7 @@ class TopStage : public Stage {
       const Int3 at = brick_of_key(store_->bricks()[b].key);
       columns_[{at[axes_.u], at[axes_.v]}].push_back(b);
     }
-    edge_ = top_group_columns(state.run);
+    edge_ = top_group_columns(state.run, use_);
     for (const auto& [at, bricks] : columns_) groups_.emplace_back(at.first / edge_, at.second / edge_);
     std::sort(groups_.begin(), groups_.end());
     groups_.erase(std::unique(groups_.begin(), groups_.end()), groups_.end());
@@ -67,7 +69,7 @@ class TopStage : public Stage {
       }
       fullest = std::max(fullest, points);
     });
-    return top_task_bytes(edge_, fullest, brick);
+    return top_task_bytes(edge_, fullest, brick, use_);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -88,7 +90,7 @@ class TopStage : public Stage {
         if (is_core(u - gu) && is_core(v - gv)) context.advance(1);
       });
       context.check_stop();
-      model = fit_surface_model(layers, raster);
+      model = fit_surface_model(layers, raster, use_);
     }
     context.check_stop();
     TopFileWriter writer(
@@ -202,6 +204,7 @@ class TopStage : public Stage {
   }
 
   ViewAxes axes_;
+  ModelUse use_;
   int edge_ = 0;                       ///< brick columns of a task along an edge
   std::unique_ptr<PointStore> store_;  ///< null where no top surface is wanted
   BrickColumns columns_;
@@ -210,21 +213,23 @@ class TopStage : public Stage {
 
 }  // namespace
 
-int top_group_columns(const RunOptions& run) {
+int top_group_columns(const RunOptions& run, ModelUse use) {
   // As many as the cap allows: the context around them is fitted once more.
   int edge = 8;
   while (edge > 1 &&
-         top_task_bytes(edge, 0, 0) > run.memory_bytes / 4 / static_cast<std::uint64_t>(run.threads))
+         top_task_bytes(edge, 0, 0, use) > run.memory_bytes / 4 / static_cast<std::uint64_t>(run.threads))
     edge /= 2;
   return edge;
 }
 
-std::uint64_t top_task_bytes(int group_columns, std::uint64_t column_points, std::uint64_t brick_points) {
+std::uint64_t top_task_bytes(int group_columns, std::uint64_t column_points, std::uint64_t brick_points,
+                             ModelUse use) {
   const auto square = [](int bricks) {
     const auto columns = static_cast<std::uint64_t>(bricks * kBrickCells);
     return columns * columns;
   };
-  return square(group_columns + 2) * kModelColumnBytes + square(group_columns) * kColumnSampleBytes +
+  return square(group_columns + 2) * kModelColumnBytes +
+         square(group_columns) * (use == ModelUse::kSkin ? kSkinColumnBytes : kColumnSampleBytes) +
          column_points * sizeof(ColumnPoint) + brick_points * kBlockPointBytes + kTopFixedBytes;
 }
 

@@ -1,4 +1,5 @@
 // The surface model of scenes seen from above: layers of columns, what stands in for strewn points, walls of steps, holes.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
@@ -155,6 +156,63 @@ TEST_CASE("surface model: no samples where the wall of a step was measured", "[u
   CHECK((count_of(model, kModelStep) == 0) == seen);
 }
 
+TEST_CASE("surface model: a skin goes down every step, and tells the walls that were seen", "[unit]") {
+  const bool seen = GENERATE(false, true);
+  const auto layers = layers_of([&](int u, int) {
+    ColumnLayers c = column(u < 96 ? 5 : 25);
+    if (seen && u == 98) c.wall_low = cells(5), c.wall_high = cells(24), c.wall_u = -127;
+    return c;
+  });
+  const SurfaceModel model = fit_surface_model(layers, kEdge, ModelUse::kSkin);
+  std::uint64_t steps = 0, unseen = 0;
+  for (const ModelSample& m : samples_of(model)) steps += m.step, unseen += m.step && m.unseen;
+  CHECK(steps == 40 * kBrickCells);  // two a cell
+  CHECK(unseen == (seen ? 0 : steps));
+  CHECK((model.flags[model.at(96, 96)] & kModelStands) != 0);
+  CHECK(model.flags[model.at(80, 96)] == kModelSkin);
+}
+
+TEST_CASE("surface model: a skin has no ground below crowns, and stands where thin things hide it",
+          "[unit]") {
+  const auto layers = layers_of([](int u, int v) {
+    if (in_square(u, v, 110, 114)) return column(7, true);  // too thin to be a crown
+    if (!in_square(u, v, 70, 100)) return column(5);
+    ColumnLayers c = column(40, true);
+    c.bottom = column(5, true).bottom;
+    return c;
+  });
+  const SurfaceModel in_place = fit_surface_model(layers, kEdge),
+                     skin = fit_surface_model(layers, kEdge, ModelUse::kSkin);
+  CHECK(in_place.ground[in_place.at(85, 85)] != kNoHeight);
+  CHECK(skin.ground[skin.at(85, 85)] == kNoHeight);
+  CHECK((in_place.flags[in_place.at(112, 112)] & kModelStands) == 0);
+  CHECK((skin.flags[skin.at(112, 112)] & kModelStands) != 0);
+}
+
+TEST_CASE("surface model: beside a crown the skin goes down to the points of the ground", "[unit]") {
+  Random random(12);
+  const auto layers = layers_of([&](int u, int v) {
+    return in_square(u, v, 80, 112) ? column(8 + random.in(-1.5, 1.5), true) : column(5);
+  });
+  const SurfaceModel skin = fit_surface_model(layers, kEdge, ModelUse::kSkin);
+  std::uint64_t ground = 0;
+  for (int v = 66; v < 126; ++v)
+    for (int u = 66; u < 126; ++u) {
+      const std::size_t i = skin.at(u, v);
+      if ((skin.flags[i] & kModelStands) != 0) continue;
+      ++ground;
+      REQUIRE(skin.height[i] == cells(5));
+    }
+  CHECK(ground > 1500);
+}
+
+TEST_CASE("surface model: the skin reaches farther where it is steep, by half a step at most", "[unit]") {
+  const double slope = GENERATE(0.0, 2.0, 9.0);
+  const SurfaceModel skin =
+      fit_surface_model(layers_of([&](int u, int) { return column(slope * u); }), kEdge, ModelUse::kSkin);
+  CHECK(skin.reach(skin.at(96, 96)) == cells(2 + std::min(slope, 3.0) / 2));
+}
+
 TEST_CASE("surface model: holes up to twenty columns wide are filled from their low side, wider ones are not",
           "[unit]") {
   const auto layers = layers_of([&](int u, int v) {
@@ -203,6 +261,7 @@ TEST_CASE("surface model: smooth bottoms under crowns are ground, ragged ones ar
 
 TEST_CASE("surface model: a column depends on nothing beyond the halo", "[property]") {
   // The same scene in a raster and in one shifted by a brick: equal where both know their surroundings.
+  const ModelUse use = GENERATE(ModelUse::kStandIn, ModelUse::kSkin);
   const auto height = [](int u, int v) {
     const std::uint32_t mixed =
         (static_cast<std::uint32_t>(u) * 2654435761u) ^ (static_cast<std::uint32_t>(v) * 40503u);
@@ -217,9 +276,9 @@ TEST_CASE("surface model: a column depends on nothing beyond the halo", "[proper
   std::vector<ColumnLayers> wide;
   for (int v = 0; v < kWide; ++v)
     for (int u = 0; u < kWide; ++u) wide.push_back(height(u, v));
-  const SurfaceModel all = fit_surface_model(wide, kWide);
+  const SurfaceModel all = fit_surface_model(wide, kWide, use);
   const SurfaceModel part = fit_surface_model(
-      layers_of([&](int u, int v) { return height(u + kBrickCells, v + kBrickCells); }), kEdge);
+      layers_of([&](int u, int v) { return height(u + kBrickCells, v + kBrickCells); }), kEdge, use);
   std::uint64_t stands = 0;
   for (int v = kBrickCells; v < 2 * kBrickCells; ++v)
     for (int u = kBrickCells; u < 2 * kBrickCells; ++u) {
@@ -229,6 +288,7 @@ TEST_CASE("surface model: a column depends on nothing beyond the halo", "[proper
       REQUIRE(all.foot[a] == part.foot[b]);
       REQUIRE(all.noise[a] == part.noise[b]);
       REQUIRE(all.ground[a] == part.ground[b]);
+      REQUIRE(all.reach(a) == part.reach(b));
       stands += (part.flags[b] & kModelStands) != 0;
     }
   CHECK(stands > 500);
