@@ -101,8 +101,9 @@ struct ModelSample {
   bool unseen = false;  ///< of a wall of three cells and more, or where nothing was measured
 };
 
-/// One sample on every column that stands and one on its ground, and a line of them, a cell apart, down every step to a neighbour whose wall was
-/// not measured; of a skin down every step, and none on the ground. Calls use for those that lie over columns [first, last)^2. \pre kSurfaceModelHalo <= first, last <= edge - kSurfaceModelHalo
+/// One sample on every column that stands and one on its ground, and a line of them, a cell apart, down every step to a
+/// neighbour whose wall was not measured; of a skin down every step, and none on the ground. Calls use for those that lie over
+/// columns [first, last)^2. \pre kSurfaceModelHalo <= first, last <= edge - kSurfaceModelHalo
 void sample_surface_model(const SurfaceModel& model, int first, int last,
                           const std::function<void(const ModelSample&)>& use);
 
