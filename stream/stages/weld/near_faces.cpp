@@ -25,31 +25,6 @@ void shrink(Cache& cache, std::uint64_t& bytes, std::uint64_t most) {
   }
 }
 
-/// Cells of a brick and around it that a risky face meets, or that lie beside one that does.
-class RiskCells {
- public:
-  void mark(const std::array<Double3, 3>& corner) {
-    Int3 low, high;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const auto [from, to] = std::minmax({corner[0][a], corner[1][a], corner[2][a]});
-      low[a] = cell(from - 1.0), high[a] = cell(to + 1.0);
-    }
-    for (int k = low[2]; k <= high[2]; ++k)
-      for (int j = low[1]; j <= high[1]; ++j)
-        for (int i = low[0]; i <= high[0]; ++i) marked_[slot({i, j, k})] = 1;
-  }
-  bool holds(const Double3& p) const { return marked_[slot({cell(p[0]), cell(p[1]), cell(p[2])})] != 0; }
-
- private:
-  static constexpr int kCells = kBrickCells + 2;
-  /// What lies farther out than a cell is in the outermost ones.
-  static int cell(double x) { return static_cast<int>(std::clamp(x + 1.0, 0.0, double{kCells - 1})); }
-  static std::size_t slot(const Int3& c) {
-    return static_cast<std::size_t>((c[2] * kCells + c[1]) * kCells + c[0]);
-  }
-  std::vector<std::uint8_t> marked_ = std::vector<std::uint8_t>(std::size_t{kCells} * kCells * kCells);
-};
-
 }  // namespace
 
 bool NearFaces::may_be_risky(std::size_t patch, const Int3& brick) {
@@ -91,7 +66,6 @@ const NearFaces::View& NearFaces::view(std::size_t patch) {
   const Vertices& own = vertices(patch);
   const std::size_t count = own.position.size() + out.foreign.size();
   out.position.reserve(count), out.returns.reserve(count);
-  out.risky.reserve(count);
   out.risky = own.risky;
   for (std::size_t v = 0; v < own.position.size(); ++v) {
     out.position.push_back(wide(own.position[v]));
@@ -113,7 +87,6 @@ const NearFaces::View& NearFaces::view(std::size_t patch) {
   for (const PatchFace& f : read_.faces) {
     if (!read_.kept(f)) continue;
     const auto number = static_cast<std::uint32_t>(out.faces.size());
-    if (out.is_risky(f)) out.risky_faces.push_back(number);
     if (beyond[f[0]] || beyond[f[1]] || beyond[f[2]]) out.reaching.push_back(number);
     out.faces.push_back(f);
   }
@@ -121,76 +94,68 @@ const NearFaces::View& NearFaces::view(std::size_t patch) {
   return out;
 }
 
+void NearFaces::gather(const Int3& brick, const std::vector<std::size_t>& around) {
+  mesh_ = {};
+  returns_.clear();
+  std::size_t reaching = 0;
+  bool torn = false;
+  for (const std::size_t p : around) {
+    const View& there = view(p);
+    const Int3 at = brick_of_key(store_.patches()[p].key);
+    const auto add_vertex = [&](std::uint32_t v) {
+      const VertexSlot slot = there.slot(p, v);
+      mesh_.position.push_back(seen_from(there.position[v], at, brick));
+      mesh_.name.push_back(patch_vertex(slot.patch, slot.vertex));
+      mesh_.risky.push_back(there.risky[v]);
+      returns_.push_back(there.returns[v]);
+    };
+    const auto first = static_cast<std::uint32_t>(mesh_.position.size());
+    if (at == brick) {
+      for (std::uint32_t v = 0; v < there.position.size(); ++v) add_vertex(v);
+      for (const PatchFace& f : there.faces)
+        mesh_.faces.push_back({first + f[0], first + f[1], first + f[2]});
+      continue;
+    }
+    for (const std::uint32_t number : there.reaching) {
+      torn = torn || reaching == kMaxReaching;
+      if (torn) break;
+      ++reaching;
+      const auto corner = static_cast<std::uint32_t>(mesh_.position.size());
+      for (const std::uint32_t v : there.faces[number]) add_vertex(v);
+      mesh_.faces.push_back({corner, corner + 1, corner + 2});
+    }
+  }
+  torn_ += torn;
+}
+
 std::uint64_t NearFaces::find_crossings(const Int3& brick, std::vector<std::uint64_t>& back) {
   const std::vector<std::size_t> around = kept_patches_around(store_, numbering_, brick);
   if (std::none_of(around.begin(), around.end(), [&](std::size_t p) { return may_be_risky(p, brick); }))
     return 0;
-  // Faces lie in the bricks of their patches, but for those with vertices that were moved, and in a cell each, but for
-  // risky ones.
-  RiskCells cells;
-  bool any = false;
-  const auto corners = [&](const View& there, const Int3& at, const PatchFace& f) {
-    return std::array<Double3, 3>{seen_from(there.position[f[0]], at, brick),
-                                  seen_from(there.position[f[1]], at, brick),
-                                  seen_from(there.position[f[2]], at, brick)};
-  };
-  for (const std::size_t p : around) {
-    const View& there = view(p);
-    const Int3 at = brick_of_key(store_.patches()[p].key);
-    const auto mark = [&](const PatchFace& f) { cells.mark(corners(there, at, f)), any = true; };
-    if (at == brick)
-      for (const std::uint32_t f : there.risky_faces) mark(there.faces[f]);
-    else
-      for (const std::uint32_t f : there.reaching)
-        if (there.is_risky(there.faces[f])) mark(there.faces[f]);
-  }
-  if (!any) return 0;
-  std::vector<ContactFace> faces;
-  std::vector<std::uint8_t> risky, returns;  // bit i of `returns`: corner i may go back
-  for (const std::size_t p : around) {
-    const View& there = view(p);
-    const Int3 at = brick_of_key(store_.patches()[p].key);
-    const auto add = [&](const PatchFace& f) {
-      if (faces.size() == kMaxFaces) return;
-      ContactFace& face = faces.emplace_back();
-      face.corner = corners(there, at, f);
-      std::uint8_t back_bits = 0;
-      for (std::size_t i = 0; i < 3; ++i) {
-        const VertexSlot slot = there.slot(p, f[i]);
-        face.vertex[i] = patch_vertex(slot.patch, slot.vertex);
-        back_bits = static_cast<std::uint8_t>(back_bits | there.returns[f[i]] << i);
-      }
-      risky.push_back(there.is_risky(f));
-      returns.push_back(back_bits);
-    };
-    if (at != brick) {
-      for (const std::uint32_t f : there.reaching) add(there.faces[f]);
-      continue;
-    }
-    std::vector<std::uint8_t> near(there.position.size());
-    for (std::size_t v = 0; v < near.size(); ++v) near[v] = cells.holds(there.position[v]);
-    for (const PatchFace& f : there.faces)
-      if ((near[f[0]] | near[f[1]] | near[f[2]]) != 0) add(f);
-  }
+  gather(brick, around);
   std::uint64_t pairs = 0;
-  risky_crossings(faces, risky, {{0, 0, 0}, {kSide, kSide, kSide}}, [&](std::uint32_t i, std::uint32_t j) {
+  risky_crossings(mesh_, {{0, 0, 0}, {kSide, kSide, kSide}}, [&](std::uint32_t i, std::uint32_t j) {
     ++pairs;
     for (const std::uint32_t f : {i, j})
-      for (std::size_t k = 0; k < 3; ++k)
-        if (returns[f] >> k & 1) back.push_back(faces[f].vertex[k]);
+      for (const std::uint32_t v : mesh_.faces[f])
+        if (returns_[v] != 0) back.push_back(mesh_.name[v]);
   });
   return pairs;
 }
 
 std::uint64_t NearFaces::bytes(std::span<const PatchEntry> patches) {
-  std::uint64_t largest = 0, faces = 0;
+  constexpr std::uint64_t kVertexBytes = sizeof(Double3) + 8 + 2, kFaceBytes = 12;
+  std::uint64_t largest = 0, vertices = 0, faces = 0;
   for (const PatchEntry& e : patches) {
     largest = std::max<std::uint64_t>(largest, 120ull * e.vertices + 60ull * e.foreign + 40ull * e.faces);
+    vertices = std::max<std::uint64_t>(vertices, e.vertices + std::uint64_t{e.foreign});
     faces = std::max<std::uint64_t>(faces, e.faces);
   }
-  const std::uint64_t compared = std::min<std::uint64_t>(kMaxFaces, 2 * faces + 10'000);
-  return kVertexCacheBytes + kViewCacheBytes + 2 * largest + compared * (2 * sizeof(ContactFace) + 4) +
-         risky_crossings_bytes(compared, 65 * 65 * 65) + NumberedPatches::kCacheBytes;
+  vertices += 3 * kMaxReaching, faces += kMaxReaching;
+  constexpr std::uint64_t kCells = (kBrickCells + 1) * (kBrickCells + 1) * (kBrickCells + 1);
+  return kVertexCacheBytes + kViewCacheBytes + 2 * largest +
+         2 * (vertices * kVertexBytes + faces * kFaceBytes) + risky_crossings_bytes(faces, kCells) +
+         NumberedPatches::kCacheBytes;
 }
 
 }  // namespace tessera

@@ -29,8 +29,9 @@ class NearFaces {
   /// \returns how many
   std::uint64_t find_crossings(const Int3& brick, std::vector<std::uint64_t>& back);
 
-  /// Beyond so many faces in a brick the others take no part.
-  static constexpr std::size_t kMaxFaces = 150'000;
+  /// Of patches around, so many faces that reach into a brick take part; beyond, it is counted as torn.
+  static constexpr std::size_t kMaxReaching = 20'000;
+  std::uint64_t torn_bricks() const { return torn_; }
   /// Most that it holds over these patches.
   static std::uint64_t bytes(std::span<const PatchEntry> patches);
 
@@ -46,16 +47,14 @@ class NearFaces {
     std::vector<std::uint8_t> returns, risky;  ///< per vertex: it may go back; it makes its faces risky
     std::vector<VertexSlot> foreign;
     std::vector<PatchFace> faces;
-    std::vector<std::uint32_t> risky_faces;
     std::vector<std::uint32_t> reaching;  ///< faces with a corner beyond the brick
     VertexSlot slot(std::size_t patch, std::uint32_t v) const {
       const std::size_t own = position.size() - foreign.size();
       return v < own ? VertexSlot{static_cast<std::uint32_t>(patch), v} : foreign[v - own];
     }
-    bool is_risky(const PatchFace& f) const { return (risky[f[0]] | risky[f[1]] | risky[f[2]]) != 0; }
     std::uint64_t bytes() const {
       return 26 * position.size() + sizeof(VertexSlot) * foreign.size() + sizeof(PatchFace) * faces.size() +
-             4 * (risky_faces.size() + reaching.size()) + 256;
+             4 * reaching.size() + 256;
     }
   };
 
@@ -63,6 +62,8 @@ class NearFaces {
   bool may_be_risky(std::size_t patch, const Int3& brick);
   const Vertices& vertices(std::size_t patch);
   const View& view(std::size_t patch);
+  /// Faces lie in the bricks of their patches, but for those with vertices that were moved.
+  void gather(const Int3& brick, const std::vector<std::size_t>& around);
 
   const PatchStore& store_;
   const Numbering& numbering_;
@@ -73,6 +74,9 @@ class NearFaces {
   std::map<std::size_t, View> views_;
   std::uint64_t vertex_bytes_ = 0, view_bytes_ = 0;
   PatchFaces read_;
+  RiskyMesh mesh_;                     ///< of the brick at work
+  std::vector<std::uint8_t> returns_;  ///< per vertex of it: it may go back
+  std::uint64_t torn_ = 0;
 };
 
 }  // namespace tessera

@@ -41,15 +41,18 @@ class UncrossStage : public Stage {
     }
     if (round_ + 1 == kUncrossRounds) back.clear();
     context.count_written(save_returned(context.create(returned_file_name(round_, task)), std::move(back)));
-    return {{"pairs", pairs}};
+    return {{"pairs", pairs}, {"torn", near.torn_bricks()}};
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
   json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    std::uint64_t pairs = 0;
-    for (const json& s : summaries) pairs += s.at("pairs").get<std::uint64_t>();
-    return {{"crossing_pairs", pairs}};
+    std::uint64_t pairs = 0, torn = 0;
+    for (const json& s : summaries) {
+      pairs += s.at("pairs").get<std::uint64_t>();
+      torn += s.at("torn").get<std::uint64_t>();
+    }
+    return {{"crossing_pairs", pairs}, {"torn_bricks", torn}};
   }
 
  private:
