@@ -63,6 +63,19 @@ void sync_path(const std::filesystem::path& path, int flags) {
 
 }  // namespace
 
+int write_all_at(int fd, const void* data, std::uint64_t bytes, std::uint64_t offset) {
+  const auto* from = static_cast<const char*>(data);
+  while (bytes > 0) {
+    const ssize_t put = ::pwrite(fd, from, bytes, static_cast<off_t>(offset));
+    if (put < 0 && errno == EINTR) continue;
+    if (put <= 0) return put == 0 ? ENOSPC : errno;
+    from += put;
+    offset += static_cast<std::uint64_t>(put);
+    bytes -= static_cast<std::uint64_t>(put);
+  }
+  return 0;
+}
+
 void throw_write_error(const std::filesystem::path& path, int error) {
   if (error == ENOSPC || error == EDQUOT) {
     throw ResourceError(fmt::format(

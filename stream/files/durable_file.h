@@ -11,6 +11,10 @@ namespace tessera {
 /// \throws ResourceError  for the rest: full disk or quota, a disk that fails; names file and the system's reason
 [[noreturn]] void throw_write_error(const std::filesystem::path& path, int error);
 
+/// Writes all of it at an offset, past interruptions and short writes. \returns 0, or what errno says: ENOSPC where
+/// nothing more is taken
+int write_all_at(int fd, const void* data, std::uint64_t bytes, std::uint64_t offset);
+
 /// XXH3 (64 bits) of a file's content, read through a small buffer. \throws InputError
 std::uint64_t hash_file(const std::filesystem::path& path);
 

@@ -63,14 +63,7 @@ void OutputFile::patch(std::uint64_t offset, const void* data, std::size_t bytes
 
 void OutputFile::write_out(std::uint64_t offset, const char* data, std::size_t bytes) {
   fault_point(FaultPoint::kWrite);
-  while (bytes > 0) {
-    const ssize_t put = ::pwrite(fd_, data, bytes, static_cast<off_t>(offset));
-    if (put < 0 && errno == EINTR) continue;
-    if (put <= 0) fail(part_, "be written", put == 0 ? ENOSPC : errno);
-    offset += static_cast<std::uint64_t>(put);
-    data += put;
-    bytes -= static_cast<std::size_t>(put);
-  }
+  if (const int error = write_all_at(fd_, data, bytes, offset)) fail(part_, "be written", error);
 }
 
 void OutputFile::flush() {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/fault.h"
 #include "stream/files/system_reason.h"
 
@@ -40,15 +41,8 @@ std::uint64_t SpillFile::append(const void* data, std::uint64_t bytes) {
   if (fd_ < 0) open();
   fault_point(FaultPoint::kWrite);
   const std::uint64_t offset = size_;
-  const auto* from = static_cast<const char*>(data);
-  while (bytes > 0) {
-    const ssize_t put = ::pwrite(fd_, from, bytes, static_cast<off_t>(size_));
-    if (put < 0 && errno == EINTR) continue;
-    if (put <= 0) fail_spill(folder_, "be written", put == 0 ? ENOSPC : errno);
-    size_ += static_cast<std::uint64_t>(put);
-    from += put;
-    bytes -= static_cast<std::uint64_t>(put);
-  }
+  if (const int error = write_all_at(fd_, data, bytes, offset)) fail_spill(folder_, "be written", error);
+  size_ += bytes;
   behind_.written(fd_, size_);
   return offset;
 }

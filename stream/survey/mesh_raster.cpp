@@ -16,6 +16,7 @@
 #include "kernels/survey/relief.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/fault.h"
 #include "stream/files/path_text.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"
@@ -49,12 +50,8 @@ class RawRaster {
   RawRaster& operator=(const RawRaster&) = delete;
   const std::filesystem::path& path() const { return path_; }
   void write_at(std::uint64_t offset, const char* from, std::uint64_t bytes) {
-    while (bytes > 0) {
-      const ssize_t put = ::pwrite(fd_, from, bytes, static_cast<off_t>(offset));
-      if (put < 0 && errno == EINTR) continue;
-      if (put <= 0) throw_write_error(path_, put < 0 ? errno : ENOSPC);
-      from += put, offset += static_cast<std::uint64_t>(put), bytes -= static_cast<std::uint64_t>(put);
-    }
+    fault_point(FaultPoint::kWrite);
+    if (const int error = write_all_at(fd_, from, bytes, offset)) throw_write_error(path_, error);
   }
 
  private:
