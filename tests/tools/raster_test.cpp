@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <functional>
 #include <string>
@@ -11,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/helpers/command.h"
+#include "tests/helpers/height_sheet.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
@@ -25,24 +27,8 @@ namespace {
 constexpr double kX = 500000.0, kY = 5400000.0;
 constexpr float kNoData = -9999.0F;
 
-/// A square of steps by steps faces over [0, size]^2 at survey coordinates, as an OFF file.
 std::string heights(int steps, double size, const std::function<double(double, double)>& height) {
-  std::string text =
-      "OFF " + std::to_string((steps + 1) * (steps + 1)) + " " + std::to_string(2 * steps * steps) + " 0\n";
-  char line[120];
-  for (int y = 0; y <= steps; ++y)
-    for (int x = 0; x <= steps; ++x) {
-      const double u = size * x / steps, v = size * y / steps;
-      std::snprintf(line, sizeof line, "%.17g %.17g %.17g\n", kX + u, kY + v, height(u, v));
-      text += line;
-    }
-  for (int y = 0; y < steps; ++y)
-    for (int x = 0; x < steps; ++x) {
-      const int a = y * (steps + 1) + x, b = a + 1, c = a + steps + 1, d = c + 1;
-      std::snprintf(line, sizeof line, "3 %d %d %d\n3 %d %d %d\n", a, b, d, a, d, c);
-      text += line;
-    }
-  return text;
+  return height_sheet(steps, size, kX, kY, height);
 }
 
 void make(const std::vector<std::string>& words) {

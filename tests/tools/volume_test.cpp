@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/helpers/command.h"
+#include "tests/helpers/height_sheet.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace volume_test {
@@ -18,23 +19,8 @@ namespace {
 
 constexpr int kSteps = 40;
 
-/// A square of heights over [0, 40]^2, as an OFF file.
 std::string heights(const std::function<double(double, double)>& height, double x0 = 0.0, double y0 = 0.0) {
-  std::string text = "OFF " + std::to_string((kSteps + 1) * (kSteps + 1)) + " " +
-                     std::to_string(2 * kSteps * kSteps) + " 0\n";
-  char line[120];
-  for (int y = 0; y <= kSteps; ++y)
-    for (int x = 0; x <= kSteps; ++x) {
-      std::snprintf(line, sizeof line, "%.17g %.17g %.17g\n", x0 + x, y0 + y, height(x, y));
-      text += line;
-    }
-  for (int y = 0; y < kSteps; ++y)
-    for (int x = 0; x < kSteps; ++x) {
-      const int a = y * (kSteps + 1) + x, b = a + 1, c = a + kSteps + 1, d = c + 1;
-      std::snprintf(line, sizeof line, "3 %d %d %d\n3 %d %d %d\n", a, b, d, a, d, c);
-      text += line;
-    }
-  return text;
+  return height_sheet(kSteps, kSteps, x0, y0, height);
 }
 
 nlohmann::json volumes(const TempFolder& folder, std::vector<std::string> words) {
