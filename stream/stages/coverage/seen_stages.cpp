@@ -27,8 +27,8 @@ using json = nlohmann::json;
 
 constexpr const char* kSpacingFile = "seen/spacing.json";
 constexpr std::size_t kSites = 512;  ///< places where the spacing is looked at
-/// Points that are looked at, nearly: a share of all, but enough for the figures, and no more than they need.
-constexpr std::uint64_t kMinSampled = 1u << 15, kMaxSampled = 1u << 17, kSampledShare = 32;
+/// Points that are looked at, nearly: the share of them that the mesh holds comes out to less than a thousandth (one sigma).
+constexpr std::uint64_t kSampled = 1u << 15;
 /// Cells around what is looked at. Points farther apart than the spacing that goes with it, the support of no surface
 /// reaches across.
 constexpr int kMaxSeenHalo = 16;
@@ -297,8 +297,7 @@ SeenScan SeenScan::of_work(const std::filesystem::path& work) {
   SeenScan seen;
   seen.spacing = found.at("spacing").get<double>();
   seen.points = found.at("points").get<std::uint64_t>();
-  const std::uint64_t sampled = std::clamp(seen.points / kSampledShare, kMinSampled, kMaxSampled);
-  seen.stride = (seen.points + sampled - 1) / sampled;
+  seen.stride = (seen.points + kSampled - 1) / kSampled;
   seen.column_edge = std::max(
       kQuantaPerCell, static_cast<std::int32_t>(std::floor(4.0 * seen.spacing * kQuantaPerCell + 0.5)));
   return seen;
