@@ -51,6 +51,8 @@ struct DecimateOptions {
   double max_normal_deviation_deg = 0.0;
   /// Smallest 4 sqrt(3) area / (sum of squared edges), unless it was worse before.
   double min_mean_ratio = 0.02;
+  /// Collapses that would make faces meet others beyond what they share are done too.
+  bool allow_crossings = false;
   double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth; 0 = ignored
 
   void validate() const;  ///< throws UsageError naming the field
@@ -66,7 +68,7 @@ struct DecimateReport {
   std::size_t collapses = 0;
   std::size_t candidates = 0;  ///< popped and tried
   /// Why candidates were refused.
-  std::size_t by_link = 0, by_fold = 0, by_shape = 0, by_normal = 0, by_tolerance = 0;
+  std::size_t by_link = 0, by_fold = 0, by_shape = 0, by_normal = 0, by_tolerance = 0, by_crossing = 0;
   std::size_t exact_tests = 0;  ///< tolerance tests that had to look at the reference
   std::size_t exact_accepted = 0;
   std::uint64_t reference_faces_walked = 0;  ///< by them

@@ -16,6 +16,7 @@
 #include "kernels/decimate/collapse_deviation.h"
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/decimate/cost_queue.h"
+#include "kernels/decimate/crossing_guard.h"
 #include "kernels/decimate/decimate.h"
 #include "kernels/decimate/quadric.h"
 #include "kernels/decimate/reference_deviation.h"
@@ -55,7 +56,7 @@ class Decimator {
   void run(DecimateReport& report);
 
  private:
-  enum class Refusal : std::uint8_t { kNone, kLink, kFold, kShape, kNormal, kTolerance };
+  enum class Refusal : std::uint8_t { kNone, kLink, kFold, kShape, kNormal, kTolerance, kCrossing };
   enum class Doubt : std::uint8_t { kOpen, kWithin, kBeyond };
   struct Candidate {
     double cost;
@@ -123,6 +124,7 @@ class Decimator {
   double attribute_cost(std::uint32_t u) const;
   bool allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const;
   Refusal check(std::uint32_t u, const Star& star, std::size_t at);
+  Refusal check_star(std::uint32_t u, const Star& star, std::size_t at);
   bool linked(const Star& star, std::size_t at);
   Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
   bool bound_by_sum(std::uint32_t u, const Star& star, std::size_t at);
@@ -132,6 +134,7 @@ class Decimator {
   Double3 as_stored(const Double3& p) const;
   bool check_optimal(std::uint32_t u, const Star& star, std::size_t at);
   void move_vertex(std::uint32_t u, std::uint32_t v);
+  bool adds_crossing(std::uint32_t u, const Star& star, std::size_t at);
   Refusal check_deviation(std::uint32_t u, const Star& star, std::size_t at);
   Refusal query_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum,
                           double line_deviation);
@@ -172,6 +175,9 @@ class Decimator {
   std::vector<std::uint32_t> witness_, coarse_witness_;
   std::uint64_t exact_tests_ = 0, exact_accepted_ = 0;
   float new_bound_ = 0.0f;  ///< of the candidate that check() just accepted
+  CrossingGuard guard_;
+  std::vector<std::uint32_t> gone_;  ///< faces that the candidate takes away or changes
+  std::vector<ContactFace> made_;    ///< what it leaves of them
 };
 
 }  // namespace tessera

@@ -61,7 +61,7 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
     minimum[u] = static_cast<float>(best.cost);
     if (!(best.cost < max_cost)) continue;
     ++report.candidates;
-    if (!check_cheap(u, star, best.at)) {
+    if (!check_cheap(u, star, best.at) || adds_crossing(u, star, best.at)) {
       minimum[u] = kRefused;
       continue;
     }
@@ -115,6 +115,7 @@ void Decimator::compact(std::vector<float>& minimum) {
     minimum[i] = minimum[kept[i]];
     reference_vertex_[i] = reference_vertex_[kept[i]];
   }
+  if (!options_.allow_crossings) guard_.build();
   quadric_.resize(kept.size()), minimum.resize(kept.size()), reference_vertex_.resize(kept.size());
 }
 

@@ -27,6 +27,17 @@ constexpr std::array<LeafCorner, 512> kLeafCorners = [] {
 }();
 static_assert(kBrickBits - kLeafBits == 3);
 
+/// \param local  cells of so many finest ones, from the min corner of the brick
+Double3 in_frame(const MeshFrame& frame, const Int3& brick, const Float3& local, double cell) {
+  Double3 at;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double cells = (brick[a] * double{kBrickCells} + double{local[a]}) * cell;
+    const double world = frame.lattice.world(static_cast<int>(a), cells) - frame.shift[a];
+    at[a] = frame.double_positions ? world : double{static_cast<float>(world)};
+  }
+  return at;
+}
+
 }  // namespace
 
 std::uint64_t mesh_key(VertexKey name) {
@@ -87,18 +98,13 @@ MeshBlock make_mesh_block(const Patch& patch, const MeshFrame& frame) {
     const int level = patch.level - (finer ? 1 : 0);
     Int3 brick = is_own ? patch.brick : vertex_brick(name);
     for (std::size_t a = 0; !is_own && a < 3; ++a) brick[a] >>= level;
-    const double cell = static_cast<double>(1 << level);
     block.key[v] = mesh_key(name);
     block.vertex_class[v] = is_own ? patch.vertex_class[v] : patch.foreign_class[f];
     if (frame.colour) {
       if (is_own && !patch.rgba.empty()) block.rgba[v] = patch.rgba[v];
       if (!is_own) block.rgba[v] = patch.foreign_rgba[f];
     }
-    for (std::size_t a = 0; a < 3; ++a) {
-      const double cells = (brick[a] * double{kBrickCells} + double{local[a]}) * cell;
-      const double world = frame.lattice.world(static_cast<int>(a), cells) - frame.shift[a];
-      block.position[v][a] = frame.double_positions ? world : double{static_cast<float>(world)};
-    }
+    block.position[v] = in_frame(frame, brick, local, static_cast<double>(1 << level));
   }
   block.faces = patch.faces;
   block.face_flags.assign(patch.faces.size(), 0);
@@ -108,6 +114,17 @@ MeshBlock make_mesh_block(const Patch& patch, const MeshFrame& frame) {
       block.face_flags[f] = static_cast<std::uint8_t>(block.face_flags[f] | kFaceSynthetic);
   canonicalise(block);
   return block;
+}
+
+std::vector<SafePlace> safe_places(const Patch& patch, const MeshFrame& frame) {
+  std::vector<SafePlace> places;
+  places.reserve(patch.safe.size());
+  for (const SafeVertex& v : patch.safe)
+    places.push_back({mesh_key(patch.name[v.vertex]),
+                      in_frame(frame, patch.brick, v.at, static_cast<double>(1 << patch.level))});
+  std::sort(places.begin(), places.end(),
+            [](const SafePlace& a, const SafePlace& b) { return a.key < b.key; });
+  return places;
 }
 
 }  // namespace tessera

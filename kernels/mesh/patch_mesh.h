@@ -2,9 +2,11 @@
 /// A patch as a mesh block: vertices by global names, in the scan's frame.
 #pragma once
 #include <cstdint>
+#include <vector>
 
 #include "kernels/mesh/mesh_block.h"
 #include "kernels/mesh/patch.h"
+#include "kernels/mesh/uncross_block.h"
 #include "octree/lattice.h"
 
 namespace tessera {
@@ -43,5 +45,7 @@ class MeshNames {
 /// \post canonical (mesh_block.h). Patches of one field, and of fields that agree around their seams, merge by key
 ///       (mesh_block_ops.h) and carry the same bits for a vertex that they share
 MeshBlock make_mesh_block(const Patch& patch, const MeshFrame& frame);
+/// Where the block of a patch may take its vertices back to; keys ascending.
+std::vector<SafePlace> safe_places(const Patch& patch, const MeshFrame& frame);
 
 }  // namespace tessera

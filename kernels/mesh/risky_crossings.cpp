@@ -8,11 +8,15 @@
 namespace tessera {
 namespace {
 
-/// Unit cells of the core that lie within a cell of a marked face; what lies beyond the core counts to the outermost ones.
+/// Boxes of the core that lie within a cell of a marked face; what lies beyond the core counts to the outermost ones.
 class RiskCells {
  public:
-  explicit RiskCells(const ContactCell& core) : low_(core.low) {
-    for (std::size_t a = 0; a < 3; ++a) size_[a] = static_cast<std::size_t>(core.high[a] - core.low[a]) + 1;
+  RiskCells(const ContactCell& core, double cell) : low_(core.low), cell_(cell) {
+    double width = 0.0;
+    for (std::size_t a = 0; a < 3; ++a) width = std::max(width, core.high[a] - core.low[a]);
+    per_edge_ = 1.0 / std::max(cell, width / static_cast<double>(kMaxRiskCells));
+    for (std::size_t a = 0; a < 3; ++a)
+      size_[a] = static_cast<std::size_t>((core.high[a] - core.low[a]) * per_edge_) + 1;
     marked_.resize(size_[0] * size_[1] * size_[2]);
   }
   void mark(const RiskyMesh& mesh, const std::array<std::uint32_t, 3>& f) {
@@ -20,7 +24,7 @@ class RiskCells {
     for (std::size_t a = 0; a < 3; ++a) {
       const auto [low, high] =
           std::minmax({mesh.position[f[0]][a], mesh.position[f[1]][a], mesh.position[f[2]][a]});
-      from[a] = cell(a, low - 1.0), to[a] = cell(a, high + 1.0);
+      from[a] = cell(a, low - cell_), to[a] = cell(a, high + cell_);
     }
     for (std::size_t z = from[2]; z <= to[2]; ++z)
       for (std::size_t y = from[1]; y <= to[1]; ++y)
@@ -32,12 +36,14 @@ class RiskCells {
 
  private:
   std::size_t cell(std::size_t axis, double x) const {
-    return static_cast<std::size_t>(std::clamp(x - low_[axis], 0.0, static_cast<double>(size_[axis] - 1)));
+    return static_cast<std::size_t>(
+        std::clamp((x - low_[axis]) * per_edge_, 0.0, static_cast<double>(size_[axis] - 1)));
   }
   std::size_t slot(std::size_t x, std::size_t y, std::size_t z) const {
     return x + size_[0] * (y + size_[1] * z);
   }
   Double3 low_;
+  double cell_, per_edge_ = 1.0;
   std::array<std::size_t, 3> size_{};
   std::vector<std::uint8_t> marked_;
 };
@@ -46,7 +52,7 @@ class RiskCells {
 
 void risky_crossings(const RiskyMesh& mesh, const ContactCell& core,
                      const std::function<void(std::uint32_t, std::uint32_t)>& use) {
-  RiskCells cells(core);
+  RiskCells cells(core, mesh.cell);
   bool any = false;
   for (const auto& f : mesh.faces)
     if (mesh.is_risky(f)) cells.mark(mesh, f), any = true;

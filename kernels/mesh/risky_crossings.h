@@ -2,6 +2,7 @@
 /// Crossings near the few faces of a block that may have any: where vertices were moved off the lattice. All other faces lie in
 /// cells of their own, where none crosses another.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -11,11 +12,15 @@
 
 namespace tessera {
 
+/// A larger core than of so many cells an axis is marked by larger cells.
+inline constexpr std::uint64_t kMaxRiskCells = 128;
+
 struct RiskyMesh {
-  std::vector<Double3> position;    ///< cells
+  std::vector<Double3> position;    ///< cells, or any other unit if `cell` tells how many of it are a cell
   std::vector<std::uint64_t> name;  ///< per vertex: those with one name are one
   std::vector<std::uint8_t> risky;  ///< per vertex: its faces may cross others
   std::vector<std::array<std::uint32_t, 3>> faces;
+  double cell = 1.0;
 
   bool is_risky(const std::array<std::uint32_t, 3>& f) const {
     return (risky[f[0]] | risky[f[1]] | risky[f[2]]) != 0;
@@ -29,9 +34,10 @@ struct RiskyMesh {
 void risky_crossings(const RiskyMesh& mesh, const ContactCell& core,
                      const std::function<void(std::uint32_t, std::uint32_t)>& use);
 
-/// Upper bound of what it allocates. \param cells  of the core, and one more along each axis
+/// Upper bound of what it allocates. \param cells  along an axis of the core, at most
 constexpr std::uint64_t risky_crossings_bytes(std::uint64_t faces, std::uint64_t cells) {
-  return faces * (sizeof(ContactFace) + 8) + cells + block_contacts_bytes(faces);
+  const std::uint64_t marks = std::min(cells, kMaxRiskCells) + 1;
+  return faces * (sizeof(ContactFace) + 8) + marks * marks * marks + block_contacts_bytes(faces);
 }
 
 }  // namespace tessera

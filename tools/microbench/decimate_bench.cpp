@@ -173,13 +173,13 @@ int main(int argc, char** argv) {
     std::printf(
         "%s tol %s%%: %zu -> %zu faces, %.3f s, %.0f kfaces/s, bound/tol %.4f, tried %zu did %zu | link %zu "
         "fold %zu "
-        "shape %zu normal %zu tolerance %zu | exact %zu ok %zu walked %.1f per face",
+        "shape %zu normal %zu tolerance %zu crossing %zu | exact %zu ok %zu walked %.1f per face",
         argv[1] + (std::strrchr(argv[1], '/') ? std::strrchr(argv[1], '/') - argv[1] + 1 : 0),
         value["tolerance"].c_str(), r.faces_in, r.faces_out, seconds,
         static_cast<double>(r.faces_in) / seconds / 1000.0,
         options.tolerance > 0.0 ? r.bound / options.tolerance : r.bound / diagonal, r.candidates, r.collapses,
-        r.by_link, r.by_fold, r.by_shape, r.by_normal, r.by_tolerance, r.exact_tests, r.exact_accepted,
-        static_cast<double>(r.reference_faces_walked) / static_cast<double>(r.faces_in));
+        r.by_link, r.by_fold, r.by_shape, r.by_normal, r.by_tolerance, r.by_crossing, r.exact_tests,
+        r.exact_accepted, static_cast<double>(r.reference_faces_walked) / static_cast<double>(r.faces_in));
     if (number("certify") > 0.0)
       certify(mesh, original,
               options.tolerance > 0.0 ? options.tolerance : number("unit") / 100.0 * diagonal);

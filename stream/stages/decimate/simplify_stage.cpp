@@ -148,6 +148,7 @@ json to_json(const DecimateReport& r) {
           {"refused_by_shape", r.by_shape},
           {"refused_by_normal", r.by_normal},
           {"refused_by_tolerance", r.by_tolerance},
+          {"refused_by_crossing", r.by_crossing},
           {"exact_tests", r.exact_tests},
           {"bound", r.bound}};
 }

@@ -10,6 +10,7 @@
 #include "kernels/mesh/block_components.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/mesh/patch_mesh.h"
+#include "kernels/mesh/uncross_block.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/reconstruct_options.h"
@@ -26,14 +27,27 @@ using json = nlohmann::json;
 constexpr std::uint64_t kCube = 64, kOctant = 8;  ///< bricks of a block; of an eighth of one
 constexpr std::uint64_t kMaxFaces =
     3u << 16;  ///< where a block has more, its eighths are blocks: level ground has 2^17
-/// Merged block, what becomes of it; its patches are gone by then.
-constexpr std::uint64_t kBytesPerFace = 96 + 80;
+/// Merged block, what becomes of it, where its vertices may go back to; its patches are gone by then.
+constexpr std::uint64_t kBytesPerFace = 96 + 80 + sizeof(SafePlace) / 2;
 constexpr std::size_t kPassBuffer = std::size_t{1} << 20;
 
 struct Piece {
   std::uint64_t brick;
   MeshBlock mesh;
+  std::vector<SafePlace> safe;
 };
+
+/// Vertices of `to` get the positions that those of these keys, ascending, have in `from`. Both are canonical.
+void copy_positions(const MeshBlock& from, std::span<const std::uint64_t> keys, MeshBlock& to) {
+  std::size_t i = 0, j = 0;
+  for (const std::uint64_t key : keys) {
+    while (i < to.key.size() && to.key[i] < key) ++i;
+    if (i == to.key.size()) return;
+    if (to.key[i] != key) continue;
+    while (from.key[j] < key) ++j;
+    to.position[i] = from.position[j];
+  }
+}
 
 MeshFrame frame_of(const JobState& state) {
   Plan plan = Plan::of_work(state.work);
@@ -165,7 +179,7 @@ struct FirstPass::Impl {
   std::vector<IslandPart> parts;
   std::vector<IslandSeam> seams;
   json counts = json::object();
-  std::uint64_t blocks = 0, dropped = 0, dropped_faces = 0;
+  std::uint64_t blocks = 0, dropped = 0, dropped_faces = 0, crossing_pairs = 0;
 
   Impl(const JobState& state, TaskContext& c, std::size_t t)
       : context(c),
@@ -184,7 +198,7 @@ struct FirstPass::Impl {
     kernel = simplify.kernel(!info.double_positions);
   }
 
-  void take(std::uint64_t next, int brick_level, MeshBlock&& mesh) {
+  void take(std::uint64_t next, int brick_level, MeshBlock&& mesh, std::vector<SafePlace>&& safe) {
     if (next / cube != last_brick / cube)
       begin_block(cube);
     else if (next / kOctant != last_brick / kOctant && block_bricks < cube)
@@ -193,7 +207,7 @@ struct FirstPass::Impl {
     level = static_cast<std::uint64_t>(brick_level);
     if (mesh.faces.empty()) return;
     block_faces += mesh.faces.size();
-    pieces.push_back({next, std::move(mesh)});
+    pieces.push_back({next, std::move(mesh), std::move(safe)});
     if (block_bricks == 1) return flush();
     while (block_faces > kMaxFaces && block_bricks > 1) divide_block();
   }
@@ -233,6 +247,7 @@ struct FirstPass::Impl {
       complete = complete_stars(block);
       components = find_components(block, complete);
     }
+    uncross(of, block, complete);
     for (Piece& piece : of) {
       full.add(piece.brick, piece.mesh, kPatchCompact | content_of(bricks));
       piece.mesh = MeshBlock{};
@@ -254,6 +269,16 @@ struct FirstPass::Impl {
       brick.push_back(
           cut.brick_of(info.lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
     split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { first->add(key, patch); });
+  }
+
+  /// Faces that cross at the sides of a block, with corners that others hold, stay.
+  void uncross(std::span<Piece> of, MeshBlock& block, std::span<const std::uint8_t> complete) {
+    std::vector<SafePlace> safe;
+    for (const Piece& piece : of) safe.insert(safe.end(), piece.safe.begin(), piece.safe.end());
+    const Uncrossed mended = uncross_block(block, safe, complete,
+                                           frame.lattice.h * static_cast<double>(std::uint64_t{1} << level));
+    crossing_pairs += mended.pairs;
+    for (Piece& piece : of) copy_positions(block, mended.returned, piece.mesh);
   }
 
   static MeshBlock merged(std::span<const Piece> of) {
@@ -288,7 +313,8 @@ FirstPass::~FirstPass() = default;
 void FirstPass::add(const Patch& patch) {
   Int3 brick = patch.brick;
   for (int& b : brick) b <<= patch.level;
-  impl_->take(brick_key(brick), patch.level, make_mesh_block(patch, impl_->frame));
+  impl_->take(brick_key(brick), patch.level, make_mesh_block(patch, impl_->frame),
+              safe_places(patch, impl_->frame));
 }
 
 json FirstPass::finish() {
@@ -302,6 +328,7 @@ json FirstPass::finish() {
                                            self.dropped_faces}};
   self.context.count_written(file.finish(table));
   self.counts["blocks"] = self.blocks;
+  self.counts["crossing_pairs"] = self.crossing_pairs;
   return std::move(self.counts);
 }
 

@@ -152,9 +152,8 @@ std::uint64_t NearFaces::bytes(std::span<const PatchEntry> patches) {
     faces = std::max<std::uint64_t>(faces, e.faces);
   }
   vertices += 3 * kMaxReaching, faces += kMaxReaching;
-  constexpr std::uint64_t kCells = (kBrickCells + 1) * (kBrickCells + 1) * (kBrickCells + 1);
   return kVertexCacheBytes + kViewCacheBytes + 2 * largest +
-         2 * (vertices * kVertexBytes + faces * kFaceBytes) + risky_crossings_bytes(faces, kCells) +
+         2 * (vertices * kVertexBytes + faces * kFaceBytes) + risky_crossings_bytes(faces, kBrickCells) +
          NumberedPatches::kCacheBytes;
 }
 

@@ -1,0 +1,191 @@
+#include "kernels/decimate/crossing_guard.h"
+
+#include <immintrin.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace tessera {
+
+/// The outline of a disk of faces, seen along an axis: a face that lies beyond a side of its convex hull meets those inside in
+/// corners of that side alone. Nearly all faces around a disk do. In floats, with room for their rounding.
+class CrossingGuard::Outline {
+ public:
+  Outline(const CollapseMesh& mesh, std::span<const std::uint32_t> vertices) : mesh_(mesh) {
+    const std::size_t n = vertices.size();
+    if (n < 3 || n > kMaxSides) return;
+    sides_ = static_cast<unsigned>(n);
+    for (std::size_t i = 0; i < n; ++i) corner_[i] = static_cast<int>(vertices[i]);
+    const Double3& first = mesh.at(vertices[0]);
+    Double3 normal{};
+    double size = 0.0;
+    for (std::size_t i = 1; i < n; ++i) {
+      const Double3 at = mesh.at(vertices[i]) - first;
+      size = std::max({size, std::fabs(at[0]), std::fabs(at[1]), std::fabs(at[2])});
+      if (i + 1 < n) normal = normal + cross(at, mesh.at(vertices[i + 1]) - first);
+    }
+    std::size_t axis = 0;
+    for (std::size_t k = 1; k < 3; ++k)
+      if (std::fabs(normal[k]) > std::fabs(normal[axis])) axis = k;
+    if (!(std::fabs(normal[axis]) > 0.0)) return;
+    // Counter-clockwise.
+    axes_ = {static_cast<int>((axis + 1) % 3), static_cast<int>((axis + 2) % 3)};
+    if (normal[axis] < 0.0) std::swap(axes_[0], axes_[1]);
+    flat_axes_ = _mm_setr_epi32(axes_[0], axes_[1], axes_[1], axes_[1]);
+    origin_ = _mm256_setr_pd(first[0], first[1], first[2], 0.0);
+    scale_ = _mm256_set1_pd(1.0 / size);
+    std::array<Float2, kMaxSides> p;
+    for (std::size_t i = 0; i < n; ++i) {
+      alignas(16) std::array<float, 4> lanes;
+      _mm_store_ps(lanes.data(), flat(vertices[i]));
+      p[i] = {lanes[0], lanes[1]};
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      const Float2 &from = p[i], &to = p[i + 1 < n ? i + 1 : 0];
+      dx_[i] = to[0] - from[0], dy_[i] = to[1] - from[1];
+      shift_[i] = dx_[i] * from[1] - dy_[i] * from[0];
+    }
+    usable_ = (1u << n) - 1u;
+    for (unsigned i = 0; i < n; ++i) usable_ &= sides_of(vertices[i], -1.0f) | 1u << i | before(1u << i);
+  }
+
+  /// \param f  of the mesh
+  bool apart(const CollapseFace& f) const {
+    unsigned sides = usable_;
+    for (std::size_t k = 0; k < 3 && sides != 0; ++k) {
+      // Corners of the outline are ends of two sides and lie on the inner side of the others.
+      const unsigned corner = corner_bits(f.vertex[k]);
+      sides &= corner != 0 ? corner | before(corner) : sides_of(f.vertex[k], 1.0f);
+    }
+    return sides != 0;
+  }
+
+  /// Whether the faces, a fan around their first corner, surely meet in what they share alone: seen along the axis they lie side
+  /// by side between the two sides at that corner.
+  bool tiled_by(std::span<const ContactFace> faces) const {
+    if (usable_ == 0) return false;
+    const auto centre = static_cast<std::uint32_t>(faces.front().vertex[0]);
+    const unsigned corner = corner_bits(centre), sides = corner | before(corner);
+    if (corner == 0 || (usable_ & sides) != sides) return false;
+    for (const ContactFace& f : faces) {
+      if (f.vertex[0] != centre) return false;
+      const Double3 a = f.corner[1] - f.corner[0], b = f.corner[2] - f.corner[0];
+      const auto x = static_cast<std::size_t>(axes_[0]), y = static_cast<std::size_t>(axes_[1]);
+      const double p = a[x] * b[y], q = a[y] * b[x];
+      if (!(p - q > 1e-14 * (std::fabs(p) + std::fabs(q)))) return false;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr std::size_t kMaxSides = 8;
+  using Float2 = std::array<float, 2>;
+
+  /// Where a vertex is seen, in sizes of the outline.
+  __m128 flat(std::uint32_t v) const {
+    const __m256d at = _mm256_load_pd(mesh_.at(v).data());  // and what follows it in the vertex
+    const __m128 p = _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_sub_pd(at, origin_), scale_));
+    return _mm_permutevar_ps(p, flat_axes_);
+  }
+
+  /// The bit of the side that begins at this corner; 0 for other vertices.
+  unsigned corner_bits(std::uint32_t v) const {
+    const __m256i corners = _mm256_load_si256(reinterpret_cast<const __m256i*>(corner_.data()));
+    const __m256i same = _mm256_cmpeq_epi32(corners, _mm256_set1_epi32(static_cast<int>(v)));
+    return static_cast<unsigned>(_mm256_movemask_ps(_mm256_castsi256_ps(same)));
+  }
+  /// The side that ends where this one begins.
+  unsigned before(unsigned side) const { return (side >> 1 | side << (sides_ - 1u)) & ((1u << sides_) - 1u); }
+
+  /// A bit for each side that has the vertex surely beyond it (1) or on its inner side (-1).
+  unsigned sides_of(std::uint32_t v, float way) const {
+    const __m128 p = flat(v);
+    const __m256 x = _mm256_broadcastss_ps(p), y = _mm256_broadcastss_ps(_mm_movehdup_ps(p));
+    const __m256 a = _mm256_mul_ps(_mm256_load_ps(dy_.data()), x),
+                 b = _mm256_mul_ps(_mm256_load_ps(dx_.data()), y), c = _mm256_load_ps(shift_.data());
+    const __m256 beyond = _mm256_mul_ps(_mm256_sub_ps(_mm256_add_ps(a, c), b), _mm256_set1_ps(way));
+    const __m128 far = _mm_andnot_ps(_mm_set1_ps(-0.0f), p);
+    const __m128 terms = _mm_add_ps(_mm_add_ps(far, _mm_movehdup_ps(far)), _mm_set1_ps(2.0f));
+    const __m256 doubt = _mm256_broadcastss_ps(_mm_mul_ps(terms, _mm_set1_ps(kRounding)));
+    const __m256 sure = _mm256_cmp_ps(beyond, doubt, _CMP_GT_OQ);
+    return static_cast<unsigned>(_mm256_movemask_ps(sure));
+  }
+
+  /// More than what rounding of the terms comes to, in sizes of the outline and of how far away the vertex is.
+  static constexpr float kRounding = 0x1p-20f;
+
+  const CollapseMesh& mesh_;
+  __m256d origin_ = _mm256_setzero_pd(), scale_ = origin_;
+  __m128i flat_axes_ = _mm_setzero_si128();
+  std::array<int, 2> axes_ = {0, 1};
+  unsigned sides_ = 0;
+  unsigned usable_ = 0;  ///< sides that have all of the outline on their inner side
+  alignas(32) std::array<float, kMaxSides> dx_{}, dy_{}, shift_{};
+  alignas(32) std::array<int, kMaxSides> corner_ = {-1, -1, -1, -1, -1, -1, -1, -1};
+};
+
+ContactFace CrossingGuard::contact_face(std::uint32_t f) const {
+  const std::uint32_t* v = mesh_.face(f).vertex;
+  return {{mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}, {v[0], v[1], v[2]}};
+}
+
+FaceBoxes::Box CrossingGuard::box_of(std::uint32_t f) const {
+  const CollapseFace& face = mesh_.face(f);
+  if ((face.state & kStateDead) != 0) return FaceBoxes::kNothing;
+  const std::array<Double3, 3> at = {mesh_.at(face.vertex[0]), mesh_.at(face.vertex[1]),
+                                     mesh_.at(face.vertex[2])};
+  return boxes_.box(at);
+}
+
+void CrossingGuard::build() {
+  if (mesh_.vertices() == 0) return;
+  Double3 low = mesh_.at(0), high = low;
+  for (std::uint32_t v = 1; v < mesh_.vertices(); ++v)
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], mesh_.at(v)[k]);
+      high[k] = std::max(high[k], mesh_.at(v)[k]);
+    }
+  boxes_ = FaceBoxes(low, high);
+  std::vector<FaceBoxes::Box> boxes(mesh_.faces().size());
+  for (std::uint32_t f = 0; f < boxes.size(); ++f) boxes[f] = box_of(f);
+  boxes_.build(boxes);
+}
+
+void CrossingGuard::update(std::span<const std::uint32_t> faces) {
+  for (const std::uint32_t f : faces) boxes_.set(f, box_of(f));
+}
+
+/// Pairs of one of these and a face that stays, or another of these.
+std::size_t CrossingGuard::contacts(std::span<const std::uint32_t> gone, std::span<const ContactFace> faces,
+                                    const Outline& outline) {
+  box_.clear();
+  FaceBoxes::Box all = FaceBoxes::kNothing;
+  for (const ContactFace& f : faces) {
+    box_.push_back(boxes_.box(f.corner));
+    all.add(box_.back());
+  }
+  std::size_t found = 0;
+  boxes_.for_meeting(all, [&](std::uint32_t other) {
+    if (outline.apart(mesh_.face(other)) || std::find(gone.begin(), gone.end(), other) != gone.end()) return;
+    const FaceBoxes::Box box = boxes_.at(other);
+    const ContactFace face = contact_face(other);
+    for (std::size_t i = 0; i < faces.size(); ++i)
+      if (box_[i].meets(box)) found += face_contact(faces[i], face) != FaceContact::kNone;
+  });
+  if (outline.tiled_by(faces)) return found;
+  for (std::size_t i = 0; i < faces.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) found += face_contact(faces[i], faces[j]) != FaceContact::kNone;
+  return found;
+}
+
+bool CrossingGuard::adds_contact(std::span<const std::uint32_t> gone, std::span<const ContactFace> made,
+                                 std::span<const std::uint32_t> outline) {
+  if (made.empty()) return false;
+  const std::size_t after = contacts(gone, made, Outline(mesh_, outline));
+  if (after == 0) return false;
+  before_.clear();
+  for (const std::uint32_t f : gone) before_.push_back(contact_face(f));
+  return after > contacts(gone, before_, Outline(mesh_, {}));
+}
+
+}  // namespace tessera

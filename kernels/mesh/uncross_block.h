@@ -1,0 +1,37 @@
+/// \file uncross_block.h
+/// Takes back, in a block of an extracted surface, what made faces cross: vertices that were moved off their cells.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "kernels/mesh/mesh_block.h"
+
+namespace tessera {
+
+/// Where a vertex of a block would lie within its cell.
+struct SafePlace {
+  std::uint64_t key = 0;
+  Double3 at{};
+};
+
+struct Uncrossed {
+  std::vector<std::uint64_t> returned;  ///< keys of the vertices that lie at their safe places now, ascending
+  std::size_t pairs = 0;                ///< of faces that crossed or overlapped before
+};
+
+/// Moves the corners of faces that cross others to their safe places, in a few rounds.
+/// \param block     canonical, its faces not risky (risky_crossings.h) but for those at moved vertices
+/// \param safe      of the vertices that were moved, keys ascending; those that the block does not have count for nothing
+/// \param complete  per vertex: others stay where they are, other blocks hold faces at them (complete_stars)
+/// \param cell      edge of the cells, scan units
+/// \post  nothing else of the block changes; a pure function of the block and what it may take back
+/// \cost  O(n) time, and n log n in what is compared; uncross_block_bytes()
+Uncrossed uncross_block(MeshBlock& block, std::span<const SafePlace> safe,
+                        std::span<const std::uint8_t> complete, double cell);
+
+/// Upper bound of what it allocates for a block of so many faces.
+std::size_t uncross_block_bytes(std::size_t faces);
+
+}  // namespace tessera
