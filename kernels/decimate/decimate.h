@@ -51,9 +51,8 @@ struct DecimateOptions {
   double max_normal_deviation_deg = 0.0;
   /// Smallest 4 sqrt(3) area / (sum of squared edges), unless it was worse before.
   double min_mean_ratio = 0.02;
-  /// Collapses that would make faces meet others beyond what they share are done too.
-  bool allow_crossings = false;
-  double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth; 0 = ignored
+  bool allow_crossings = false;  ///< do collapses too that make faces meet others beyond what they share
+  double colour_weight = 0.0;    ///< scan units that the full range of a colour channel is worth; 0 = ignored
 
   void validate() const;  ///< throws UsageError naming the field
 };

@@ -19,6 +19,7 @@ struct SimplifyOptions {
   std::string priority = "quadric";
   std::string placement = "endpoint";
   double min_mean_ratio = 0.02;
+  std::string crossings = "refuse";
   double colour_weight = 0.0;
   double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
   std::string smooth = "off";  ///< smooth_before.h
