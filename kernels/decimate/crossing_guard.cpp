@@ -11,7 +11,9 @@ namespace tessera {
 /// corners of that side alone. Nearly all faces around a disk do. In floats, with room for their rounding.
 class CrossingGuard::Outline {
  public:
-  Outline(const CollapseMesh& mesh, std::span<const std::uint32_t> vertices) : mesh_(mesh) {
+  /// \param inside  a corner of the faces that is none of the outline
+  Outline(const CollapseMesh& mesh, std::span<const std::uint32_t> vertices, const Double3* inside = nullptr)
+      : mesh_(mesh) {
     const std::size_t n = vertices.size();
     if (n < 3 || n > kMaxSides) return;
     sides_ = static_cast<unsigned>(n);
@@ -37,7 +39,7 @@ class CrossingGuard::Outline {
     std::array<Float2, kMaxSides> p;
     for (std::size_t i = 0; i < n; ++i) {
       alignas(16) std::array<float, 4> lanes;
-      _mm_store_ps(lanes.data(), flat(vertices[i]));
+      _mm_store_ps(lanes.data(), flat(at(vertices[i])));
       p[i] = {lanes[0], lanes[1]};
     }
     for (std::size_t i = 0; i < n; ++i) {
@@ -46,7 +48,9 @@ class CrossingGuard::Outline {
       shift_[i] = dx_[i] * from[1] - dy_[i] * from[0];
     }
     usable_ = (1u << n) - 1u;
-    for (unsigned i = 0; i < n; ++i) usable_ &= sides_of(vertices[i], -1.0f) | 1u << i | before(1u << i);
+    for (unsigned i = 0; i < n; ++i) usable_ &= sides_of(at(vertices[i]), -1.0f) | 1u << i | before(1u << i);
+    if (inside != nullptr)
+      usable_ &= sides_of(_mm256_setr_pd((*inside)[0], (*inside)[1], (*inside)[2], 0.0), -1.0f);
   }
 
   /// \param f  of the mesh
@@ -55,7 +59,7 @@ class CrossingGuard::Outline {
     for (std::size_t k = 0; k < 3 && sides != 0; ++k) {
       // Corners of the outline are ends of two sides and lie on the inner side of the others.
       const unsigned corner = corner_bits(f.vertex[k]);
-      sides &= corner != 0 ? corner | before(corner) : sides_of(f.vertex[k], 1.0f);
+      sides &= corner != 0 ? corner | before(corner) : sides_of(at(f.vertex[k]), 1.0f);
     }
     return sides != 0;
   }
@@ -81,9 +85,10 @@ class CrossingGuard::Outline {
   static constexpr std::size_t kMaxSides = 8;
   using Float2 = std::array<float, 2>;
 
-  /// Where a vertex is seen, in sizes of the outline.
-  __m128 flat(std::uint32_t v) const {
-    const __m256d at = _mm256_load_pd(mesh_.at(v).data());  // and what follows it in the vertex
+  /// With what follows the position in a vertex.
+  __m256d at(std::uint32_t v) const { return _mm256_load_pd(mesh_.at(v).data()); }
+  /// Where a place is seen, in sizes of the outline.
+  __m128 flat(__m256d at) const {
     const __m128 p = _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_sub_pd(at, origin_), scale_));
     return _mm_permutevar_ps(p, flat_axes_);
   }
@@ -97,9 +102,9 @@ class CrossingGuard::Outline {
   /// The side that ends where this one begins.
   unsigned before(unsigned side) const { return (side >> 1 | side << (sides_ - 1u)) & ((1u << sides_) - 1u); }
 
-  /// A bit for each side that has the vertex surely beyond it (1) or on its inner side (-1).
-  unsigned sides_of(std::uint32_t v, float way) const {
-    const __m128 p = flat(v);
+  /// A bit for each side that has the place surely beyond it (1) or on its inner side (-1).
+  unsigned sides_of(__m256d place, float way) const {
+    const __m128 p = flat(place);
     const __m256 x = _mm256_broadcastss_ps(p), y = _mm256_broadcastss_ps(_mm_movehdup_ps(p));
     const __m256 a = _mm256_mul_ps(_mm256_load_ps(dy_.data()), x),
                  b = _mm256_mul_ps(_mm256_load_ps(dx_.data()), y), c = _mm256_load_ps(shift_.data());
@@ -151,13 +156,64 @@ void CrossingGuard::build() {
   boxes_.build(boxes);
 }
 
-void CrossingGuard::update(std::span<const std::uint32_t> faces) {
-  for (const std::uint32_t f : faces) boxes_.set(f, box_of(f));
+void CrossingGuard::accept() {
+  for (const std::uint32_t f : gone_) boxes_.set(f, box_of(f));
+}
+
+/// Faces of a star whose centre is now called `name` and lies elsewhere; those with the other end of a collapsing edge go.
+void CrossingGuard::take_star(const Star& star, std::uint32_t other_end, std::uint32_t name,
+                              const Double3& to) {
+  for (std::size_t i = 0; i < star.faces; ++i) {
+    const std::uint32_t c = star.corner[i], a = mesh_.vertex(next_corner(c)),
+                        b = mesh_.vertex(prev_corner(c));
+    gone_.push_back(c >> 2);
+    if (a != other_end && b != other_end) made_.push_back({{to, mesh_.at(a), mesh_.at(b)}, {name, a, b}});
+  }
+}
+
+bool CrossingGuard::collapse_adds(const Star& star, std::size_t at) {
+  gone_.clear(), made_.clear();
+  const std::uint32_t v = star.ring[at];
+  take_star(star, v, v, mesh_.at(v));
+  return adds(Outline(mesh_, {star.ring.data(), star.ring_size()}));
+}
+
+bool CrossingGuard::collapse_adds(const Star& star, std::size_t at, const Star& other, const Double3& to) {
+  gone_.clear(), made_.clear();
+  const std::uint32_t u = mesh_.vertex(star.corner[0]), v = star.ring[at];
+  take_star(star, v, v, to);
+  const std::size_t own = gone_.size();
+  take_star(other, u, v, to);
+  // The faces at the edge are of both stars.
+  gone_.erase(std::remove_if(gone_.begin() + static_cast<std::ptrdiff_t>(own), gone_.end(),
+                             [&](std::uint32_t f) {
+                               return std::find(gone_.begin(),
+                                                gone_.begin() + static_cast<std::ptrdiff_t>(own),
+                                                f) != gone_.begin() + static_cast<std::ptrdiff_t>(own);
+                             }),
+              gone_.end());
+  return adds(Outline(mesh_, {}));
+}
+
+bool CrossingGuard::move_adds(const Star& star, const Double3& to) {
+  gone_.clear(), made_.clear();
+  const std::uint32_t v = mesh_.vertex(star.corner[0]);
+  take_star(star, v, v, to);
+  return adds(star.closed ? Outline(mesh_, {star.ring.data(), star.faces}, &to) : Outline(mesh_, {}));
+}
+
+bool CrossingGuard::flip_adds(std::uint32_t corner) {
+  const std::uint32_t across = mesh_.opposite(corner);
+  const std::array<std::uint32_t, 4> v = {mesh_.vertex(corner), mesh_.vertex(next_corner(corner)),
+                                          mesh_.vertex(across), mesh_.vertex(prev_corner(corner))};
+  gone_ = {corner >> 2, across >> 2};
+  made_ = {{{mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}, {v[0], v[1], v[2]}},
+           {{mesh_.at(v[0]), mesh_.at(v[2]), mesh_.at(v[3])}, {v[0], v[2], v[3]}}};
+  return adds(Outline(mesh_, v));
 }
 
 /// Pairs of one of these and a face that stays, or another of these.
-std::size_t CrossingGuard::contacts(std::span<const std::uint32_t> gone, std::span<const ContactFace> faces,
-                                    const Outline& outline) {
+std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Outline& outline) {
   box_.clear();
   FaceBoxes::Box all = FaceBoxes::kNothing;
   for (const ContactFace& f : faces) {
@@ -166,7 +222,8 @@ std::size_t CrossingGuard::contacts(std::span<const std::uint32_t> gone, std::sp
   }
   std::size_t found = 0;
   boxes_.for_meeting(all, [&](std::uint32_t other) {
-    if (outline.apart(mesh_.face(other)) || std::find(gone.begin(), gone.end(), other) != gone.end()) return;
+    if (outline.apart(mesh_.face(other)) || std::find(gone_.begin(), gone_.end(), other) != gone_.end())
+      return;
     const FaceBoxes::Box box = boxes_.at(other);
     const ContactFace face = contact_face(other);
     for (std::size_t i = 0; i < faces.size(); ++i)
@@ -178,14 +235,13 @@ std::size_t CrossingGuard::contacts(std::span<const std::uint32_t> gone, std::sp
   return found;
 }
 
-bool CrossingGuard::adds_contact(std::span<const std::uint32_t> gone, std::span<const ContactFace> made,
-                                 std::span<const std::uint32_t> outline) {
-  if (made.empty()) return false;
-  const std::size_t after = contacts(gone, made, Outline(mesh_, outline));
+bool CrossingGuard::adds(const Outline& outline) {
+  if (made_.empty()) return false;
+  const std::size_t after = contacts(made_, outline);
   if (after == 0) return false;
   before_.clear();
-  for (const std::uint32_t f : gone) before_.push_back(contact_face(f));
-  return after > contacts(gone, before_, Outline(mesh_, {}));
+  for (const std::uint32_t f : gone_) before_.push_back(contact_face(f));
+  return after > contacts(before_, Outline(mesh_, {}));
 }
 
 }  // namespace tessera

@@ -17,31 +17,35 @@ class CrossingGuard {
   /// \param mesh  outlives it
   explicit CrossingGuard(const CollapseMesh& mesh) : mesh_(mesh) {}
 
-  /// Looks at all faces of the mesh anew: at first, and when they have got other numbers.
+  /// Looks at all faces of the mesh anew: at first, and when there are new ones or they have got other numbers.
   void build();
 
-  /// Whether the faces `made` meet more of the mesh without `gone`, and of each other, than the faces `gone` do now. So a place
-  /// that crosses already may be edited, as long as it does not get worse.
-  /// \param made     corners are numbers of vertices of the mesh, at positions that need not be theirs yet
-  /// \param outline  vertices around the faces made, in order, where they are a disk and lie where the mesh has them; else empty
-  bool adds_contact(std::span<const std::uint32_t> gone, std::span<const ContactFace> made,
-                    std::span<const std::uint32_t> outline);
+  // Whether the faces that an edit makes meet more of the mesh, and of each other, than those that it takes away do: a place
+  // that crosses already may be edited as long as it does not get worse. Once the edit is done, accept() takes it over.
 
-  /// These faces have changed in the mesh, or died.
-  void update(std::span<const std::uint32_t> faces);
-
-  /// A face of the mesh as it is.
-  ContactFace contact_face(std::uint32_t f) const;
+  /// The collapse of the star's centre into star.ring[at].
+  bool collapse_adds(const Star& star, std::size_t at);
+  /// The same, and that one goes to another place. \param other  its star
+  bool collapse_adds(const Star& star, std::size_t at, const Star& other, const Double3& to);
+  /// The star's centre goes to another place.
+  bool move_adds(const Star& star, const Double3& to);
+  /// The flip of the edge opposite a corner.
+  bool flip_adds(std::uint32_t corner);
+  void accept();
 
  private:
   class Outline;
+  ContactFace contact_face(std::uint32_t f) const;
   FaceBoxes::Box box_of(std::uint32_t f) const;
-  std::size_t contacts(std::span<const std::uint32_t> gone, std::span<const ContactFace> faces,
-                       const Outline& outline);
+  void take_star(const Star& star, std::uint32_t other_end, std::uint32_t name, const Double3& to);
+  bool adds(const Outline& outline);
+  std::size_t contacts(std::span<const ContactFace> faces, const Outline& outline);
 
   const CollapseMesh& mesh_;
   FaceBoxes boxes_;
   // Of the edit at hand.
+  std::vector<std::uint32_t> gone_;  ///< faces that it takes away or changes
+  std::vector<ContactFace> made_;    ///< what it leaves of them: corners are numbers of vertices
   std::vector<ContactFace> before_;
   std::vector<FaceBoxes::Box> box_;
 };

@@ -123,7 +123,7 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
 Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {
   const Refusal refusal = check_star(u, star, at_ring);
   if (refusal != Refusal::kNone) return refusal;
-  return adds_crossing(u, star, at_ring) ? Refusal::kCrossing : Refusal::kNone;
+  return adds_crossing(star, at_ring) ? Refusal::kCrossing : Refusal::kNone;
 }
 
 /// All that the star, its neighbours and the reference tell.
@@ -150,28 +150,6 @@ Decimator::Refusal Decimator::check_star(std::uint32_t u, const Star& star, std:
   return check_deviation(u, star, at_ring);
 }
 
-/// Whether what the collapse leaves would meet other faces. Fills gone_ and made_.
-bool Decimator::adds_crossing(std::uint32_t u, const Star& star, std::size_t at_ring) {
-  if (options_.allow_crossings) return false;
-  const std::uint32_t v = star.ring[at_ring];
-  const Double3 at = moves_ ? target_ : mesh_.at(v);
-  gone_.clear(), made_.clear();
-  const auto take = [&](const Star& s, std::uint32_t other_end) {
-    for (std::size_t i = 0; i < s.faces; ++i) {
-      const std::uint32_t f = s.corner[i] >> 2;
-      const std::uint32_t a = mesh_.vertex(next_corner(s.corner[i])),
-                          b = mesh_.vertex(prev_corner(s.corner[i]));
-      const bool at_edge = a == other_end || b == other_end;
-      if (&s == &star || !at_edge) gone_.push_back(f);
-      if (!at_edge) made_.push_back({{at, mesh_.at(a), mesh_.at(b)}, {v, a, b}});
-    }
-  };
-  take(star, v);
-  if (moves_) take(other_star_, u);
-  const std::span<const std::uint32_t> ring(star.ring.data(), star.ring_size());
-  return guard_.adds_contact(gone_, made_, moves_ ? std::span<const std::uint32_t>{} : ring);
-}
-
 /// The collapse that was found legal, with its new bound.
 void Decimator::remove(std::uint32_t u, const Star& star, std::size_t at_ring) {
   const std::uint32_t v = star.ring[at_ring];
@@ -189,7 +167,7 @@ void Decimator::remove(std::uint32_t u, const Star& star, std::size_t at_ring) {
   if (moves_) move_vertex(u, v);
   update_error(v);
   mesh_.collapse(star, at_ring);
-  if (!options_.allow_crossings) guard_.update(gone_);
+  if (!options_.allow_crossings) guard_.accept();
 }
 
 void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, std::uint32_t now) {

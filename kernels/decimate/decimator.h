@@ -134,7 +134,11 @@ class Decimator {
   Double3 as_stored(const Double3& p) const;
   bool check_optimal(std::uint32_t u, const Star& star, std::size_t at);
   void move_vertex(std::uint32_t u, std::uint32_t v);
-  bool adds_crossing(std::uint32_t u, const Star& star, std::size_t at);
+  /// Whether faces would meet others that check_star() does not know of.
+  bool adds_crossing(const Star& star, std::size_t at) {
+    if (options_.allow_crossings) return false;
+    return moves_ ? guard_.collapse_adds(star, at, other_star_, target_) : guard_.collapse_adds(star, at);
+  }
   Refusal check_deviation(std::uint32_t u, const Star& star, std::size_t at);
   Refusal query_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum,
                           double line_deviation);
@@ -176,8 +180,6 @@ class Decimator {
   std::uint64_t exact_tests_ = 0, exact_accepted_ = 0;
   float new_bound_ = 0.0f;  ///< of the candidate that check() just accepted
   CrossingGuard guard_;
-  std::vector<std::uint32_t> gone_;  ///< faces that the candidate takes away or changes
-  std::vector<ContactFace> made_;    ///< what it leaves of them
 };
 
 }  // namespace tessera

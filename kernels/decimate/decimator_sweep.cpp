@@ -61,7 +61,7 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
     minimum[u] = static_cast<float>(best.cost);
     if (!(best.cost < max_cost)) continue;
     ++report.candidates;
-    if (!check_cheap(u, star, best.at) || adds_crossing(u, star, best.at)) {
+    if (!check_cheap(u, star, best.at) || adds_crossing(star, best.at)) {
       minimum[u] = kRefused;
       continue;
     }

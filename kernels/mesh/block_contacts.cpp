@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "kernels/mesh/orientation_sign.h"
 #include "octree/morton.h"
 
 namespace tessera {
@@ -192,6 +193,21 @@ void block_contacts(std::span<const ContactFace> faces, const ContactCell& cell,
   if (faces.size() < 2) return;
   const ContactTree tree(faces, cell);
   tree.each_pair([&](std::uint32_t i, std::uint32_t j, FaceContact contact) { use(i, j, contact); });
+}
+
+std::size_t count_contacts(const MeshBlock& block) {
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  std::vector<ContactFace> faces;
+  faces.reserve(block.faces.size());
+  for (const auto& f : block.faces) {
+    const ContactFace face = {{block.position[f[0]], block.position[f[1]], block.position[f[2]]},
+                              {f[0], f[1], f[2]}};
+    if (!collinear(face.corner[0], face.corner[1], face.corner[2])) faces.push_back(face);
+  }
+  std::size_t pairs = 0;
+  block_contacts(faces, {{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}},
+                 [&](std::uint32_t, std::uint32_t, FaceContact) { ++pairs; });
+  return pairs;
 }
 
 }  // namespace tessera

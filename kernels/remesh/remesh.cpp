@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 
+#include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/remesher.h"
 #include "octree/error.h"
@@ -98,10 +99,25 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
                                  kMinCreaseEdges * (adaptive ? options.min_edge : options.edge),
                                  {options.sizing_tolerance, options.min_edge, options.edge});
   if (options.find_creases) surface.mark(block);
-  CollapseMesh mesh(block, origin);
-  Remesher remesher(mesh, block, surface, options, pinned);
-  remesher.run(report);
-  block = to_block(mesh, remesher, block, reference, surface, origin, options.float_positions);
+  const auto done = [&](bool guarded, RemeshReport& r) {
+    CollapseMesh mesh(block, origin);
+    Remesher remesher(mesh, block, surface, options, pinned, guarded);
+    remesher.run(r);
+    return to_block(mesh, remesher, block, reference, surface, origin, options.float_positions);
+  };
+  // Few blocks come to cross themselves: to look at the result costs less than to ask at every step.
+  const RemeshReport none = report;
+  MeshBlock result = done(false, report);
+  const std::size_t pairs = count_contacts(result);
+  if (pairs > 0 && pairs > count_contacts(block)) {
+    RemeshReport again = none;
+    MeshBlock guarded = done(true, again);
+    if (count_contacts(guarded) < pairs) {
+      result = std::move(guarded);
+      report = again;
+    }
+  }
+  block = std::move(result);
   report.faces_out = block.faces.size();
   return report;
 }
@@ -109,10 +125,10 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
 std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces) {
   // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5); an edge and a half in the lists of edges
   // (16 each, twice, and as much again while they grow; freed for the sort by place), or in the end a hierarchy over the
-  // faces and where they lie (28 + 13); and the block that comes out, sorted (16 + half of 60, twice). Half a point of
-  // the reference for the hierarchy to find.
+  // faces and where they lie (28 + 13); and the block that comes out, sorted (16 + half of 60, twice), once more where it
+  // crosses itself. Half a point of the reference for the hierarchy to find.
   const std::uint64_t lists = 144, search = ClosestFaces::bytes_per_face() + 41;
-  return max_faces * (32 + 47 + std::max(lists, search) + 92) +
+  return max_faces * (32 + 47 + std::max(lists, search) + 92 + 46) +
          reference_faces * (ReferenceSurface::bytes_per_face() + 12) + (std::uint64_t{1} << 20);
 }
 

@@ -53,7 +53,7 @@ struct RemeshReport {
   std::size_t locked_vertices = 0;
   std::size_t splits = 0, collapses = 0, flips = 0, moves = 0;
   /// Why operations were refused.
-  std::size_t by_link = 0, by_fold = 0, by_tolerance = 0, by_capacity = 0;
+  std::size_t by_link = 0, by_fold = 0, by_tolerance = 0, by_crossing = 0, by_capacity = 0;
 };
 
 /// Remeshes `block` in place.
@@ -61,7 +61,9 @@ struct RemeshReport {
 /// \param reference  the original surface with all that comes within four edge lengths of the block; canonical
 /// \param pinned       keys, ascending, of vertices whose faces all stay as they are
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
-/// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold
+/// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold. If more faces of the
+///         block meet others beyond what they share (face_contact.h) than before, it is done again with all that would
+///         make them refused, and the better of both stays.
 /// \throws InputError  an edge with more than two faces or with two faces of the same direction
 /// \throws UsageError  from options.validate()
 RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOptions& options,

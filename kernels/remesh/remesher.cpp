@@ -23,8 +23,13 @@ constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a flo
 }  // namespace
 
 Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
-                   const RemeshOptions& options, std::span<const std::uint64_t> pinned)
-    : mesh_(mesh), surface_(surface), options_(options), next_key_(options.first_key) {
+                   const RemeshOptions& options, std::span<const std::uint64_t> pinned, bool guarded)
+    : mesh_(mesh),
+      surface_(surface),
+      options_(options),
+      guard_(mesh),
+      guarded_(guarded),
+      next_key_(options.first_key) {
   if (options.max_normal_deviation_deg > 0.0)
     min_normal_cosine_ = cosine_of_degrees(options.max_normal_deviation_deg);
   mesh_.reserve(options.max_faces);
@@ -256,6 +261,7 @@ void Remesher::split(const Edge& e) {
       if (foot.square <= 0.25 * square) at = foot.at;
     }
   }
+  if (guarded_ && !refining_) at = middle;  // whatever it means to others: there it is where the edge was
   // In the middle nothing can fold.
   for (const std::uint32_t d : {c, o}) {
     if (d == kNoCorner) continue;
@@ -283,6 +289,7 @@ void Remesher::split(const Edge& e) {
 void Remesher::collapse_short(const CollapseLengths& lengths, int rounds, RemeshReport& report) {
   changed_.assign(info_.size(), 0);
   mark_.resize(info_.size(), 0);
+  begin_guarding();
   for (round_ = 0; round_ < rounds && collapse_listed(lengths, report) > 0; ++round_) {
   }
 }
@@ -314,17 +321,28 @@ std::size_t Remesher::collapse_listed(const CollapseLengths& lengths, RemeshRepo
       refusal = check_collapse(u, v, lengths.longest, at);
       if (refusal != Refusal::kNone) continue;
       for (std::size_t i = 0; i < star_.ring_size(); ++i) mark_changed(star_.ring[i]);
-      live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
-      mesh_.collapse(star_, at);
+      collapse(at);
       ++done;
       break;
     }
-    report.by_link += refusal == Refusal::kLink;
-    report.by_fold += refusal == Refusal::kFold;
-    report.by_tolerance += refusal == Refusal::kTolerance;
+    count(refusal, report);
   }
   report.collapses += done;
   return done;
+}
+
+void Remesher::count(Refusal refusal, RemeshReport& report) {
+  report.by_link += refusal == Refusal::kLink;
+  report.by_fold += refusal == Refusal::kFold;
+  report.by_tolerance += refusal == Refusal::kTolerance;
+  report.by_crossing += refusal == Refusal::kCrossing;
+}
+
+/// What check_collapse() found sound.
+void Remesher::collapse(std::size_t at) {
+  live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
+  mesh_.collapse(star_, at);
+  if (guarded_) guard_.accept();
 }
 
 /// The relation of rings as in decimation; no edge between two locked vertices is made, another block might make it too.

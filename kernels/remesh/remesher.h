@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "kernels/decimate/collapse_mesh.h"
+#include "kernels/decimate/crossing_guard.h"
 #include "kernels/remesh/reference_surface.h"
 #include "kernels/remesh/remesh.h"
 
@@ -11,9 +12,10 @@ namespace tessera {
 
 class Remesher {
  public:
-  /// \param mesh  of `block`, creases marked \param surface  with the same origin
+  /// \param mesh     of `block`, creases marked \param surface  with the same origin
+  /// \param guarded  refuse what would make faces cross; where the tolerance asks for splits these are not looked at
   Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
-           const RemeshOptions& options, std::span<const std::uint64_t> pinned);
+           const RemeshOptions& options, std::span<const std::uint64_t> pinned, bool guarded);
   void run(RemeshReport& report);
 
   std::uint64_t key(std::uint32_t v) const { return info_[v].key; }
@@ -36,7 +38,7 @@ class Remesher {
     std::uint32_t length_class, corner;
     std::uint32_t a, b;  ///< vertices
   };
-  enum class Refusal : std::uint8_t { kNone, kLink, kFold, kTolerance };
+  enum class Refusal : std::uint8_t { kNone, kLink, kFold, kTolerance, kCrossing };
   /// In units of the target: edges below `shortest` collapse where none gets longer than `longest`.
   struct CollapseLengths {
     double shortest, longest;
@@ -50,6 +52,11 @@ class Remesher {
   /// Before every edge, face or vertex that is worked on.
   void step() const {
     if ((++steps_ & 0xfffu) == 0 && options_.pause) options_.pause();
+  }
+  static void count(Refusal refusal, RemeshReport& report);
+  /// Where no split comes in between, the guard knows all faces.
+  void begin_guarding() {
+    if (guarded_) guard_.build();
   }
   void set_lines();
   void find_feet(const std::vector<std::uint32_t>& own);
@@ -79,6 +86,8 @@ class Remesher {
   void collapse_short(const CollapseLengths& lengths, int rounds, RemeshReport& report);
   std::size_t collapse_listed(const CollapseLengths& lengths, RemeshReport& report);
   Refusal check_collapse(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
+  Refusal check_star(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
+  void collapse(std::size_t at);
   bool linked(std::size_t at);
   bool lines_meet(std::uint32_t u, std::uint32_t v) const;
   bool corners_merge(std::uint32_t u, std::uint32_t v) const;
@@ -127,12 +136,14 @@ class Remesher {
   std::vector<Info> info_;
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;
-  bool mending_ = false;
+  bool mending_ = false, refining_ = false;
   std::vector<float> gravity_;  ///< per vertex: how much neighbours are drawn to it; empty: all alike
   int round_ = 0;
   std::vector<std::uint8_t> changed_;  ///< per vertex: the round behind the last one that changed its star
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
+  CrossingGuard guard_;
+  const bool guarded_;
   std::uint64_t next_key_ = 0;
   mutable std::uint32_t steps_ = 0;
   std::size_t live_faces_ = 0;

@@ -122,6 +122,13 @@ bool Remesher::lines_meet(std::uint32_t u, std::uint32_t v) const {
 /// Of u into v, no edge longer than `longest` targets; leaves the star of u and the place of v in it.
 Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, double longest,
                                            std::size_t& at) {
+  const Refusal refusal = check_star(u, v, longest, at);
+  if (refusal != Refusal::kNone || !guarded_) return refusal;
+  return guard_.collapse_adds(star_, at) ? Refusal::kCrossing : Refusal::kNone;
+}
+
+/// All that the star, its neighbours and the reference tell.
+Remesher::Refusal Remesher::check_star(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at) {
   const std::uint8_t state = mesh_.state(u);
   if ((mesh_.state(v) & kVertexPinched) || ((state & kVertexKept) && !corners_merge(u, v)))
     return Refusal::kLink;
@@ -216,6 +223,7 @@ int Remesher::excess(std::uint32_t v, std::uint32_t corner) const {
 /// vertices around it, so the others would decide as before.
 void Remesher::flip_all(RemeshReport& report) {
   count_valences();
+  begin_guarding();
   changed_.assign(info_.size(), 0);
   for (round_ = 0; round_ < kFlipRounds; ++round_) {
     std::size_t done = 0;
@@ -228,8 +236,7 @@ void Remesher::flip_all(RemeshReport& report) {
                                          mesh_.vertex(prev_corner(c)), mesh_.vertex(o)};
         if (std::all_of(around, around + 4, [&](std::uint32_t v) { return changed_[v] < round_; })) continue;
         const Refusal refusal = try_flip(c);
-        report.by_fold += refusal == Refusal::kFold;
-        report.by_tolerance += refusal == Refusal::kTolerance;
+        if (refusal != Refusal::kLink) count(refusal, report);  // most edges are long since as they should be
         if (refusal != Refusal::kNone) continue;
         ++done;
         for (const std::uint32_t v : around) mark_changed(v);
@@ -292,7 +299,9 @@ Remesher::Refusal Remesher::flip_if_sound(std::uint32_t c) {
       !(dot(triangle_normal(pu, pa, pw), triangle_normal(pw, pb, pu)) > 0.0))
     return Refusal::kFold;
   if (!within(one, 4u) || !within(two, 0u)) return Refusal::kTolerance;
+  if (guarded_ && guard_.flip_adds(c)) return Refusal::kCrossing;
   mesh_.flip(c);
+  if (guarded_) guard_.accept();
   --valence_[a], --valence_[b];
   ++valence_[u], ++valence_[w];
   return Refusal::kNone;

@@ -94,6 +94,7 @@ double Remesher::sharpness_of(std::uint32_t f) const {
 
 void Remesher::mend_all(RemeshReport& report) {
   count_valences();
+  begin_guarding();
   mark_.resize(info_.size(), 0);
   mending_ = true;
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
@@ -283,6 +284,7 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
     return true;
   }
   mesh_.node(v).at = old;
+  if (guarded_) guard_.accept();
   info_[v] = kept;
   return false;
 }
@@ -307,8 +309,7 @@ bool Remesher::collapse_sharp(std::uint32_t f, RemeshReport& report) {
       if (x != v && y != v) after = std::max(after, sharpness(mesh_.at(v), mesh_.at(x), mesh_.at(y)));
     }
     if (after >= before) continue;
-    live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
-    mesh_.collapse(star_, at);
+    collapse(at);
     recount_lines(v);
     ++report.collapses;
     return true;

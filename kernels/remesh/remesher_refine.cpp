@@ -16,6 +16,7 @@ constexpr double kOutside = 4.0;   ///< tolerances: what is farther away lies be
 }  // namespace
 
 void Remesher::refine(RemeshReport& report) {
+  refining_ = true;
   changed_.assign(info_.size(), 0);
   const std::span<const Double3> all = surface_.vertices();
   std::vector<Double3> points(all.begin(), all.end());

@@ -16,6 +16,7 @@ constexpr double kMinCosineMoved = 0.5;  ///< least cosine of a face to what it 
 
 std::size_t Remesher::relax_all(RemeshReport& report) {
   std::size_t moved = 0;
+  begin_guarding();
   for (std::uint32_t v = 0; v < info_.size(); ++v) {
     step();
     moved += relax(v, report);
@@ -109,7 +110,9 @@ bool Remesher::move_vertex(std::uint32_t v, const Double3& to, RemeshReport& rep
     const bool last = !star_.closed && i + 1 == star_.faces;
     if (!within(face, last ? 5u : 1u)) return refuse(report.by_tolerance);
   }
+  if (guarded_ && guard_.move_adds(star_, foot.at)) return refuse(report.by_crossing);
   mesh_.node(v).at = foot.at;
+  if (guarded_) guard_.accept();
   info_[v].moved = true;
   set_target(info_[v], foot.at);
   return true;

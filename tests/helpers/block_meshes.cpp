@@ -6,6 +6,7 @@
 
 #include "octree/portable_math.h"
 #include "octree/vector.h"
+#include "tests/helpers/random.h"
 
 namespace tessera::test {
 namespace {
@@ -140,6 +141,28 @@ void add_noise(MeshBlock& block, double amplitude, std::uint64_t seed) {
   for (std::size_t v = 0; v < block.position.size(); ++v)
     for (std::size_t a = 0; a < 3; ++a)
       block.position[v][a] += amplitude * (2.0 * to_unit(random_bits(seed, a, block.key[v])) - 1.0);
+}
+
+MeshBlock rough_sheets(int edge, int sheets, double roughness, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Double3> position;
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  const int row = edge + 1;
+  for (int s = 0; s < sheets; ++s) {
+    const auto first = static_cast<std::uint32_t>(position.size());
+    for (int j = 0; j < row; ++j)
+      for (int i = 0; i < row; ++i)
+        position.push_back(
+            {i + random.in(-0.1, 0.1), j + random.in(-0.1, 0.1),
+             0.2 * s + 0.8 * std::sin(0.5 * i) * std::cos(0.4 * j) + roughness * random.in(-0.5, 0.5)});
+    for (int j = 0; j < edge; ++j)
+      for (int i = 0; i < edge; ++i) {
+        const auto at = [&](int x, int y) { return first + static_cast<std::uint32_t>(y * row + x); };
+        faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+        faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+      }
+  }
+  return make_block(position, faces);
 }
 
 }  // namespace tessera::test

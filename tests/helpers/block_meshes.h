@@ -21,6 +21,9 @@ MeshBlock sphere_block(int levels);
 /// Surface of the unit cube, every side n x n squares.
 MeshBlock cube_block(int n);
 
+/// Sheets of edge x edge squares, 0.2 above each other, rough: coarser versions of them meet.
+MeshBlock rough_sheets(int edge, int sheets, double roughness, std::uint64_t seed);
+
 /// The faces all of whose vertices pass, with keys and border flags of the whole.
 MeshBlock piece_of(const MeshBlock& whole, const std::function<bool(std::uint32_t)>& pass);
 

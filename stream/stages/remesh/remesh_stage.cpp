@@ -45,6 +45,7 @@ json to_json(const RemeshReport& r) {
           {"moves", r.moves},
           {"refused_by_fold", r.by_fold},
           {"refused_by_tolerance", r.by_tolerance},
+          {"refused_by_crossing", r.by_crossing},
           {"refused_by_room", r.by_capacity}};
 }
 

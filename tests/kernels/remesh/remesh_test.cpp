@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "kernels/certify/certificate.h"
+#include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/closest_face.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/triangle_quality.h"
@@ -401,6 +402,21 @@ TEST_CASE("remesh: no more faces than there is room for, and options that make n
   o.edge = 0.1;
   o.tolerance = -1.0;
   CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
+}
+
+TEST_CASE("remesh: a block that does not meet itself does not afterwards", "[property]") {
+  const std::uint64_t seed = GENERATE(5u, 6u, 7u);
+  const double tolerance = GENERATE(0.0, 0.6);
+  const MeshBlock sheets = rough_sheets(24, 3, 0.1, seed);
+  REQUIRE(count_contacts(sheets) == 0);
+  RemeshOptions o = options_for(5.0);
+  o.tolerance = tolerance;
+  RemeshReport report;
+  const MeshBlock b = remeshed(sheets, o, &report);
+  CHECK(report.by_crossing > 0);  // it was done with the guard: without, sheets met
+  CHECK(count_contacts(b) == 0);
+  CHECK(b.faces.size() < sheets.faces.size());
+  CHECK(checks_of(b).defects() == 0);
 }
 
 }  // namespace remesh_test
