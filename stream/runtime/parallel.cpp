@@ -20,6 +20,13 @@ namespace {
 
 constexpr std::chrono::milliseconds kStopCheck{100};
 
+/// Held while a task is handed to the library, and when it begins and ends: so a checker of threads, which does not see what
+/// the library orders, knows who may read it. Nobody's member: the task need not be read to find it.
+std::mutex handover;
+void show_order() {
+  const std::lock_guard lock(handover);
+}
+
 /// The failure of the lowest index.
 class FirstFailure {
  public:
@@ -47,12 +54,14 @@ class FirstFailure {
 }  // namespace
 
 void parallel_for(std::size_t count, const std::function<void(std::size_t)>& body) {
-  std::atomic<std::size_t> next{0};
+  // Both show a checker of threads what happens before what: it does not see what the library orders.
+  std::atomic<std::size_t> next{0}, left{0};
+  next.store(0);
   FirstFailure failure;
   const auto work = [&](std::size_t) {
     while (!failure.failed()) {
       const std::size_t index = next.fetch_add(1);
-      if (index >= count) return;
+      if (index >= count) break;
       try {
         throw_if_stopped();
         body(index);
@@ -60,6 +69,7 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& bod
         failure.note(index);
       }
     }
+    left.fetch_add(1);
   };
   const auto loops =
       std::min<std::size_t>(count, static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()));
@@ -67,6 +77,7 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& bod
   // memory and time would pile up on this one.
   tbb::this_task_arena::isolate(
       [&] { tbb::parallel_for(std::size_t{0}, loops, work, tbb::simple_partitioner()); });
+  left.load();
   failure.rethrow();
 }
 
@@ -144,23 +155,29 @@ void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(
     try {
       throw_if_stopped();
       // Waits here, not on a worker: workers stay free for the loops of what runs.
-      auto reservation = std::make_shared<MemoryBudget::Reservation>(budget.reserve(bytes(index)));
+      auto reserved = std::make_unique<MemoryBudget::Reservation>(budget.reserve(bytes(index)));
       if (failure.failed()) break;
       {
         const std::lock_guard lock(mutex);
         ++running;
       }
-      impl_->arena.enqueue([&, index, reservation]() {
+      const std::lock_guard given(handover);
+      impl_->arena.enqueue([&, index, taken = reserved.release()]() {
+        show_order();
+        std::unique_ptr<MemoryBudget::Reservation> reservation(taken);
         try {
           throw_if_stopped();
           body(index);
         } catch (...) {
           failure.note(index);
         }
-        reservation->release();
-        const std::lock_guard lock(mutex);
-        --running;
-        changed.notify_all();
+        reservation.reset();
+        {
+          const std::lock_guard lock(mutex);
+          --running;
+          changed.notify_all();
+        }
+        show_order();
       });
     } catch (...) {
       failure.note(index);
