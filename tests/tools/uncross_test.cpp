@@ -108,4 +108,58 @@ TEST_CASE("uncross: a noisy scan with torn borders does not cross itself, the sa
   }
 }
 
+TEST_CASE(
+    "uncross: a surface that is decimated in memory does not cross itself, the same bytes whatever runs",
+    "[property]") {
+  const TempFolder folder;
+  const std::string scan = (folder / "scan.ply").string();
+  REQUIRE(tessera_command({"synth", "--scene", "city", "--points", "60k", "--noise", "1.5s", "--noise-length",
+                           "4s", "-o", scan})
+              .code == 0);
+  const fs::path out = folder / "out.ply";
+  const auto run = [&](std::vector<std::string> more) {
+    more.insert(more.end(), {"--tolerance", "auto", "--force"});
+    reconstructed(scan, out, more);
+    return file_bytes(out);
+  };
+  const std::string bytes = run({"-t", "1"});
+  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  CHECK(stage_result(report, "surface").at("first_pass").at("crossing_pairs").get<std::uint64_t>() > 0);
+  check_sound(out);
+  CHECK(run({"-t", "2", "--tile-size", "64"}) == bytes);
+}
+
+TEST_CASE("uncross: decimating and remeshing a mesh of thin walls make none cross", "[property]") {
+  const TempFolder folder;
+  const fs::path sheets = folder / "sheets.ply", out = folder / "out.ply";
+  // Four shells inside each other, a tenth of an edge of the result apart.
+  WholeMesh mesh;
+  for (int shell = 0; shell < 4; ++shell) {
+    WholeMesh ball = rough_ball();
+    const auto first = static_cast<std::uint64_t>(mesh.points.size());
+    for (Double3& p : ball.points) {
+      const double r = norm(p);
+      mesh.points.push_back(p * ((1.0 + 0.012 * shell + 0.04 * (r - 1.0)) / r));
+    }
+    for (const auto& f : ball.faces) mesh.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
+  }
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  write_whole(sheets, mesh);
+  check_sound(sheets);
+  const std::string given = sheets.string(), made = out.string();
+  const auto run = [&](std::vector<std::string> words) {
+    words.insert(words.end(), {"-o", made, "--force", "--progress", "none", "-q"});
+    const CommandResult r = tessera_command(words);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+  };
+  run({"decimate", given, "--tolerance", "0.02"});
+  check_sound(out);
+  run({"decimate", given, "--tolerance", "0.02", "--crossings", "keep"});
+  CHECK(crossings_of(out).at("cross").get<std::uint64_t>() > 0);
+  run({"remesh", given, "--edge", "0.12"});
+  check_sound(out);
+}
+
 }  // namespace uncross_test
