@@ -28,6 +28,7 @@ cli::Command render_command();
 cli::Command report_command();
 cli::Command resample_command();
 cli::Command resurface_command();
+cli::Command section_command();
 cli::Command smooth_command();
 cli::Command status_command();
 /// \param jobs  commands whose lines it may be given

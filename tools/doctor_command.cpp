@@ -133,9 +133,9 @@ void run_doctor(const DoctorArguments& a) {
     line("OpenGL", std::string(e.what()) + "; only render and the pictures of reports need it");
   }
   try {
-    line("GDAL", gdal_program().string() + " is there: rasters and contour lines can be written");
+    line("GDAL", gdal_program().string() + " is there: rasters and lines can be written");
   } catch (const ResourceError& e) {
-    line("GDAL", std::string(e.what()) + "; only raster and contours need it");
+    line("GDAL", std::string(e.what()) + "; only raster, contours and section need it");
   }
   line("GPU", "not used");
   line("libraries", libraries());

@@ -38,6 +38,7 @@ int main(int argc, char** argv) {
       volume_command(),
       raster_command(),
       contours_command(),
+      section_command(),
       info_command(),
       convert_command(),
       parameterize_command(),

@@ -1,7 +1,6 @@
 #include "stream/points/clip_polygon.h"
 
 #include <algorithm>
-#include <cmath>
 #include <fstream>
 #include <iterator>
 #include <limits>
@@ -9,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/geojson.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 
@@ -20,36 +20,19 @@ using json = nlohmann::json;
 constexpr std::uint64_t kMaxBytes = std::uint64_t{64} << 20;
 constexpr std::size_t kMaxCorners = 200000;
 constexpr std::size_t kMaxBands = std::size_t{1} << 16;
-constexpr int kMaxDepth = 32;  ///< of collections in collections
 
-/// Appends the polygons of a geometry, each a list of rings; what is no area has none.
-void add_polygons(const json& object, json& polygons, int depth) {
-  if (!object.is_object() || depth > kMaxDepth) return;
-  const auto each = [&](const char* key, const auto& use) {
-    const auto list = object.find(key);
-    if (list != object.end() && list->is_array())
-      for (const json& item : *list) use(item);
-  };
+/// The polygons of an object, each a list of rings; what is no area has none.
+json polygons_of(const json& object) {
+  json polygons = json::array();
   const auto add = [&](const json& polygon) {
     if (polygon.is_array() && !polygon.empty()) polygons.push_back(polygon);
   };
-  const std::string type = object.value("type", std::string());
-  if (type == "Polygon" && object.contains("coordinates")) add(object.at("coordinates"));
-  if (type == "MultiPolygon") each("coordinates", add);
-  if (type == "Feature" && object.contains("geometry"))
-    add_polygons(object.at("geometry"), polygons, depth + 1);
-  if (type == "FeatureCollection")
-    each("features", [&](const json& f) { add_polygons(f, polygons, depth + 1); });
-  if (type == "GeometryCollection")
-    each("geometries", [&](const json& g) { add_polygons(g, polygons, depth + 1); });
-}
-
-std::array<double, 2> corner_of(const json& corner) {
-  if (!corner.is_array() || corner.size() < 2 || !corner[0].is_number() || !corner[1].is_number())
-    throw InputError("a corner is no pair of numbers");
-  const std::array<double, 2> c = {corner[0].get<double>(), corner[1].get<double>()};
-  if (!std::isfinite(c[0]) || !std::isfinite(c[1])) throw InputError("a corner is not finite");
-  return c;
+  for_geometries(object, [&](const std::string& type, const json& coordinates) {
+    if (type == "Polygon") add(coordinates);
+    if (type == "MultiPolygon" && coordinates.is_array())
+      for (const json& polygon : coordinates) add(polygon);
+  });
+  return polygons;
 }
 
 }  // namespace
@@ -60,18 +43,17 @@ std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
   if (file.size() > kMaxBytes) throw InputError(name + ": is too large for a polygon to clip by");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
-  json polygons = json::array();
   try {
     const json root = try_parse_json(text);
     if (root.is_discarded()) throw InputError("is not JSON");
-    add_polygons(root, polygons, 0);
+    json polygons = polygons_of(root);
     if (polygons.empty()) throw InputError("holds no Polygon or MultiPolygon");
     // Two numbers a corner are kept, whatever else a corner says.
     for (json& polygon : polygons)
       for (json& ring : polygon) {
         if (!ring.is_array()) throw InputError("a ring is no list of corners");
         json corners = json::array();
-        for (const json& c : ring) corners.push_back(corner_of(c));
+        for (const json& c : ring) corners.push_back(corner_of_geometry(c));
         ring = std::move(corners);
       }
     text = dump_json(polygons);
@@ -101,9 +83,9 @@ ClipPolygon ClipPolygon::from_text(const std::string& text) {
       corners += ring.size();
       if (corners > kMaxCorners)
         throw InputError("has more than " + std::to_string(kMaxCorners) + " corners; simplify it");
-      Corner before = corner_of(ring.back());
+      Corner before = corner_of_geometry(ring.back());
       for (const json& c : ring) {
-        const Corner at = corner_of(c);
+        const Corner at = corner_of_geometry(c);
         for (std::size_t a = 0; a < 2; ++a) {
           p.min_[a] = std::min(p.min_[a], at[a]);
           p.max_[a] = std::max(p.max_[a], at[a]);

@@ -1,4 +1,4 @@
-// tessera-gdal: writes by GDAL what `tessera raster` and `tessera contours` have computed. A program of its own, so that
+// tessera-gdal: writes by GDAL what `tessera raster`, `contours` and `section` have computed. A program of its own, so that
 // `tessera` does not load GDAL and all that it brings. It is called by those commands, with a request in their scratch folder.
 #include <cpl_conv.h>
 #include <cpl_error.h>
@@ -19,12 +19,14 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/stop.h"
+#include "stream/survey/raw_lines.h"
 #include "tools/frame/cli.h"
 
 namespace {
@@ -60,7 +62,8 @@ int CPL_STDCALL go_on(double, const char*, void*) {
 
 json read_request(const Arguments& a) {
   if (a.request.empty())
-    throw tessera::UsageError("no request given: this program is called by tessera raster and contours");
+    throw tessera::UsageError(
+        "no request given: this program is called by tessera raster, contours and section");
   if (a.parent != 0) tessera::follow_parent(a.parent);
   // What GDAL itself and the rows at hand take stays below this; what is left is for its cache of blocks.
   constexpr std::uint64_t kOwn = std::uint64_t{128} << 20, kMin = std::uint64_t{16} << 20,
@@ -177,21 +180,14 @@ void write_raster(const Arguments& a) {
   if (!last_error().empty()) fail("the raster");
 }
 
-/// As stream/survey/mesh_contours.cpp writes it.
-struct LineHeader {
-  double elevation = 0.0;
-  std::uint32_t index = 0, closed = 0;
-  std::uint64_t count = 0;
-};
-
 /// Calls use(header, points) for every line of a raw file.
 template <class Use>
 void for_each_line(const std::filesystem::path& path, const Use& use) {
   const tessera::ReadFile file(path);
-  std::vector<std::array<double, 2>> points;
+  std::vector<tessera::Double3> points;
   for (std::uint64_t at = 0; at < file.size();) {
     tessera::throw_if_stopped();
-    LineHeader header;
+    tessera::RawLine header;
     file.read_at(at, &header, sizeof header);
     at += sizeof header;
     if (header.count > (file.size() - at) / sizeof points[0])
@@ -206,6 +202,12 @@ void for_each_line(const std::filesystem::path& path, const Use& use) {
 void add_field(OGRLayer& layer, const char* name, OGRFieldType type) {
   OGRFieldDefn field(name, type);
   if (layer.CreateField(&field) != OGRERR_NONE) fail("the lines");
+}
+
+/// DXF knows no attributes: what would be one is the name of a layer.
+std::string dxf_layer(const json& request, const tessera::RawLine& line) {
+  if (request.at("layer") == "contours") return line.index != 0 ? "CONTOUR_INDEX" : "CONTOUR";
+  return fmt::format("SECTION_{:.10g}", line.value);
 }
 
 void write_lines(const Arguments& a) {
@@ -226,30 +228,31 @@ void write_lines(const Arguments& a) {
   CPLStringList options;
   // What doubles need to come back as they are, and no more.
   if (format == "GeoJSON") options.SetNameValue("SIGNIFICANT_FIGURES", "17");
-  OGRLayer* layer = set->CreateLayer(dxf ? "entities" : "contours", dxf ? nullptr : reference.get(),
-                                     wkbLineString25D, options.List());
+  OGRLayer* layer = set->CreateLayer(dxf ? "entities" : request.at("layer").get<std::string>().c_str(),
+                                     dxf ? nullptr : reference.get(), wkbLineString25D, options.List());
   if (!layer) fail("the lines");
+  const auto value = request.at("value").get<std::string>(), index = request.at("index").get<std::string>();
   if (!dxf) {
-    add_field(*layer, "elevation", OFTReal);
-    add_field(*layer, "index_line", OFTInteger);
+    add_field(*layer, value.c_str(), OFTReal);
+    add_field(*layer, index.c_str(), OFTInteger);
     add_field(*layer, "closed", OFTInteger);
   }
   const bool transactions = set->StartTransaction() == OGRERR_NONE;
-  for_each_line(path_of(request, "raw"), [&](const LineHeader& header, const auto& points) {
+  for_each_line(path_of(request, "raw"), [&](const tessera::RawLine& header, const auto& points) {
     OGRLineString line;
     const std::size_t count = points.size() + (header.closed != 0 ? 1 : 0);
     line.setNumPoints(static_cast<int>(count));
     for (std::size_t k = 0; k < count; ++k) {
       const auto& p = points[k % points.size()];
-      line.setPoint(static_cast<int>(k), p[0], p[1], header.elevation);
+      line.setPoint(static_cast<int>(k), p[0], p[1], p[2]);
     }
     OGRFeature feature(layer->GetLayerDefn());
     feature.SetGeometry(&line);
     if (dxf) {
-      feature.SetField("Layer", header.index != 0 ? "CONTOUR_INDEX" : "CONTOUR");
+      feature.SetField("Layer", dxf_layer(request, header).c_str());
     } else {
-      feature.SetField("elevation", header.elevation);
-      feature.SetField("index_line", static_cast<int>(header.index));
+      feature.SetField(value.c_str(), header.value);
+      feature.SetField(index.c_str(), static_cast<int>(header.index));
       feature.SetField("closed", static_cast<int>(header.closed));
     }
     if (layer->CreateFeature(&feature) != OGRERR_NONE) fail("the lines");
@@ -265,11 +268,11 @@ void write_lines(const Arguments& a) {
 int main(int argc, char** argv) {
   auto a = std::make_shared<Arguments>();
   tessera::OptionTable t;
-  t.add("request", &a->request, "what to write, as tessera raster and contours say it").positional();
+  t.add("request", &a->request, "what to write, as tessera raster, contours and section say it").positional();
   t.add("memory", &a->memory_bytes, "cap on memory").bytes();
   t.add("driven", &a->parent, "process that drives this one").hidden();
   return tessera::cli::run(
-      "tessera-gdal", "Writes foreign files by GDAL for tessera raster and contours, which call it.",
+      "tessera-gdal", "Writes foreign files by GDAL for tessera raster, contours and section, which call it.",
       {{"raster", "Raw cells to a Cloud Optimised GeoTIFF.", t, [a] { write_raster(*a); }},
        {"lines", "Raw lines to GeoPackage, GeoJSON or DXF.", t, [a] { write_lines(*a); }}},
       argc, argv);
