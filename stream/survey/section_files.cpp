@@ -30,13 +30,14 @@ void SectionCsv::add(const SectionLine& line, const SectionFrame& frame) {
 
 namespace {
 
-/// Height of the space for the text above a section, in heights of the text.
-constexpr std::int64_t kTextRoom = 3;
+/// Height of the space for the text above a section, and width of the station of a piece, in heights of the text.
+constexpr std::int64_t kTextRoom = 3, kTextWidth = 10;
 
 std::string section_text(SectionKind kind, const SectionExtent& s) {
   if (kind == SectionKind::kHorizontal) return fmt::format("height {:.10g}", s.value);
-  return fmt::format("{} {:.10g}, heights {:.10g} to {:.10g}",
-                     kind == SectionKind::kAlong ? "from station" : "station", s.value, s.min[1], s.max[1]);
+  const std::string station = fmt::format("station {:.10g}", s.value);
+  if (kind == SectionKind::kAlong) return station;
+  return station + fmt::format(", heights {:.7g} to {:.7g}", s.min[1], s.max[1]);
 }
 
 }  // namespace
@@ -53,7 +54,10 @@ SectionSvg::SectionSvg(const std::filesystem::path& output, SectionKind kind,
   }
   if (kind_ == SectionKind::kAlong) {
     tallest = max_[1] - min_[1];
-    for (SectionExtent& s : sections_) s.min[1] = min_[1], s.max[1] = max_[1];
+    for (SectionExtent& s : sections_) {
+      s.min[1] = min_[1], s.max[1] = max_[1];
+      s.value = std::max(s.value, min_[0]);  // the drawing begins where the mesh does
+    }
   }
   const double span = std::max(max_[0] - min_[0], tallest);
   if (span > 0.0) unit_ = std::pow(10.0, std::floor(std::log10(span)) - 5.0);
@@ -89,13 +93,22 @@ void SectionSvg::begin_section(std::int64_t section) {
   while (next_ < sections_.size() && sections_[next_].section < section) ++next_;
   if (next_ > 0 && kind_ != SectionKind::kAlong) top_ += down(sections_[next_ - 1].min[1]);
   const SectionExtent& s = sections_[next_++];
-  file_.append(fmt::format(
-      "<g id=\"section-{}\">\n<text x=\"{}\" y=\"{}\" stroke=\"none\" fill=\"#000\">{}</text>\n", section,
-      kind_ == SectionKind::kAlong ? right(s.min[0]) : 2 * font_, top_ + 2 * font_, section_text(kind_, s)));
-  // The axis.
-  if (kind_ == SectionKind::kAcross && min_[0] <= 0.0 && max_[0] >= 0.0)
-    file_.append(fmt::format("<path stroke=\"#aaa\" d=\"M{},{}V{}\"/>\n", right(0.0),
-                             top_ + kTextRoom * font_ - font_ / 2, top_ + down(s.min[1])));
+  file_.append(fmt::format("<g id=\"section-{}\">\n", section));
+  const std::int64_t row = top_ + kTextRoom * font_, bottom = top_ + down(s.min[1]);
+  const auto put_axis = [&](std::int64_t x) {
+    file_.append(fmt::format("<path stroke=\"#aaa\" d=\"M{},{}V{}\"/>\n", x, row - font_ / 2, bottom));
+  };
+  std::int64_t x = 2 * font_;
+  if (kind_ == SectionKind::kAlong) {
+    x = right(s.value);
+    put_axis(x);
+  } else if (kind_ == SectionKind::kAcross && min_[0] <= 0.0 && max_[0] >= 0.0) {
+    put_axis(right(0.0));
+  }
+  // Text that would end beyond the drawing ends at its place.
+  const char* anchor = x > 2 * font_ && x > right(max_[0]) - kTextWidth * font_ ? " text-anchor=\"end\"" : "";
+  file_.append(fmt::format("<text x=\"{}\" y=\"{}\" stroke=\"none\" fill=\"#000\"{}>{}</text>\n", x,
+                           row - font_, anchor, section_text(kind_, s)));
 }
 
 void SectionSvg::add(const SectionLine& line) {

@@ -300,6 +300,13 @@ TEST_CASE("section: lines in place for other programs, and a drawing", "[pipelin
   CHECK(svg.find(">station 10, heights 250 to 253</text>") != std::string::npos);
   CHECK(svg.find("z\"/>") != std::string::npos);
   CHECK(svg.find("1 unit = 1e-05 units") != std::string::npos);
+  // Pieces along an axis share a row, each with its station.
+  make({box(folder), "--line", axis(folder, {{-1, 2}, {5, 2}, {11, 2}}), "--along", "-o",
+        (folder / "along.svg").string()});
+  const std::string profile = file_bytes(folder / "along.svg");
+  CHECK(count(profile, "<g id=\"section-") == 2);
+  CHECK(profile.find(">station 1</text>") != std::string::npos);
+  CHECK(profile.find(">station 6</text>") != std::string::npos);
 }
 
 TEST_CASE("section: over many patches the same bytes by any way", "[pipeline]") {
