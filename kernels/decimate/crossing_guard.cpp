@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/mesh/block_contacts.h"
+
 namespace tessera {
 
 /// The outline of a disk of faces, seen along an axis: a face that lies beyond a side of its convex hull meets those inside in
@@ -160,6 +162,10 @@ void CrossingGuard::accept() {
   for (const std::uint32_t f : gone_) boxes_.set(f, box_of(f));
 }
 
+void CrossingGuard::accept(const Star& star) {
+  for (std::size_t i = 0; i < star.faces; ++i) boxes_.set(star.corner[i] >> 2, box_of(star.corner[i] >> 2));
+}
+
 /// Faces of a star whose centre is now called `name` and lies elsewhere; those with the other end of a collapsing edge go.
 void CrossingGuard::take_star(const Star& star, std::uint32_t other_end, std::uint32_t name,
                               const Double3& to) {
@@ -242,6 +248,15 @@ bool CrossingGuard::adds(const Outline& outline) {
   before_.clear();
   for (const std::uint32_t f : gone_) before_.push_back(contact_face(f));
   return after > contacts(before_, Outline(mesh_, {}));
+}
+
+std::size_t count_contacts(const CollapseMesh& mesh) {
+  MeshBlock block;
+  block.position.reserve(mesh.vertices());
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v) block.position.push_back(mesh.at(v));
+  for (const CollapseFace& f : mesh.faces())
+    if ((f.state & kStateDead) == 0) block.faces.push_back({f.vertex[0], f.vertex[1], f.vertex[2]});
+  return count_contacts(block);
 }
 
 }  // namespace tessera

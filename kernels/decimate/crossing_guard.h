@@ -2,6 +2,7 @@
 /// Keeps edits of a mesh from making it cross itself: whether faces that an edit makes would meet others beyond the edges and
 /// corners that they share (face_contact.h), exactly.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -11,6 +12,9 @@
 #include "kernels/mesh/face_contact.h"
 
 namespace tessera {
+
+/// Pairs of faces of a mesh as it is that meet so.
+std::size_t count_contacts(const CollapseMesh& mesh);
 
 class CrossingGuard {
  public:
@@ -32,6 +36,8 @@ class CrossingGuard {
   /// The flip of the edge opposite a corner.
   bool flip_adds(std::uint32_t corner);
   void accept();
+  /// A collapse of this star that was not asked about.
+  void accept(const Star& star);
 
  private:
   class Outline;

@@ -9,8 +9,10 @@
 #include <optional>
 #include <string>
 
+#include "kernels/decimate/crossing_guard.h"
 #include "kernels/decimate/decimator.h"
 #include "kernels/decimate/feature_edges.h"
+#include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/flat_faces.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
@@ -72,6 +74,40 @@ void write_back(const CollapseMesh& mesh, MeshBlock& b) {
   canonicalise(b);
 }
 
+/// \returns whether it trusted flat places (Decimator)
+bool decimate_mesh(CollapseMesh& mesh, MeshBlock& block, const MeshBlock& reference,
+                   const DecimateOptions& options, std::span<const std::uint64_t> pinned,
+                   const Double3& origin, bool guard_all, DecimateReport& report) {
+  std::optional<CollapseMesh> apart;
+  std::vector<std::uint32_t> reference_vertex(mesh.vertices());
+  std::vector<std::uint8_t> sharp;
+  if (&reference == &block) {
+    std::iota(reference_vertex.begin(), reference_vertex.end(), 0u);
+  } else if (options.tolerance > 0.0 || options.feature_angle_deg > 0.0) {
+    check_sizes(reference, "reference");
+    if (!std::is_sorted(reference.key.begin(), reference.key.end()))
+      throw InputError("decimation: the keys of the reference must ascend");
+    apart.emplace(reference, origin, CollapseMesh::Order::kNearEnough);
+    std::vector<std::uint32_t> same(apart->vertices());
+    std::iota(same.begin(), same.end(), 0u);
+    sharp = sharp_vertices(*apart, options.feature_angle_deg);
+    mark_features(*apart, reference, sharp, same, options.feature_angle_deg);
+    reference_vertex = same_vertices(mesh, block, *apart, reference);
+  }
+  const CollapseMesh& original = apart ? *apart : mesh;
+  if (!apart) sharp = sharp_vertices(mesh, options.feature_angle_deg);
+  mark_features(mesh, block, sharp, reference_vertex, options.feature_angle_deg);
+  for (std::uint32_t v = 0; v < mesh.vertices() && !pinned.empty(); ++v)
+    if (std::binary_search(pinned.begin(), pinned.end(), block.key[mesh.block_vertex(v)]))
+      mesh.add_state(v, kVertexLocked);
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v)
+    report.locked_vertices += (mesh.state(v) & kVertexLocked) != 0;
+  Decimator decimator(mesh, original, std::move(reference_vertex), options, block, origin, guard_all);
+  apart.reset();
+  decimator.run(report);
+  return decimator.trusted();
+}
+
 }  // namespace
 
 void DecimateOptions::validate() const {
@@ -115,38 +151,20 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
   // Sweeps go by places; where there are none, sorting gains nothing.
   const bool fresh = std::all_of(block.face_bound.begin(), block.face_bound.end(),
                                  [](float bound) { return !(bound > 0.0f); });
-  CollapseMesh mesh(block, origin,
-                    fresh ? CollapseMesh::Order::kByPosition : CollapseMesh::Order::kNearEnough);
-  {
-    std::optional<CollapseMesh> apart;
-    std::vector<std::uint32_t> reference_vertex(mesh.vertices());
-    std::vector<std::uint8_t> sharp;
-    if (itself) {
-      std::iota(reference_vertex.begin(), reference_vertex.end(), 0u);
-    } else if (options.tolerance > 0.0 || options.feature_angle_deg > 0.0) {
-      check_sizes(reference, "reference");
-      if (!std::is_sorted(reference.key.begin(), reference.key.end()))
-        throw InputError("decimation: the keys of the reference must ascend");
-      apart.emplace(reference, origin, CollapseMesh::Order::kNearEnough);
-      std::vector<std::uint32_t> same(apart->vertices());
-      std::iota(same.begin(), same.end(), 0u);
-      sharp = sharp_vertices(*apart, options.feature_angle_deg);
-      mark_features(*apart, reference, sharp, same, options.feature_angle_deg);
-      reference_vertex = same_vertices(mesh, block, *apart, reference);
+  // Sweeps trust flat places; where the result shows that they should not have, all is done again and looked at.
+  for (const bool guard_all : {options.allow_crossings, true}) {
+    DecimateReport attempt = report;
+    CollapseMesh mesh(block, origin,
+                      fresh ? CollapseMesh::Order::kByPosition : CollapseMesh::Order::kNearEnough);
+    const bool trusted = decimate_mesh(mesh, block, reference, options, pinned, origin, guard_all, attempt);
+    if (!guard_all && trusted) {
+      const std::size_t pairs = count_contacts(mesh);
+      if (pairs > 0 && pairs > count_contacts(block)) continue;
     }
-    const CollapseMesh& original = apart ? *apart : mesh;
-    if (!apart) sharp = sharp_vertices(mesh, options.feature_angle_deg);
-    mark_features(mesh, block, sharp, reference_vertex, options.feature_angle_deg);
-    for (std::uint32_t v = 0; v < mesh.vertices() && !pinned.empty(); ++v)
-      if (std::binary_search(pinned.begin(), pinned.end(), block.key[mesh.block_vertex(v)]))
-        mesh.add_state(v, kVertexLocked);
-    for (std::uint32_t v = 0; v < mesh.vertices(); ++v)
-      report.locked_vertices += (mesh.state(v) & kVertexLocked) != 0;
-    Decimator decimator(mesh, original, std::move(reference_vertex), options, block, origin);
-    apart.reset();
-    decimator.run(report);
+    report = attempt;
+    write_back(mesh, block);
+    break;
   }
-  write_back(mesh, block);
   report.faces_out = block.faces.size();
   report.vertices_out = block.position.size();
   for (const float b : block.face_bound) report.bound = std::fmax(report.bound, static_cast<double>(b));

@@ -16,7 +16,7 @@ constexpr std::uint32_t kPartVertices = 4096;  ///< with their faces about what 
 
 Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
                      std::vector<std::uint32_t> reference_vertex, const DecimateOptions& options,
-                     MeshBlock& block, const Double3& origin)
+                     MeshBlock& block, const Double3& origin, bool guard_all)
     : mesh_(mesh),
       block_(block),
       origin_(origin),
@@ -28,7 +28,8 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       mark_(mesh.vertices(), 0),
       lanes_(options.tolerance > 0.0 ? options.tolerance : 1.0, options.min_mean_ratio),
       reference_vertex_(std::move(reference_vertex)),
-      guard_(mesh) {
+      guard_(mesh),
+      guard_all_(guard_all) {
   if (options.tolerance > 0.0)
     reference_deviation_ = ReferenceDeviation(reference, options.max_normal_deviation_deg > 0.0);
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
@@ -167,7 +168,11 @@ void Decimator::remove(std::uint32_t u, const Star& star, std::size_t at_ring) {
   if (moves_) move_vertex(u, v);
   update_error(v);
   mesh_.collapse(star, at_ring);
-  if (!options_.allow_crossings) guard_.accept();
+  if (options_.allow_crossings) return;
+  if (moves_)
+    guard_.accept();
+  else
+    guard_.accept(star);
 }
 
 void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, std::uint32_t now) {

@@ -50,10 +50,13 @@ class Decimator {
   /// \param block      takes the places and attributes of vertices that move (kOptimal)
   /// \param origin     of mesh
   /// \param reference_vertex  per vertex of the mesh the same one in the reference, or kNoCorner
+  /// \param guard_all  false: where a star is nearly flat, sweeps do not look for faces that would cross; then look at the result
   Decimator(CollapseMesh& mesh, const CollapseMesh& reference, std::vector<std::uint32_t> reference_vertex,
-            const DecimateOptions& options, MeshBlock& block, const Double3& origin);
+            const DecimateOptions& options, MeshBlock& block, const Double3& origin, bool guard_all);
 
   void run(DecimateReport& report);
+  /// Whether collapses were done in which no face was looked for that would cross.
+  bool trusted() const { return trusted_; }
 
  private:
   enum class Refusal : std::uint8_t { kNone, kLink, kFold, kShape, kNormal, kTolerance, kCrossing };
@@ -85,6 +88,7 @@ class Decimator {
   void sweep_all(DecimateReport& report);
   void sweep(double max_cost, std::vector<float>& minimum, DecimateReport& report);
   bool gather(std::uint32_t u, Star& star);
+  bool trusts(std::uint32_t u, const Star& star);
   StarLanes::Cheapest find_cheapest(std::uint32_t u, const Star& star);
   bool check_cheap(std::uint32_t u, const Star& star, std::size_t at);
   double largest_bound(const Star& star) const {
@@ -180,6 +184,8 @@ class Decimator {
   std::uint64_t exact_tests_ = 0, exact_accepted_ = 0;
   float new_bound_ = 0.0f;  ///< of the candidate that check() just accepted
   CrossingGuard guard_;
+  const bool guard_all_;
+  bool trusted_ = false;
 };
 
 }  // namespace tessera

@@ -14,6 +14,8 @@ constexpr double kFirstLimit = 0x1p-12, kLimitGrowth = 8.0;
 constexpr double kMaxBound = 0.25;  ///< of the tolerance
 /// A coarse reference saves nothing with more than a half of the vertices.
 constexpr std::size_t kMinGain = 2;
+/// A star whose faces turn by less from its first one is nearly flat.
+constexpr double kTrustedCosine = 0.7;
 constexpr float kTouched = -1.0f, kRefused = 0x1p+100f;
 
 }  // namespace
@@ -61,7 +63,7 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
     minimum[u] = static_cast<float>(best.cost);
     if (!(best.cost < max_cost)) continue;
     ++report.candidates;
-    if (!check_cheap(u, star, best.at) || adds_crossing(star, best.at)) {
+    if (!check_cheap(u, star, best.at) || (!trusts(u, star) && adds_crossing(star, best.at))) {
       minimum[u] = kRefused;
       continue;
     }
@@ -71,6 +73,28 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
     for (std::size_t i = 0; i < star.ring_size(); ++i)
       minimum[star.ring[i]] = star.ring[i] > u ? kTouched : 0.0f;
   }
+}
+
+/// Sweeps move the surface by little: faces hardly come to cross others but where it bends or another sheet lies against it. The
+/// first is seen here, which spares most collapses the search, the second in the result.
+bool Decimator::trusts(std::uint32_t u, const Star& star) {
+  if (guard_all_) return false;
+  const Double3& centre = mesh_.at(u);
+  Double3 first{};
+  double first_square = 0.0;
+  for (std::size_t i = 0; i < star.faces; ++i) {
+    const std::size_t j = i + 1 < star.ring_size() ? i + 1 : 0;
+    const Double3 n = cross(mesh_.at(star.ring[i]) - centre, mesh_.at(star.ring[j]) - centre);
+    if (i == 0) {
+      first = n, first_square = dot(n, n);
+      continue;
+    }
+    const double along = dot(first, n);
+    if (along <= 0.0 || along * along < kTrustedCosine * kTrustedCosine * first_square * dot(n, n))
+      return false;
+  }
+  trusted_ = true;
+  return true;
 }
 
 /// The cheapest collapse that lines allow; one of kRefused where there is none.

@@ -57,7 +57,7 @@ OptionTable option_table(SimplifyOptions& o) {
   t.add("crossings", &o.crossings,
         "refuse: no face comes to cross, overlap or touch others beyond what they share, within the blocks "
         "of a pass; "
-        "keep: that is not looked at, which saves a fifth of the time")
+        "keep: that is not looked at, which saves a sixth of the time")
       .one_of({"refuse", "keep"});
   t.add("colour-weight", &o.colour_weight,
         "length that the full range of a colour is worth, in the units of the mesh; 0 = colours follow")
