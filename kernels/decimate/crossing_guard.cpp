@@ -105,12 +105,12 @@ class CrossingGuard::Outline {
   unsigned before(unsigned side) const { return (side >> 1 | side << (sides_ - 1u)) & ((1u << sides_) - 1u); }
 
   /// A bit for each side that has the place surely beyond it (1) or on its inner side (-1).
-  unsigned sides_of(__m256d place, float way) const {
+  unsigned sides_of(__m256d place, float direction) const {
     const __m128 p = flat(place);
     const __m256 x = _mm256_broadcastss_ps(p), y = _mm256_broadcastss_ps(_mm_movehdup_ps(p));
     const __m256 a = _mm256_mul_ps(_mm256_load_ps(dy_.data()), x),
                  b = _mm256_mul_ps(_mm256_load_ps(dx_.data()), y), c = _mm256_load_ps(shift_.data());
-    const __m256 beyond = _mm256_mul_ps(_mm256_sub_ps(_mm256_add_ps(a, c), b), _mm256_set1_ps(way));
+    const __m256 beyond = _mm256_mul_ps(_mm256_sub_ps(_mm256_add_ps(a, c), b), _mm256_set1_ps(direction));
     const __m128 far = _mm_andnot_ps(_mm_set1_ps(-0.0f), p);
     const __m128 terms = _mm_add_ps(_mm_add_ps(far, _mm_movehdup_ps(far)), _mm_set1_ps(2.0f));
     const __m256 doubt = _mm256_broadcastss_ps(_mm_mul_ps(terms, _mm_set1_ps(kRounding)));
