@@ -416,6 +416,13 @@ void CollapseMesh::compact(std::vector<std::uint32_t>& kept) {
   block_vertex_.resize(kept.size()), state_.resize(kept.size());
 }
 
+void CollapseMesh::shrink() {
+  std::vector<std::uint32_t> kept;
+  compact(kept);
+  faces_.shrink_to_fit(), vertices_.shrink_to_fit();
+  corner_.shrink_to_fit(), block_vertex_.shrink_to_fit(), state_.shrink_to_fit();
+}
+
 void CollapseMesh::sort_by_position(std::vector<std::uint32_t>& kept) {
   compact(kept);
   const std::size_t n = vertices_.size();

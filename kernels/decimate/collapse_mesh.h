@@ -149,6 +149,8 @@ class CollapseMesh {
   /// Closes the gaps that dead vertices and faces left; the order stays.
   /// \param[out] kept  the vertices that are left, as they were numbered before: ascending
   void compact(std::vector<std::uint32_t>& kept);
+  /// The same, and gives back the memory of those that were there.
+  void shrink();
 
   /// The same, and vertices and faces get the Morton order of their places again: splits append theirs at the end, far from
   /// their neighbours. Allocates about 60 bytes a face for a while. \param[out] kept  per vertex, its number before

@@ -188,16 +188,13 @@ bool CrossingGuard::collapse_adds(const Star& star, std::size_t at, const Star& 
   gone_.clear(), made_.clear();
   const std::uint32_t u = mesh_.vertex(star.corner[0]), v = star.ring[at];
   take_star(star, v, v, to);
-  const std::size_t own = gone_.size();
+  const auto own = static_cast<std::ptrdiff_t>(gone_.size());
   take_star(other, u, v, to);
   // The faces at the edge are of both stars.
-  gone_.erase(std::remove_if(gone_.begin() + static_cast<std::ptrdiff_t>(own), gone_.end(),
-                             [&](std::uint32_t f) {
-                               return std::find(gone_.begin(),
-                                                gone_.begin() + static_cast<std::ptrdiff_t>(own),
-                                                f) != gone_.begin() + static_cast<std::ptrdiff_t>(own);
-                             }),
-              gone_.end());
+  const auto twice = [&](std::uint32_t f) {
+    return std::find(gone_.begin(), gone_.begin() + own, f) != gone_.begin() + own;
+  };
+  gone_.erase(std::remove_if(gone_.begin() + own, gone_.end(), twice), gone_.end());
   return adds(Outline(mesh_, {}));
 }
 

@@ -159,6 +159,7 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
     const bool trusted = decimate_mesh(mesh, block, reference, options, pinned, origin, guard_all, attempt);
     if (!guard_all && trusted) {
       const std::size_t pairs = count_contacts(mesh);
+      if (pairs > 0) mesh.shrink();  // the search of the block needs the memory
       if (pairs > 0 && pairs > count_contacts(block)) continue;
     }
     report = attempt;

@@ -74,10 +74,4 @@ Uncrossed uncross_block(MeshBlock& block, std::span<const SafePlace> safe,
   return result;
 }
 
-std::size_t uncross_block_bytes(std::size_t faces) {
-  // Half a vertex a face, hardly more where blocks end.
-  return faces * (sizeof(Double3) + 8 + 12 + 8) +
-         static_cast<std::size_t>(risky_crossings_bytes(faces, kMaxRiskCells));
-}
-
 }  // namespace tessera

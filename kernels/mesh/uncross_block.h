@@ -27,11 +27,8 @@ struct Uncrossed {
 /// \param complete  per vertex: others stay where they are, other blocks hold faces at them (complete_stars)
 /// \param cell      edge of the cells, scan units
 /// \post  nothing else of the block changes; a pure function of the block and what it may take back
-/// \cost  O(n) time, and n log n in what is compared; uncross_block_bytes()
+/// \cost  O(n) time, and n log n in what is compared; at most 212 bytes a face and 3 MiB
 Uncrossed uncross_block(MeshBlock& block, std::span<const SafePlace> safe,
                         std::span<const std::uint8_t> complete, double cell);
-
-/// Upper bound of what it allocates for a block of so many faces.
-std::size_t uncross_block_bytes(std::size_t faces);
 
 }  // namespace tessera

@@ -99,7 +99,7 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
                                  kMinCreaseEdges * (adaptive ? options.min_edge : options.edge),
                                  {options.sizing_tolerance, options.min_edge, options.edge});
   if (options.find_creases) surface.mark(block);
-  const auto done = [&](bool guarded, RemeshReport& r) {
+  const auto remeshed = [&](bool guarded, RemeshReport& r) {
     CollapseMesh mesh(block, origin);
     Remesher remesher(mesh, block, surface, options, pinned, guarded);
     remesher.run(r);
@@ -107,11 +107,11 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   };
   // Few blocks come to cross themselves: to look at the result costs less than to ask at every step.
   const RemeshReport none = report;
-  MeshBlock result = done(false, report);
+  MeshBlock result = remeshed(false, report);
   const std::size_t pairs = count_contacts(result);
   if (pairs > 0 && pairs > count_contacts(block)) {
     RemeshReport again = none;
-    MeshBlock guarded = done(true, again);
+    MeshBlock guarded = remeshed(true, again);
     if (count_contacts(guarded) < pairs) {
       result = std::move(guarded);
       report = again;

@@ -261,7 +261,7 @@ void Remesher::split(const Edge& e) {
       if (foot.square <= 0.25 * square) at = foot.at;
     }
   }
-  if (guarded_ && !refining_) at = middle;  // whatever it means to others: there it is where the edge was
+  if (guarded_ && !refining_) at = middle;  // on the edge as it was it meets nothing new
   // In the middle nothing can fold.
   for (const std::uint32_t d : {c, o}) {
     if (d == kNoCorner) continue;

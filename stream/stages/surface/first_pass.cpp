@@ -27,7 +27,8 @@ using json = nlohmann::json;
 constexpr std::uint64_t kCube = 64, kOctant = 8;  ///< bricks of a block; of an eighth of one
 constexpr std::uint64_t kMaxFaces =
     3u << 16;  ///< where a block has more, its eighths are blocks: level ground has 2^17
-/// Merged block, what becomes of it, where its vertices may go back to; its patches are gone by then.
+/// Merged block, what becomes of it, where its vertices may go back to; its patches are gone by then. While crossings are
+/// looked for half of it is still free, and decimation's memory too.
 constexpr std::uint64_t kBytesPerFace = 96 + 80 + sizeof(SafePlace) / 2;
 constexpr std::size_t kPassBuffer = std::size_t{1} << 20;
 
