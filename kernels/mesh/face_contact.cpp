@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 #include "kernels/mesh/orientation_sign.h"
@@ -54,16 +55,21 @@ int common_stretch(Corners a, Signs sa, Corners b, Signs sb) {
 
 using Flat3 = std::array<Double2, 3>;
 
-/// Counter-clockwise, along axes k and k + 1: the first two in whose plane they have an area. \returns k
-std::size_t flatten(const Corners& a, const Corners& b, Flat3& p, Flat3& q) {
+/// Counter-clockwise, along axes k and k + 1: the first two in whose plane they have an area.
+/// \param at_p,at_q  of corners of a and b: afterwards, where p and q hold them
+void flatten(const Corners& a, const Corners& b, Flat3& p, Flat3& q, std::size_t& at_p, std::size_t& at_q) {
+  const auto reverse = [](Flat3& t, std::size_t& at) {
+    std::swap(t[1], t[2]);
+    if (at != 0) at = 3 - at;
+  };
   for (std::size_t k = 0;; ++k) {
     const std::size_t l = (k + 1) % 3;
     for (std::size_t i = 0; i < 3; ++i) p[i] = {a[i][k], a[i][l]}, q[i] = {b[i][k], b[i][l]};
     const int turn = orient2d_sign(p[0], p[1], p[2]);
     if (turn == 0 && k < 2) continue;
-    if (turn < 0) std::swap(p[1], p[2]);
-    if (orient2d_sign(q[0], q[1], q[2]) < 0) std::swap(q[1], q[2]);
-    return k;
+    if (turn < 0) reverse(p, at_p);
+    if (orient2d_sign(q[0], q[1], q[2]) < 0) reverse(q, at_q);
+    return;
   }
 }
 
@@ -86,21 +92,20 @@ bool same_ray(const Double2& corner, const Double2& x, const Double2& y) {
   return false;
 }
 
-FaceContact coplanar_contact(const ContactFace& a, const ContactFace& b, const Double3* shared) {
+/// \param shared  the corner of each that they have in common, if they share one
+FaceContact coplanar_contact(const ContactFace& a, const ContactFace& b,
+                             std::optional<std::pair<std::size_t, std::size_t>> shared) {
   Flat3 p, q;
-  const std::size_t k = flatten(a.corner, b.corner, p, q);
+  auto [i, j] = shared.value_or(std::pair<std::size_t, std::size_t>{0, 0});
+  flatten(a.corner, b.corner, p, q, i, j);
   const int apart = std::max(separated(p, q), separated(q, p));
   if (apart < 0) return FaceContact::kOverlap;
   if (apart > 0) return FaceContact::kNone;
-  if (shared == nullptr) return FaceContact::kTouch;
+  if (!shared) return FaceContact::kTouch;
   // Beside the corner that they share, only along edges that leave it together.
-  const Double2 at = {(*shared)[k], (*shared)[(k + 1) % 3]};
-  std::size_t i = 0, j = 0;
-  while (p[i] != at) ++i;
-  while (q[j] != at) ++j;
   for (std::size_t m = 1; m < 3; ++m)
     for (std::size_t n = 1; n < 3; ++n)
-      if (same_ray(at, p[(i + m) % 3], q[(j + n) % 3])) return FaceContact::kTouch;
+      if (same_ray(p[i], p[(i + m) % 3], q[(j + n) % 3])) return FaceContact::kTouch;
   return FaceContact::kNone;
 }
 
@@ -138,7 +143,7 @@ FaceContact face_contact(const ContactFace& a, const ContactFace& b) {
     const Double3 &p = a.corner[in_a[0]], &q = a.corner[in_a[1]];
     const Double3 &tip = a.corner[3 - in_a[0] - in_a[1]], &other = b.corner[3 - in_b[0] - in_b[1]];
     if (opens(p, q, tip, other) || orient3d_sign(p, q, tip, other) != 0) return FaceContact::kNone;
-    return coplanar_contact(a, b, nullptr) == FaceContact::kOverlap ? FaceContact::kOverlap
+    return coplanar_contact(a, b, std::nullopt) == FaceContact::kOverlap ? FaceContact::kOverlap
                                                                     : FaceContact::kNone;
   }
   Signs of_b{}, of_a{};
@@ -159,7 +164,8 @@ FaceContact face_contact(const ContactFace& a, const ContactFace& b) {
     of_b = sides(a.corner, b.corner);
     if (all_beyond(of_b)) return FaceContact::kNone;
   }
-  if (of_b == Signs{0, 0, 0}) return coplanar_contact(a, b, shared == 1 ? &a.corner[in_a[0]] : nullptr);
+  if (of_b == Signs{0, 0, 0})
+    return coplanar_contact(a, b, shared == 1 ? std::optional(std::pair(in_a[0], in_b[0])) : std::nullopt);
   if (shared == 1) {
     for (std::size_t k = 1; k < 3; ++k) {
       const std::size_t i = (in_a[0] + k) % 3;

@@ -25,7 +25,8 @@ struct ContactFace {
 
 /// The same for either order and for any rotation or reversal of corners. Two faces on one edge fold back onto each other
 /// (kOverlap) or do not meet; a face that repeats another overlaps it.
-/// \pre the corners of each face are finite, its vertices differ, and it has an area: !collinear(its corners)
+/// \pre the corners of each face are finite, its vertices differ, and it has an area: !collinear(its corners); a vertex that
+///      both have lies at one position
 FaceContact face_contact(const ContactFace& a, const ContactFace& b);
 
 }  // namespace tessera

@@ -26,24 +26,19 @@ constexpr int kKeyBits = 61;
 /// Least edge of the grid's cells in edges of the mesh.
 constexpr double kNarrowest = 8.0;
 
-constexpr double kFarthestCell = 1e9;
+/// Beyond, cells are not told apart: the spacing of doubles is an eighth of one.
+constexpr double kFarthestCell = 0x1p50;
 
 /// Where a vertex lies in the grid.
 struct GridPosition {
-  std::array<std::int32_t, 3> cell;
+  std::array<std::int64_t, 3> cell;
   std::array<float, 3> fraction;
 
-  /// The corner of a class whose hat is not zero here, and its hat.
-  std::array<std::int32_t, 3> corner(std::uint32_t parity) const {
-    std::array<std::int32_t, 3> c;
-    for (std::size_t a = 0; a < 3; ++a)
-      c[a] = cell[a] + ((cell[a] ^ static_cast<std::int32_t>(parity >> a)) & 1);
-    return c;
-  }
+  /// Of the corner of that class among the cell's eight.
   float hat(std::uint32_t parity) const {
     float w = 1.0F;
     for (std::size_t a = 0; a < 3; ++a)
-      w *= ((cell[a] ^ static_cast<std::int32_t>(parity >> a)) & 1) != 0 ? fraction[a] : 1.0F - fraction[a];
+      w *= ((cell[a] ^ static_cast<std::int64_t>(parity >> a)) & 1) != 0 ? fraction[a] : 1.0F - fraction[a];
     return w;
   }
 };
@@ -57,7 +52,7 @@ std::vector<GridPosition> grid_positions(const MeshBlock& block, double edge) {
         throw InputError(
             "vertex " + std::to_string(block.key[v]) +
             " is too far from zero for its mesh: move the mesh towards zero before smoothing it");
-      out[v].cell[a] = static_cast<std::int32_t>(low);
+      out[v].cell[a] = static_cast<std::int64_t>(low);
       out[v].fraction[a] = static_cast<float>(x - low);
     }
   return out;
@@ -103,7 +98,7 @@ std::uint32_t shared_classes(const GridPosition& u, const GridPosition& v) {
       {{0b01010101, 0b10101010}, {0b00110011, 0b11001100}, {0b00001111, 0b11110000}}};
   std::uint32_t classes = kAllClasses;
   for (std::size_t a = 0; a < 3; ++a) {
-    const std::int32_t low = std::min(u.cell[a], v.cell[a]), high = std::max(u.cell[a], v.cell[a]);
+    const std::int64_t low = std::min(u.cell[a], v.cell[a]), high = std::max(u.cell[a], v.cell[a]);
     if (low == high) continue;
     // Neighbours share the corner between them.
     classes &= high - low == 1 ? kClassesOf[a][static_cast<std::size_t>(high & 1)] : 0;

@@ -67,21 +67,20 @@ const NearFaces::View& NearFaces::view(std::size_t patch) {
   const std::size_t count = own.position.size() + out.foreign.size();
   out.position.reserve(count), out.returns.reserve(count);
   out.risky = own.risky;
-  for (std::size_t v = 0; v < own.position.size(); ++v) {
-    out.position.push_back(wide(own.position[v]));
-    out.returns.push_back(own.position[v] != own.safe[v]);
-  }
+  std::vector<std::uint8_t> beyond;
+  beyond.reserve(count);
+  const auto add = [&](const Float3& p, const Float3& safe, const Int3& owner) {
+    out.position.push_back(p);
+    out.returns.push_back(p != safe);
+    const Double3 here = seen_from(wide(p), owner, brick);
+    beyond.push_back(std::any_of(here.begin(), here.end(), [](double x) { return x < 0.0 || x > kSide; }));
+  };
+  for (std::size_t v = 0; v < own.position.size(); ++v) add(own.position[v], own.safe[v], brick);
   for (const VertexSlot& slot : out.foreign) {
     const Vertices& there = vertices(slot.patch);
-    const Int3 owner = brick_of_key(store_.patches()[slot.patch].key);
-    out.position.push_back(seen_from(wide(there.position[slot.vertex]), owner, brick));
-    out.returns.push_back(there.position[slot.vertex] != there.safe[slot.vertex]);
+    add(there.position[slot.vertex], there.safe[slot.vertex],
+        brick_of_key(store_.patches()[slot.patch].key));
     out.risky.push_back(there.risky[slot.vertex]);
-  }
-  std::vector<std::uint8_t> beyond(count);
-  for (std::size_t v = 0; v < count; ++v) {
-    const Double3& p = out.position[v];
-    beyond[v] = std::any_of(p.begin(), p.end(), [](double x) { return x < 0.0 || x > kSide; });
   }
   out.faces.reserve(read_.faces.size());
   for (const PatchFace& f : read_.faces) {
@@ -104,7 +103,9 @@ void NearFaces::gather(const Int3& brick, const std::vector<std::size_t>& around
     const Int3 at = brick_of_key(store_.patches()[p].key);
     const auto add_vertex = [&](std::uint32_t v) {
       const VertexSlot slot = there.slot(p, v);
-      mesh_.position.push_back(seen_from(there.position[v], at, brick));
+      // Moved from its owner's corner in one step, whichever patch names it: each step rounds.
+      const Int3 owner = brick_of_key(store_.patches()[slot.patch].key);
+      mesh_.position.push_back(seen_from(wide(there.position[v]), owner, brick));
       mesh_.name.push_back(patch_vertex(slot.patch, slot.vertex));
       mesh_.risky.push_back(there.risky[v]);
       returns_.push_back(there.returns[v]);

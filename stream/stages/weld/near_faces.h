@@ -41,9 +41,9 @@ class NearFaces {
     std::vector<std::uint8_t> risky;
     std::uint64_t bytes() const { return (2 * sizeof(Float3) + 1) * position.size() + 128; }
   };
-  /// Kept faces of a patch, in cells from the min corner of its brick: own vertices, then foreign ones.
+  /// Kept faces of a patch: own vertices, then foreign ones, each in cells from the min corner of its owner's brick.
   struct View {
-    std::vector<Double3> position;
+    std::vector<Float3> position;
     std::vector<std::uint8_t> returns, risky;  ///< per vertex: it may go back; it makes its faces risky
     std::vector<VertexSlot> foreign;
     std::vector<PatchFace> faces;
@@ -53,7 +53,7 @@ class NearFaces {
       return v < own ? VertexSlot{static_cast<std::uint32_t>(patch), v} : foreign[v - own];
     }
     std::uint64_t bytes() const {
-      return 26 * position.size() + sizeof(VertexSlot) * foreign.size() + sizeof(PatchFace) * faces.size() +
+      return 14 * position.size() + sizeof(VertexSlot) * foreign.size() + sizeof(PatchFace) * faces.size() +
              4 * reaching.size() + 256;
     }
   };

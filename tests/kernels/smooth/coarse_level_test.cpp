@@ -322,12 +322,26 @@ TEST_CASE("coarse level: what a factor would take too long for goes to multigrid
   CHECK(std::sqrt(left / whole) < (solid ? 1e-4 : 1e-9));
 }
 
+TEST_CASE("coarse level: a small part at survey coordinates has the unknowns that it has at zero", "[unit]") {
+  MeshBlock block = wavy_sphere(3, false);
+  for (Double3& p : block.position)
+    for (double& x : p) x = std::round(x * 0x1p20) * 0x1p-20;  // so that the shift rounds nothing
+  CoarseOptions options = options_for(block, 1000);
+  options.cell = 0x1p-9;
+  const CoarseBasis there = make_coarse_basis(block, make_surface_rows(block, FaceCorners(block), {}), options);
+  for (Double3& p : block.position) p = p + Double3{0x1p23, 0x1p24, 0.0};  // 2^33 cells
+  const CoarseBasis far = make_coarse_basis(block, make_surface_rows(block, FaceCorners(block), {}), options);
+  CHECK(far.name == there.name);
+  CHECK(far.unknown == there.unknown);
+  CHECK(far.weight == there.weight);
+}
+
 TEST_CASE("coarse level: what cannot be solved is said", "[unit]") {
   const MeshBlock block = wavy_sphere(3, false);
   CoarseOptions options = options_for(block, 1000);
   const SurfaceRows rows = make_surface_rows(block, FaceCorners(block), {});
   SECTION("a mesh too far from zero") {
-    options.cell = 1e-10;
+    options.cell = 1e-16;
     CHECK_THROWS_AS(make_coarse_basis(block, rows, options), InputError);
   }
   SECTION("a system without a diagonal") {
