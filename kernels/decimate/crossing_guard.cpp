@@ -215,36 +215,45 @@ bool CrossingGuard::flip_adds(std::uint32_t corner) {
   return adds(Outline(mesh_, v));
 }
 
-/// Pairs of one of these and a face that stays, or another of these.
-std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Outline& outline) {
-  box_.clear();
+/// Pairs of one of these and a face that stays, or another of these, counted until there are `enough`.
+std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Outline& outline,
+                                    std::size_t enough) {
+  box_.clear(), planes_.clear();
   FaceBoxes::Box all = FaceBoxes::kNothing;
   for (const ContactFace& f : faces) {
     box_.push_back(boxes_.box(f.corner));
     all.add(box_.back());
+    if (planes_.empty() || planes_.back().size() == FacePlanes::kLanes) planes_.emplace_back();
+    planes_.back().add(f);
   }
   std::size_t found = 0;
   boxes_.for_meeting(all, [&](std::uint32_t other) {
     if (outline.apart(mesh_.face(other)) || std::find(gone_.begin(), gone_.end(), other) != gone_.end())
-      return;
+      return true;
     const FaceBoxes::Box box = boxes_.at(other);
     const ContactFace face = contact_face(other);
-    for (std::size_t i = 0; i < faces.size(); ++i)
-      if (box_[i].meets(box)) found += face_contact(faces[i], face) != FaceContact::kNone;
+    for (std::size_t g = 0; g < planes_.size(); ++g) {
+      const unsigned all_of_it = (1u << planes_[g].size()) - 1u;
+      for (unsigned bits = all_of_it & ~planes_[g].apart(face); bits != 0; bits &= bits - 1) {
+        const std::size_t i = g * FacePlanes::kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
+        if (box_[i].meets(box)) found += face_contact(faces[i], face) != FaceContact::kNone;
+      }
+    }
+    return found < enough;
   });
-  if (outline.tiled_by(faces)) return found;
+  if (found >= enough || outline.tiled_by(faces)) return found;
   for (std::size_t i = 0; i < faces.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) found += face_contact(faces[i], faces[j]) != FaceContact::kNone;
   return found;
 }
 
 bool CrossingGuard::adds(const Outline& outline) {
-  if (made_.empty()) return false;
-  const std::size_t after = contacts(made_, outline);
-  if (after == 0) return false;
+  // Nearly always there are none at all: what was there before is looked at only then.
+  if (made_.empty() || contacts(made_, outline, 1) == 0) return false;
   before_.clear();
   for (const std::uint32_t f : gone_) before_.push_back(contact_face(f));
-  return after > contacts(before_, Outline(mesh_, {}));
+  const std::size_t before = contacts(before_, Outline(mesh_, {}), kAll);
+  return before == 0 || contacts(made_, outline, before + 1) > before;
 }
 
 std::size_t count_contacts(const CollapseMesh& mesh) {

@@ -10,6 +10,7 @@
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/mesh/face_boxes.h"
 #include "kernels/mesh/face_contact.h"
+#include "kernels/mesh/face_planes.h"
 
 namespace tessera {
 
@@ -45,7 +46,8 @@ class CrossingGuard {
   FaceBoxes::Box box_of(std::uint32_t f) const;
   void take_star(const Star& star, std::uint32_t other_end, std::uint32_t name, const Double3& to);
   bool adds(const Outline& outline);
-  std::size_t contacts(std::span<const ContactFace> faces, const Outline& outline);
+  static constexpr std::size_t kAll = ~std::size_t{0};
+  std::size_t contacts(std::span<const ContactFace> faces, const Outline& outline, std::size_t enough);
 
   const CollapseMesh& mesh_;
   FaceBoxes boxes_;
@@ -53,7 +55,8 @@ class CrossingGuard {
   std::vector<std::uint32_t> gone_;  ///< faces that it takes away or changes
   std::vector<ContactFace> made_;    ///< what it leaves of them: corners are numbers of vertices
   std::vector<ContactFace> before_;
-  std::vector<FaceBoxes::Box> box_;
+  std::vector<FaceBoxes::Box> box_;  ///< of the faces that are asked about, and their planes
+  std::vector<FacePlanes> planes_;
 };
 
 }  // namespace tessera

@@ -160,7 +160,7 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
     if (!guard_all && trusted) {
       const std::size_t pairs = count_contacts(mesh);
       if (pairs > 0) mesh.shrink();  // the search of the block needs the memory
-      if (pairs > 0 && pairs > count_contacts(block)) continue;
+      if (pairs > 0 && count_contacts(block, pairs) < pairs) continue;
     }
     report = attempt;
     write_back(mesh, block);

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "kernels/mesh/face_planes.h"
 #include "kernels/mesh/orientation_sign.h"
 #include "octree/morton.h"
 
@@ -82,17 +83,22 @@ class ContactTree {
     }
   }
 
+  /// \param use  (i, j, contact) -> whether to go on
   template <class Use>
   void each_pair(const Use& use) const {
     std::vector<std::pair<std::size_t, std::size_t>> open;  // level, bundle
+    FacePlanes planes;                                      // of the leaf's faces
     for (std::size_t leaf = 0; leaf < levels_[0].size(); ++leaf) {
       const FloatBox whole = around(levels_[0][leaf]);
+      planes.clear();
+      for (std::size_t i = leaf * kLanes; i < std::min(order_.size(), (leaf + 1) * kLanes); ++i)
+        planes.add(faces_[order_[i]]);
       open.assign(1, {levels_.size() - 1, 0});
       while (!open.empty()) {
         const auto [level, bundle] = open.back();
         open.pop_back();
         if (level == 0) {
-          meet(leaf, bundle, use);
+          if (!meet(leaf, planes, bundle, use)) return;
           continue;
         }
         // Leaves before this one have met it.
@@ -153,30 +159,33 @@ class ContactTree {
   }
 
   template <class Use>
-  void meet(std::size_t leaf, std::size_t other, const Use& use) const {
+  bool meet(std::size_t leaf, const FacePlanes& planes, std::size_t other, const Use& use) const {
     const BoxBundle &mine = levels_[0][leaf], &theirs = levels_[0][other];
-    const std::size_t end = std::min(kLanes, order_.size() - leaf * kLanes);
+    const std::size_t end = std::min(kLanes, order_.size() - other * kLanes);
     for (std::size_t l = 0; l < end; ++l) {
-      unsigned bits = meeting(theirs, lane(mine, l));
-      if (leaf == other) bits &= ~0u << (l + 1);
-      for (; bits != 0; bits &= bits - 1)
-        decide(order_[leaf * kLanes + l],
-               order_[other * kLanes + static_cast<std::size_t>(__builtin_ctz(bits))], use);
+      unsigned bits = meeting(mine, lane(theirs, l));
+      if (leaf == other) bits &= (1u << l) - 1u;
+      if (bits == 0) continue;
+      const std::uint32_t face = order_[other * kLanes + l];
+      for (bits &= ~planes.apart(faces_[face]); bits != 0; bits &= bits - 1)
+        if (!decide(order_[leaf * kLanes + static_cast<std::size_t>(__builtin_ctz(bits))], face, use))
+          return false;
     }
+    return true;
   }
 
   /// Few pairs meet, so whose they are is asked last.
   template <class Use>
-  void decide(std::uint32_t i, std::uint32_t j, const Use& use) const {
+  bool decide(std::uint32_t i, std::uint32_t j, const Use& use) const {
     const ContactFace &a = faces_[i], &b = faces_[j];
     const FaceContact contact = face_contact(a, b);
-    if (contact == FaceContact::kNone) return;
+    if (contact == FaceContact::kNone) return true;
     for (std::size_t k = 0; k < 3; ++k) {
       const double low = std::max(std::min({a.corner[0][k], a.corner[1][k], a.corner[2][k]}),
                                   std::min({b.corner[0][k], b.corner[1][k], b.corner[2][k]}));
-      if (low < cell_.low[k] || !(low < cell_.high[k])) return;
+      if (low < cell_.low[k] || !(low < cell_.high[k])) return true;
     }
-    use(std::min(i, j), std::max(i, j), contact);
+    return use(std::min(i, j), std::max(i, j), contact);
   }
 
   std::span<const ContactFace> faces_;
@@ -192,10 +201,13 @@ void block_contacts(std::span<const ContactFace> faces, const ContactCell& cell,
                     const std::function<void(std::uint32_t, std::uint32_t, FaceContact)>& use) {
   if (faces.size() < 2) return;
   const ContactTree tree(faces, cell);
-  tree.each_pair([&](std::uint32_t i, std::uint32_t j, FaceContact contact) { use(i, j, contact); });
+  tree.each_pair([&](std::uint32_t i, std::uint32_t j, FaceContact contact) {
+    use(i, j, contact);
+    return true;
+  });
 }
 
-std::size_t count_contacts(const MeshBlock& block) {
+std::size_t count_contacts(const MeshBlock& block, std::size_t enough) {
   constexpr double kFar = std::numeric_limits<double>::infinity();
   std::vector<ContactFace> faces;
   faces.reserve(block.faces.size());
@@ -204,9 +216,12 @@ std::size_t count_contacts(const MeshBlock& block) {
                               {f[0], f[1], f[2]}};
     if (!collinear(face.corner[0], face.corner[1], face.corner[2])) faces.push_back(face);
   }
+  if (faces.size() < 2) return 0;
+  const ContactCell everywhere = {{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}};
   std::size_t pairs = 0;
-  block_contacts(faces, {{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}},
-                 [&](std::uint32_t, std::uint32_t, FaceContact) { ++pairs; });
+  ContactTree(faces, everywhere).each_pair([&](std::uint32_t, std::uint32_t, FaceContact) {
+    return ++pairs < enough;
+  });
   return pairs;
 }
 

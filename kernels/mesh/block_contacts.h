@@ -25,9 +25,9 @@ struct ContactCell {
 void block_contacts(std::span<const ContactFace> faces, const ContactCell& cell,
                     const std::function<void(std::uint32_t, std::uint32_t, FaceContact)>& use);
 
-/// How many pairs of faces of a block meet so, whatever the kind; those without an area meet none.
+/// How many pairs of faces of a block meet so, whatever the kind; those without an area meet none. It stops at `enough`.
 /// \cost  as above, and 96 bytes a face
-std::size_t count_contacts(const MeshBlock& block);
+std::size_t count_contacts(const MeshBlock& block, std::size_t enough = ~std::size_t{0});
 
 /// Upper bound of what block_contacts() allocates.
 constexpr std::uint64_t block_contacts_bytes(std::uint64_t faces) {

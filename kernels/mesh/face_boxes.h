@@ -67,7 +67,7 @@ class FaceBoxes {
   /// \param face  of those that were there at build(); kNothing takes it out
   void set(std::uint32_t face, const Box& box);
 
-  /// Calls use(face) for each face whose box meets this one, in no order that means anything.
+  /// Calls use(face) for each face whose box meets this one, in no order that means anything, until one call returns false.
   template <class Use>
   void for_meeting(const Box& box, const Use& use) const {
     if (!levels_.empty()) descend(levels_.size() - 1, 0, box, use);
@@ -99,14 +99,13 @@ class FaceBoxes {
   };
 
   template <class Use>
-  void descend(std::size_t level, std::size_t bundle, const Box& box, const Use& use) const {
+  bool descend(std::size_t level, std::size_t bundle, const Box& box, const Use& use) const {
     for (unsigned bits = levels_[level][bundle].meeting(box); bits != 0; bits &= bits - 1) {
       const std::size_t below = bundle * kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
-      if (level > 0)
-        descend(level - 1, below, box, use);
-      else
-        use(static_cast<std::uint32_t>(below));
+      if (!(level > 0 ? descend(level - 1, below, box, use) : use(static_cast<std::uint32_t>(below))))
+        return false;
     }
+    return true;
   }
 
   Double3 low_{}, per_step_{};

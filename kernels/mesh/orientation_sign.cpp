@@ -1,7 +1,10 @@
 #include "kernels/mesh/orientation_sign.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <optional>
 
 namespace tessera {
 namespace {
@@ -82,6 +85,62 @@ void add_product(Expansion<kCapacity>& sum, const Parts& a, const Parts& b, cons
     }
 }
 
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic"
+using Int128 = __int128;
+using Unsigned128 = unsigned __int128;
+#pragma GCC diagnostic pop
+
+/// A sum of products of 192 bits.
+class WideSum {
+ public:
+  void add_product(Int128 a, std::int64_t b) {
+    const Unsigned128 size = a < 0 ? -static_cast<Unsigned128>(a) : static_cast<Unsigned128>(a);
+    const std::uint64_t by = b < 0 ? -static_cast<std::uint64_t>(b) : static_cast<std::uint64_t>(b);
+    const Unsigned128 low = Unsigned128{static_cast<std::uint64_t>(size)} * by;
+    const auto high = static_cast<Int128>((size >> 64) * by + (low >> 64));
+    const auto rest = static_cast<std::uint64_t>(low);
+    if ((a < 0) == (b < 0)) {
+      low_ += rest;
+      high_ += high + (low_ < rest ? 1 : 0);
+    } else {
+      high_ -= high + (low_ < rest ? 1 : 0);
+      low_ -= rest;
+    }
+  }
+  int sign() const { return high_ < 0 ? -1 : high_ > 0 || low_ > 0 ? 1 : 0; }
+
+ private:
+  std::uint64_t low_ = 0;
+  Int128 high_ = 0;
+};
+
+/// Of dot(cross(u, v), w), if all nine are whole multiples below 2^62 of one power of two, as differences of coordinates mostly
+/// are.
+std::optional<int> whole_number_sign(const Double3& u, const Double3& v, const Double3& w) {
+  constexpr int kBits = 62;
+  double size = 0.0;
+  for (std::size_t k = 0; k < 3; ++k)
+    size = std::max({size, std::fabs(u[k]), std::fabs(v[k]), std::fabs(w[k])});
+  const double scale = std::ldexp(1.0, kBits - 1 - std::ilogb(size));
+  const auto whole = [&](const Double3& x, std::array<std::int64_t, 3>& out) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double scaled = x[k] * scale;
+      out[k] = static_cast<std::int64_t>(scaled);
+      if (static_cast<double>(out[k]) != scaled) return false;
+    }
+    return true;
+  };
+  std::array<std::int64_t, 3> i, j, k;
+  if (!std::isfinite(scale) || !whole(u, i) || !whole(v, j) || !whole(w, k)) return std::nullopt;
+  WideSum sum;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const std::size_t b = (a + 1) % 3, c = (a + 2) % 3;
+    sum.add_product(Int128{i[b]} * j[c] - Int128{i[c]} * j[b], k[a]);
+  }
+  return sum.sign();
+}
+
 int exact_orient3d(const Double3& a, const Double3& b, const Double3& c, const Double3& d) {
   std::array<Parts, 3> u, v, w;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -89,6 +148,12 @@ int exact_orient3d(const Double3& a, const Double3& b, const Double3& c, const D
     v[k] = difference(c[k], a[k]);
     w[k] = difference(d[k], a[k]);
   }
+  const auto exact = [](const std::array<Parts, 3>& x) {
+    return x[0][1] == 0.0 && x[1][1] == 0.0 && x[2][1] == 0.0;
+  };
+  const auto high = [](const std::array<Parts, 3>& x) { return Double3{x[0][0], x[1][0], x[2][0]}; };
+  if (exact(u) && exact(v) && exact(w))
+    if (const auto sign = whole_number_sign(high(u), high(v), high(w))) return *sign;
   Expansion<200> sum;  // at most 6 x 8 products of three, four doubles each
   for (std::size_t k = 0; k < 3; ++k) {
     const std::size_t l = (k + 1) % 3, m = (k + 2) % 3;

@@ -109,10 +109,10 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   const RemeshReport none = report;
   MeshBlock result = remeshed(false, report);
   const std::size_t pairs = count_contacts(result);
-  if (pairs > 0 && pairs > count_contacts(block)) {
+  if (pairs > 0 && count_contacts(block, pairs) < pairs) {
     RemeshReport again = none;
     MeshBlock guarded = remeshed(true, again);
-    if (count_contacts(guarded) < pairs) {
+    if (count_contacts(guarded, pairs) < pairs) {
       result = std::move(guarded);
       report = again;
     }

@@ -58,7 +58,10 @@ TEST_CASE("face boxes: all that meet are found, as they change and go", "[proper
                                              ? std::array<Double3, 3>{{{-9, -9, 0}, {9, 9, 30}, {0, 0, 0}}}
                                              : some_face(random, 0.5);
     std::set<std::uint32_t> found;
-    tree.for_meeting(tree.box(probe), [&](std::uint32_t f) { CHECK(found.insert(f).second); });
+    tree.for_meeting(tree.box(probe), [&](std::uint32_t f) {
+      CHECK(found.insert(f).second);
+      return true;
+    });
     for (std::uint32_t f = 0; f < count; ++f) {
       const bool meets = !gone[f] && meet(faces[f], probe);
       met += meets;
@@ -75,12 +78,15 @@ TEST_CASE("face boxes: all that meet are found, as they change and go", "[proper
 TEST_CASE("face boxes: no face, and a range without a width", "[unit]") {
   FaceBoxes none({0, 0, 0}, {1, 1, 1});
   none.build({});
-  none.for_meeting(none.box(std::array<Double3, 1>{{{0.5, 0.5, 0.5}}}), [](std::uint32_t) { FAIL(); });
+  none.for_meeting(none.box(std::array<Double3, 1>{{{0.5, 0.5, 0.5}}}), [](std::uint32_t) {
+    FAIL();
+    return true;
+  });
   FaceBoxes flat({0, 0, 2}, {1, 1, 2});
   const std::array<Double3, 3> face = {{{0, 0, 2}, {1, 0, 2}, {0, 1, 2}}};
   flat.build(std::array<FaceBoxes::Box, 1>{flat.box(face)});
   int found = 0;
-  flat.for_meeting(flat.box(face), [&](std::uint32_t) { ++found; });
+  flat.for_meeting(flat.box(face), [&](std::uint32_t) { return ++found > 0; });
   CHECK(found == 1);
 }
 

@@ -10,6 +10,7 @@
 #include <boost/multiprecision/cpp_int.hpp>
 
 #include "kernels/mesh/face_contact.h"
+#include "kernels/mesh/face_planes.h"
 #include "kernels/mesh/orientation_sign.h"
 #include "tests/helpers/random.h"
 
@@ -200,6 +201,7 @@ TEST_CASE("orientation: signs are those of rational arithmetic, an ulp off plane
     for (Double3& q : p) {
       for (std::size_t k = 0; k < 3; ++k) q[k] = scale * (0.1 + 0.1 * static_cast<double>(random.below(4)));
       if (round % 2) q[2] = q[0] + q[1];
+      if (round % 3 == 0) q[1] *= 0x1p-40;  // no common unit within 62 bits
     }
     const Exact3 a = exact(p[0]), u = minus(exact(p[1]), a), v = minus(exact(p[2]), a),
                  w = minus(exact(p[3]), a);
@@ -212,6 +214,56 @@ TEST_CASE("orientation: signs are those of rational arithmetic, an ulp off plane
                                                                                                       : 0));
   }
   for (const std::size_t n : seen) CHECK(n > 300);
+}
+
+TEST_CASE("face planes: faces that they set apart meet in what they share alone; most that meet not are",
+          "[property]") {
+  test::Random random(29);
+  std::size_t apart = 0, beyond = 0;
+  for (int round = 0; round < 3000; ++round) {
+    const double scale = round % 2 ? 0.1 : 1.0, offset = round % 5 ? 0.0 : 41234.7;
+    const auto corner = [&] {
+      Double3 p;
+      for (double& x : p) x = offset + scale * static_cast<double>(random.below(5));
+      return p;
+    };
+    const auto face = [&](std::uint64_t first) {
+      ContactFace f;
+      do f = make_face({corner(), corner(), corner()}, first);
+      while (collinear(f.corner[0], f.corner[1], f.corner[2]));
+      return f;
+    };
+    const ContactFace other = face(0);
+    std::vector<ContactFace> faces;
+    FacePlanes planes;
+    for (std::size_t i = 0; i < 1 + random.below(FacePlanes::kLanes); ++i) {
+      ContactFace f = face(3 * i + 3);
+      const std::uint64_t shared = random.below(4);  // three: the same face
+      for (std::size_t k = 0; k < shared; ++k) f.corner[k] = other.corner[k], f.vertex[k] = other.vertex[k];
+      if (collinear(f.corner[0], f.corner[1], f.corner[2])) continue;
+      planes.add(f);
+      faces.push_back(f);
+    }
+    const unsigned bits = planes.apart(other);
+    REQUIRE(bits >> faces.size() == 0);
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+      bool side = false;
+      int sum = 0, corners = 0;
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (std::count(faces[i].vertex.begin(), faces[i].vertex.end(), other.vertex[k]) != 0) continue;
+        ++corners;
+        sum += orient3d_sign(faces[i].corner[0], faces[i].corner[1], faces[i].corner[2], other.corner[k]);
+      }
+      side = corners > 0 && std::abs(sum) == corners;
+      beyond += side;
+      apart += bits >> i & 1u;
+      if ((bits >> i & 1u) == 0) continue;
+      REQUIRE(side);
+      REQUIRE(face_contact(faces[i], other) == FaceContact::kNone);
+    }
+  }
+  CHECK(apart > beyond - beyond / 50);
+  CHECK(beyond > 3000);
 }
 
 }  // namespace
