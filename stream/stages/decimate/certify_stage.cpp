@@ -65,7 +65,7 @@ class CertifyStage : public Stage {
       if (proven_before(cells_[c].box, result))
         ++kept;
       else
-        result = compare_cell(mesh_, reference_, begun_, cells_[c].box, begun_.tolerance,
+        result = compare_cell(mesh_, reference_, begun_, cells_[c].box, alone() ? 0.0 : begun_.tolerance,
                               retry() ? &failed : nullptr, [&] { context.check_stop(); });
       if (failed.size() > kMaxFailedFaces) failed.resize(kMaxFailedFaces);
       file.write(&result, sizeof result);
@@ -126,6 +126,8 @@ class CertifyStage : public Stage {
   }
 
  private:
+  /// The only cell holds the largest distance: searched to the end at once, it is not searched again.
+  bool alone() const { return request_.tight && cells_.size() == 1; }
   static std::size_t cells_per_task(std::size_t cells) {
     return std::max(std::clamp<std::size_t>(cells / kFewTasks, 1, kFullTask),
                     (cells + kMaxProofTasks - 1) / kMaxProofTasks);
