@@ -31,6 +31,7 @@ struct SmoothOptions {
   int normal_rounds = 8;            ///< bilateral, denoise
   int vertex_rounds = 10;           ///< bilateral
   double noise = 0.0;  ///< denoise: standard deviation along the normal, scan units; 0 = measured
+  std::string crossings = "refuse";  ///< of jobs: faces that come to cross others give way; or keep
 
   void validate() const;  ///< throws UsageError naming the option; changes nothing
 };

@@ -61,6 +61,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/smooth/noise_stage.cpp", "stream/stages/smooth/smooth_before.h"},
       {"stream/stages/smooth/reach_stage.cpp", "stream/stages/smooth/smooth_stage.h"},
+      {"stream/stages/smooth/smooth_files.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/smooth/smooth_job.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/surface/close_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/multipole_stage.cpp", "stream/stages/surface/closing_stages.h"},
@@ -156,7 +157,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});
     by("kernels/smooth/denoise", "kernels/mesh", {"face_corners"});
     by("kernels/mesh/block_components", "kernels/mesh", {"face_components"});
-    by("kernels/mesh/face_contact", "kernels/mesh", {"orientation_sign"});
+    by("kernels/mesh/face_contact", "kernels/mesh", {"face_planes", "orientation_sign"});
     by("stream/meshes/patch_store", "kernels/mesh", {"patch", "patch_components"});
     by("stream/meshes/mesh_store", "kernels/mesh", {"mesh_block", "mesh_block_ops"});
     by("tools/render", "kernels/picture",
@@ -227,7 +228,9 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/top_surface_model", "stream/stages/scan", {"top_points_stage", "top_stage"});
     by("tools/smooth_before", "stream/stages/smooth", {"noise_stage", "smooth_before", "smooth_needs"});
     by("tools/smooth_command", "stream/stages/smooth",
-       {"coarse_files", "coarse_stages", "reach_stage", "smooth_job", "smooth_stage", "smooth_tiles"});
+       {"coarse_files", "coarse_stages", "reach_stage", "smooth_files", "smooth_job", "smooth_stage",
+        "smooth_tiles"});
+    by("tools/untangle", "stream/stages/smooth", {"tangled_tile", "untangle_stages", "vertices_back"});
     by("tools/reconstruct_tolerance", "stream/stages/surface",
        {"first_pass", "islands_stage", "samples_stage"});
     by("stream/stages/surface/surface", "stream/stages/surface",

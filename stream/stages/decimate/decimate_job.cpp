@@ -78,9 +78,10 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
     };
   }
   if (options.smooths()) {
-    const SmoothBefore smoothing = {options.smooth, stores.full, [=](const JobState& state) {
-                                      return stores.options(state, options).tolerance;
-                                    }};
+    const SmoothBefore smoothing = {
+        options.smooth, stores.full,
+        [=](const JobState& state) { return stores.options(state, options).tolerance; },
+        options.crossings == "keep"};
     stages = smooth_before_stages(smoothing);
     stores = after(smoothing, stores);
   }

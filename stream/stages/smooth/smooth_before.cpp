@@ -8,6 +8,7 @@
 #include "stream/files/json_text.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/untangle_stages.h"
 
 namespace tessera {
 namespace {
@@ -58,6 +59,7 @@ SmoothPlan plan_of(const JobState& state, const SmoothBefore& before) {
   plan.tolerance = kMoveShare * before.tolerance(state);
   plan.mesh = before.mesh;
   plan.bounds = true;
+  plan.keep_crossings = before.keep_crossings;
   return plan;
 }
 
@@ -92,8 +94,7 @@ std::vector<StageEntry> smooth_before_stages(const SmoothBefore& before) {
 }
 
 MeshStore open_smoothed_before(const JobState& state, const SmoothBefore& before) {
-  const SmoothPlan plan = plan_of(state, before);
-  return open_smoothed(state, plan, plan.rounds.size());
+  return open_untangled(state, plan_of(state, before));
 }
 
 json smoothing_of(const json& report) {
@@ -102,10 +103,13 @@ json smoothing_of(const json& report) {
   if (!before.is_object() || method == "off") return nullptr;
   const SmoothOptions used = options_of(method, noise_of(before));
   json moved = json::object();
-  for (const json& stage : report.at("stages"))
-    if (const json& result = stage.at("result");
-        stage.at("name").get<std::string>().starts_with("smooth-") && !result.empty())
-      moved.update(result);
+  for (const json& stage : report.at("stages")) {
+    const json& result = stage.at("result");
+    const std::string name = stage.at("name").get<std::string>();
+    if (result.empty()) continue;
+    if (name.starts_with("smooth-")) moved.update(result);
+    if (name.starts_with("untangle")) add_untangling(result, moved);
+  }
   json out = {{"method", used.method},
               {"noise",
                {{"before", before.at("noise")},

@@ -28,6 +28,7 @@ struct SmoothBefore {
   std::string method = "off";                        ///< or implicit, denoise, auto
   std::function<MeshStore(const JobState&)> mesh;    ///< as given; it stays
   std::function<double(const JobState&)> tolerance;  ///< of smoothing and decimation together; 0 = no limit
+  bool keep_crossings = false;                       ///< as SmoothPlan's
 };
 
 std::vector<StageEntry> smooth_before_stages(const SmoothBefore& before);

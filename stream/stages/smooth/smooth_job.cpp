@@ -9,6 +9,7 @@
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_needs.h"
 #include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/untangle_stages.h"
 
 namespace tessera {
 namespace {
@@ -24,6 +25,7 @@ void summarise(json& report) {
   for (const json& stage : report.at("stages")) {
     const std::string name = stage.at("name").get<std::string>();
     if (name == "write" || name.rfind("smooth-", 0) == 0) mesh.update(stage.at("result"));
+    if (name.rfind("untangle", 0) == 0) add_untangling(stage.at("result"), mesh);
   }
   // What rounding in the file may add to a move.
   if (mesh.contains("largest_move") && mesh.contains("rounding"))
@@ -72,6 +74,11 @@ OptionTable option_table(SmoothOptions& o) {
   t.add("noise", &o.noise,
         "denoise: standard deviation of the noise along the normal, units of the mesh; 0 = measured "
         "everywhere in the mesh itself");
+  t.add("crossings", &o.crossings,
+        "refuse: where faces come to cross, overlap or touch others beyond what they share, vertices of both "
+        "go "
+        "back towards where they were, half the way at first; keep: that is not looked at")
+      .one_of({"refuse", "keep"});
   return t;
 }
 
@@ -91,6 +98,8 @@ std::vector<StageEntry> smooth_stages(const std::vector<SmoothRound>& rounds, co
     }
     append(smooth_folder(round), round, make_smooth_stage);
   }
+  if (!rounds.empty())
+    for (StageEntry& entry : untangle_stages(plan)) stages.push_back(std::move(entry));
   return stages;
 }
 
@@ -100,6 +109,7 @@ JobDescription smooth_job(const SmoothOptions& options) {
   plan.tolerance = options.tolerance;
   plan.mesh = [](const JobState& state) { return open_imported_mesh(state.work, kImport); };
   plan.mesh_folder = kImport + "/";
+  plan.keep_crossings = options.crossings == "keep";
   JobDescription job{"smooth",  import_stages({0, kImport}),     0,
                      summarise, {carried_crs(), known_origin()}, job_page()};
   job.needs = [rounds = plan.rounds](const JobState& state) {
@@ -117,8 +127,8 @@ JobDescription smooth_job(const SmoothOptions& options) {
   for (StageEntry& entry : smooth_stages(plan.rounds, planner)) job.stages.push_back(std::move(entry));
   job.stages.push_back(
       {"write", [plan](const JobState& state) {
-         // From what is written: the imported mesh goes when the last round ends.
-         MeshStore smoothed = open_smoothed(state, plan, plan.rounds.size());
+         // From what is written: the imported mesh is gone.
+         MeshStore smoothed = open_untangled(state, plan);
          const MeshPlacement at = holds_floats_only(state.output)
                                       ? store_placement(state.output, smoothed, plan.tolerance)
                                       : MeshPlacement{};

@@ -5,6 +5,7 @@
 
 #include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/untangle_stages.h"
 
 namespace tessera {
 
@@ -40,6 +41,8 @@ std::vector<StageNeed> smooth_before_needs(const std::string& method, const Mesh
   const std::vector<SmoothRound> rounds = smooth_before_rounds(method);
   for (std::size_t round = 1; round <= rounds.size(); ++round)
     needs.push_back(smooth_round_need(rounds[round - 1], round, mesh, patch_vertices));
+  if (!rounds.empty())
+    for (const StageNeed& need : untangle_needs(mesh, patch_vertices)) needs.push_back(need);
   for (StageNeed& need : needs) need.likely = std::max(need.likely, need.sure);
   return needs;
 }
@@ -48,6 +51,7 @@ std::vector<StageNeed> smooth_needs(const std::vector<SmoothRound>& rounds, cons
   std::vector<StageNeed> needs;
   for (std::size_t round = 1; round <= rounds.size(); ++round)
     needs.push_back(smooth_round_need(rounds[round - 1], round, mesh, ImportPlan::kBrickVertices));
+  for (const StageNeed& need : untangle_needs(mesh, ImportPlan::kBrickVertices)) needs.push_back(need);
   return needs;
 }
 

@@ -53,6 +53,7 @@ class SmoothStage : public Stage {
         mesh_folder_(plan.mesh_folder),
         bounds_(plan.bounds && tolerance_ > 0.0 && round == plan.rounds.size()),
         last_(round == plan.rounds.size()),
+        keep_crossings_(plan.keep_crossings),
         fits_(plan.rounds[0].by_fits),
         ends_step_(ends_step(plan, round)),
         original_(open_smoothed(state, plan, from_original() ? 0 : base_round_)) {
@@ -70,6 +71,7 @@ class SmoothStage : public Stage {
     tiling_.tile_bricks = state.run.tile_cells / kBrickCells;
     // The rest of the cap is for what the process itself holds.
     tiling_.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
+    tiling_.largest_bytes = state.run.memory_bytes / 4 * 3;
     const std::uint64_t patch = store_.largest_patch_bytes();
     const std::uint64_t shared = rule_.cycle >= 0 ? coarse_solution_bytes(solution_) : 0;
     tiling_.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {
@@ -123,7 +125,7 @@ class SmoothStage : public Stage {
         context.check_stop();
         const std::size_t p = tile.patches[k];
         if (!tile.sure && misses(near.core_vertices[k], smoothed)) {
-          tiles.push_back(sure_tile(store_, range_, tiling_, p));
+          tiles.push_back(wider_tile(store_, range_, tiling_, p, tile.margin, task_bytes(task)));
           continue;
         }
         core += store_.patches()[p].faces;
@@ -180,15 +182,17 @@ class SmoothStage : public Stage {
       squares += s.at("square_sum").get<double>();
     }
     out["largest_move"] = largest;
+    if (last_) save_longest_move(context.create(moved_file(round_)), largest);
     const auto vertices = out.at("vertices").get<std::uint64_t>();
     out["rms_move"] = vertices > 0 ? std::sqrt(squares / static_cast<double>(vertices)) : 0.0;
     return out;
   }
 
   std::vector<std::string> obsolete() const override {
-    // The step's own start stays to its end, the original to the last round, which tells moves from it.
+    // The step's own start stays to its end; the original to the last round, which tells moves from it, or until vertices have
+    // gone back to it.
     const auto stays = [&](std::size_t round) {
-      return (round == base_round_ && !ends_step_) || (round == 0 && !last_);
+      return (round == base_round_ && !ends_step_) || (round == 0 && !(last_ && keep_crossings_));
     };
     std::vector<std::string> names;
     for (const std::size_t round : {round_ - 1, base_round_, std::size_t{0}})
@@ -285,8 +289,9 @@ class SmoothStage : public Stage {
   MeshStore store_, before_;  ///< where the step began, where the round begins
   PatchLaplacians laplacians_;
   std::string mesh_folder_;
-  bool bounds_, last_, fits_, ends_step_;  ///< bounds_: in the last round; fits_: turned faces are counted
-  MeshStore original_;                     ///< of the patches that moves are measured from
+  bool bounds_, last_, keep_crossings_, fits_,
+      ends_step_;       ///< bounds_: in the last round; fits_: turned faces are counted
+  MeshStore original_;  ///< of the patches that moves are measured from
   CoarseOptions coarse_;
   std::filesystem::path solution_;
   SmoothTiling tiling_;
@@ -296,42 +301,12 @@ class SmoothStage : public Stage {
 
 }  // namespace
 
-std::size_t base_round(const SmoothPlan& plan, std::size_t round) {
-  const int cycle = plan.rounds[round - 1].cycle;
-  return round - 1 - static_cast<std::size_t>(cycle > 0 ? cycle : 0);
-}
-
-CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std::size_t round) {
-  const std::size_t base = base_round(plan, round);
-  const std::uint64_t faces = open_smoothed(state, plan, base).face_count();
-  const FilterOptions& filter = plan.rounds[round - 1].filter;
-  const CoarseOptions options =
-      coarse_options(filter.lambda, filter.order, load_range(state.work, base).edge(faces), faces);
-  if (!(options.cell > 0.0)) throw InputError("no edge has a length: there is nothing to smooth");
-  return options;
-}
-
-MeshStore open_smoothed(const JobState& state, const SmoothPlan& plan, std::size_t round) {
-  if (round == 0) return plan.mesh(state);
-  return MeshStore(list_task_files(state.work / smooth_folder(round), ".tmm"));
-}
-
-PatchLaplacians laplacians_of(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round) {
-  const SmoothRound& rule = plan.rounds[round - 1];
-  if (rule.cycle <= 0 || rule.filter.order == 1) return PatchLaplacians({});
-  return PatchLaplacians(list_task_files(work / laplacian_folder(round - 1), ".bin"));
-}
-
 std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces) {
   return MeshStore::block_bytes(vertices, faces);
 }
 
 std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces) {
   return vertices * kLoadedVertexBytes + faces * kLoadedFaceBytes;
-}
-
-std::string smooth_folder(std::size_t round) {
-  return "smooth-" + std::to_string(round);
 }
 
 std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,

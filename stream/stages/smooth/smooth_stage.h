@@ -7,6 +7,7 @@
 ///   coarse-K  of these rounds: the system, solved in core
 ///   smooth-K  round K: store K - 1 -> store K; store 0 is the mesh as it is given. A plate's cycle leaves in bend-K
 ///             how its vertices bend
+///   untangle  untangle_stages.h
 ///
 /// They stand in the job of `smooth` and, between the mesh of full resolution and its decimation, in others
 /// (smooth_before.h).
@@ -40,6 +41,7 @@ struct SmoothPlan {
   /// Faces of the last store bear as MeshBlock::face_bound the largest move of their corners: a face moves with its
   /// corners, so it lies within that of what it was, both ways. With a tolerance only.
   bool bounds = false;
+  bool keep_crossings = false;  ///< nothing goes back (untangle_stages.h)
 };
 /// Called when a stage is made, all before it being done.
 using SmoothPlanner = std::function<SmoothPlan(const JobState&)>;
@@ -66,6 +68,10 @@ struct PatchEdges {
 };
 PatchEdges edges_of(const MeshBlock& patch);
 std::string range_file(std::size_t round);
+/// How far the last round left a vertex from where it was given, at most: what it saved there.
+std::string moved_file(std::size_t round);
+void save_longest_move(const std::filesystem::path& path, double move);
+double longest_move(const std::filesystem::path& work, std::size_t rounds);
 /// From `edges` of the summaries of a stage's tasks: [patch, longest edge, sum of squares].
 void save_range(const std::vector<nlohmann::json>& summaries, std::size_t patches,
                 const std::filesystem::path& path);

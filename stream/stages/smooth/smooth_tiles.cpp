@@ -9,6 +9,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
+#include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 namespace {
@@ -18,19 +19,21 @@ constexpr std::uint64_t kMaxTasks = 400;
 /// How far edges in line reach beyond the mean one: the diagonals of a regular grid 1.22 times, and some more.
 constexpr double kInLine = 1.25;
 
-/// \param patches  indices
+constexpr double kWider = 1.5;
+
+/// \param patches  indices   \param margin  of a tile that need not be sure; 0 = what is mostly enough
 SmoothTile look_around(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
-                       std::span<const std::size_t> patches, bool sure) {
+                       std::span<const std::size_t> patches, bool sure, double margin = 0.0) {
   SmoothTile tile;
   tile.patches.assign(patches.begin(), patches.end());
   std::sort(tile.patches.begin(), tile.patches.end());
   tile.sure = sure;
   const MeshBox core = store.box_of(tile.patches);
-  const auto load = [&](double margin) {
-    tile.margin = margin;
+  const auto load = [&](double around) {
+    tile.margin = around;
     std::uint64_t vertices = 0, faces = 0;
     double seen = 0.0;
-    for (const std::size_t p : store.select(grown(core, margin))) {
+    for (const std::size_t p : store.select(grown(core, around))) {
       vertices += store.patches()[p].vertices;
       faces += store.patches()[p].faces;
       seen = std::max(seen, range.longest_edge[p]);
@@ -45,7 +48,7 @@ SmoothTile look_around(const MeshStore& store, const PatchRange& range, const Sm
     edge = std::max(edge, edges > 0.0 ? range.edge_squares[p] / edges : 0.0);
   }
   if (!sure) {
-    load(kInLine * tiling.mostly_edges * std::sqrt(edge) + tiling.range);
+    load(margin > 0.0 ? margin : kInLine * tiling.mostly_edges * std::sqrt(edge) + tiling.range);
     return tile;
   }
   // A longer edge within the margin widens it; it ends at the latest when all patches are in.
@@ -108,7 +111,10 @@ class Cutter {
   /// Bytes of the sure tile of a patch.
   std::uint64_t surely(std::size_t p) {
     if (sure_bytes_.empty()) sure_bytes_.resize(store_.patches().size(), 0);
-    if (sure_bytes_[p] == 0) sure_bytes_[p] = sure_tile(store_, range_, tiling_, p).bytes;
+    if (sure_bytes_[p] == 0) {
+      sure_bytes_[p] = look_around(store_, range_, tiling_, {&p, 1}, true).bytes;
+      if (tiling_.largest_bytes > 0) sure_bytes_[p] = std::min(sure_bytes_[p], tiling_.largest_bytes);
+    }
     return sure_bytes_[p];
   }
 
@@ -152,9 +158,17 @@ std::uint64_t task_bytes(const SmoothTask& task) {
   return bytes;
 }
 
-SmoothTile sure_tile(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
-                     std::size_t patch) {
-  return look_around(store, range, tiling, {&patch, 1}, true);
+SmoothTile wider_tile(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
+                      std::size_t patch, double margin_before, std::uint64_t bytes) {
+  SmoothTile sure = look_around(store, range, tiling, {&patch, 1}, true);
+  if (sure.bytes <= bytes) return sure;
+  SmoothTile wider = look_around(store, range, tiling, {&patch, 1}, false, kWider * margin_before);
+  if (wider.bytes > bytes)
+    throw ResourceError("the surroundings that smoothing needs of a patch of " +
+                        std::to_string(store.patches()[patch].faces) + " faces take " +
+                        format_bytes(wider.bytes) + "; raise --memory to " +
+                        std::to_string((wider.bytes / 3 * 4 >> 20) + 1) + "M");
+  return wider;
 }
 
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,

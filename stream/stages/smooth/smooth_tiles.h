@@ -39,21 +39,25 @@ struct PatchRange {
 struct SmoothTiling {
   int rings = 1;
   /// Mean edges that are mostly enough: rings are reached by the longest edge only where many such edges lie in line.
-  /// Tiles are loaded with these first, and sure_tile() does for patches that miss something. 0 = rings at once.
+  /// Tiles are loaded with these first, and wider_tile() does for patches that miss something. 0 = rings at once.
   double mostly_edges = 0.0;
   double range = 0.0;            ///< scan units, beyond the rings
   int tile_bricks = 0;           ///< largest edge of a tile in bricks; 0 = as large as the bytes allow
   std::uint64_t tile_bytes = 0;  ///< a tile above it is split down to single patches
+  /// What a task asks for at most on behalf of tiles that are sure: few need to be. 0 = all that they may take.
+  std::uint64_t largest_bytes = 0;
   /// Upper bound for a tile that reads so many vertices and faces, halo included.
   std::function<std::uint64_t(std::uint64_t vertices, std::uint64_t faces)> bytes;
 };
 
-/// Every patch is in exactly one tile, whose bytes also do for the sure tile of each of its patches.
+/// Every patch is in exactly one tile, whose bytes also do for the sure tile of each of its patches, up to `largest_bytes`.
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,
                                           const SmoothTiling& tiling);
 
-/// One patch, and all that its rings can reach.
-SmoothTile sure_tile(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
-                     std::size_t patch);
+/// A patch whose rings the last tile did not hold: with all that they can reach where that fits into these bytes, else with half
+/// as much again around it as before.
+/// \throws ResourceError where not even that fits
+SmoothTile wider_tile(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
+                      std::size_t patch, double margin_before, std::uint64_t bytes);
 
 }  // namespace tessera

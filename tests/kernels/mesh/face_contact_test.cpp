@@ -216,7 +216,7 @@ TEST_CASE("orientation: signs are those of rational arithmetic, an ulp off plane
   for (const std::size_t n : seen) CHECK(n > 300);
 }
 
-TEST_CASE("face planes: faces that they set apart meet in what they share alone; most that meet not are",
+TEST_CASE("face planes: what they set apart meets in shared corners alone, and most that does is set apart",
           "[property]") {
   test::Random random(29);
   std::size_t apart = 0, beyond = 0;
