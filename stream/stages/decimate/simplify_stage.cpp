@@ -37,6 +37,7 @@ class SimplifyStage : public Stage {
         in_(blocks_.in()),
         reference_(blocks_.reference()) {
     kernel_ = options_.kernel(!in_.info().double_positions);
+    largest_bytes_ = state.run.memory_bytes / 4 * 3;
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
           parse_json(read_text(state.work / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
@@ -54,9 +55,13 @@ class SimplifyStage : public Stage {
       if (kernel_.tolerance > 0.0 && pass_.pass > 0) near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
+      const auto needed = [&](std::uint64_t reference_bytes, std::uint64_t reference_faces) {
+        return simplify_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_bytes, blocks_[b].faces,
+                                   reference_faces, blocks_.failed_bytes());
+      };
+      // What the table tells is far above what is near as a rule: run() looks before it loads more than this.
       maximum = std::max(
-          maximum, simplify_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
-                                       blocks_[b].faces, faces, blocks_.failed_bytes()));
+          {maximum, needed(0, 0), std::min(needed(reference_.block_bytes(near), faces), largest_bytes_)});
     }
     return maximum;
   }
@@ -81,8 +86,7 @@ class SimplifyStage : public Stage {
       MeshBlock reference;
       if (kernel_.tolerance > 0.0 && pass_.pass > 0) {
         ActiveRegion region = find_active(block);
-        if (!region.empty())
-          reference = load_near_faces(reference_, block, region.near, 2.0 * kernel_.tolerance);
+        if (!region.empty()) reference = load_reference(cut, block, region.near, task_bytes(task));
         std::vector<std::uint64_t> all;
         std::set_union(pinned.begin(), pinned.end(), region.done_keys.begin(), region.done_keys.end(),
                        std::back_inserter(all));
@@ -126,9 +130,23 @@ class SimplifyStage : public Stage {
     return grown(in_.box_of(cut.patches), 2.0 * kernel_.tolerance);
   }
 
+  /// \param bytes  what the task may hold
+  MeshBlock load_reference(const MeshBlockCut& cut, const MeshBlock& block,
+                           const std::vector<std::uint8_t>& marked, std::uint64_t bytes) const {
+    NearFaceLoader near(reference_, block, marked, 2.0 * kernel_.tolerance);
+    near.require_fits(
+        [&](std::uint64_t reference_bytes, std::uint64_t faces) {
+          return simplify_task_bytes(in_.block_bytes(cut.patches) + reference_bytes, cut.faces, faces,
+                                     blocks_.failed_bytes());
+        },
+        bytes, name());
+    return near.load();
+  }
+
   SimplifyOptions options_;
   SimplifyPass pass_;
   DecimateOptions kernel_;
+  std::uint64_t largest_bytes_ = 0;  ///< of the cap, for one task
   PassBlocks blocks_;
   const MeshStore& in_;
   const MeshStore& reference_;

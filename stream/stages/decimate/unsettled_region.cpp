@@ -5,8 +5,9 @@
 #include <limits>
 
 #include "kernels/decimate/collapse_mesh.h"
-#include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/mesh_block_ops.h"
+#include "octree/error.h"
+#include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 namespace {
@@ -19,6 +20,18 @@ MeshBox box_of(const MeshBlock& block, const std::array<std::uint32_t, 3>& face)
     for (std::size_t k = 0; k < 3; ++k) {
       box.low[k] = std::min(box.low[k], block.position[v][k]);
       box.high[k] = std::max(box.high[k], block.position[v][k]);
+    }
+  return box;
+}
+
+MeshBox box_of(const MeshBlock& block) {
+  MeshBox box;
+  box.low.fill(std::numeric_limits<double>::infinity());
+  box.high.fill(-std::numeric_limits<double>::infinity());
+  for (const Double3& p : block.position)
+    for (std::size_t k = 0; k < 3; ++k) {
+      box.low[k] = std::min(box.low[k], p[k]);
+      box.high[k] = std::max(box.high[k], p[k]);
     }
   return box;
 }
@@ -52,37 +65,78 @@ ActiveRegion find_active(const MeshBlock& block) {
   return region;
 }
 
-MeshBlock load_near_faces(const MeshStore& store, const MeshBlock& block,
-                          const std::vector<std::uint8_t>& marked, double margin) {
-  MeshBox all;
-  all.low.fill(std::numeric_limits<double>::infinity());
-  all.high.fill(-std::numeric_limits<double>::infinity());
-  for (const Double3& p : block.position)
-    for (std::size_t k = 0; k < 3; ++k) {
-      all.low[k] = std::min(all.low[k], p[k]);
-      all.high[k] = std::max(all.high[k], p[k]);
-    }
-  all = grown(all, margin);
-  BoxMask mask(all.low, all.high, kCells);
+NearFaceLoader::NearFaceLoader(const MeshStore& store, const MeshBlock& block,
+                               const std::vector<std::uint8_t>& marked, double margin)
+    : store_(store), all_(grown(box_of(block), margin)), mask_(all_.low, all_.high, kCells) {
   for (std::size_t f = 0; f < block.faces.size(); ++f)
     if (marked[f]) {
       const MeshBox box = grown(box_of(block, block.faces[f]), margin);
-      mask.mark(box.low, box.high);
+      mask_.mark(box.low, box.high);
     }
-  std::vector<MeshBlock> pieces;
-  for (const std::size_t p : store.select(all)) {
-    if (!mask.meets(store.patches()[p].box.low, store.patches()[p].box.high)) continue;
-    MeshBlock piece = store.load({&p, 1});
-    std::vector<std::uint8_t> keep(piece.faces.size());
-    std::size_t kept = 0;
-    for (std::size_t f = 0; f < keep.size(); ++f) {
-      const MeshBox box = box_of(piece, piece.faces[f]);
-      keep[f] = overlap(box, all) && mask.meets(box.low, box.high);
-      kept += keep[f];
-    }
-    if (kept == 0) continue;
-    pieces.push_back(kept == keep.size() ? std::move(piece) : select_faces(piece, keep));
+  select();
+}
+
+NearFaceLoader::NearFaceLoader(const MeshStore& store, const MeshBox& box)
+    : store_(store), all_(box), mask_(box.low, box.high, 1) {
+  mask_.mark(box.low, box.high);
+  select();
+}
+
+void NearFaceLoader::select() {
+  for (const std::size_t p : store_.select(all_)) {
+    const MeshPatchEntry& e = store_.patches()[p];
+    if (!mask_.meets(e.box.low, e.box.high)) continue;
+    patches_.push_back(p);
+    faces_ += e.faces;
+    bytes_ += MeshStore::block_bytes(e.vertices, e.faces);
   }
+}
+
+MeshBlock NearFaceLoader::read(std::size_t patch) const {
+  MeshBlock piece = store_.load({&patch, 1});
+  std::vector<std::uint8_t> keep(piece.faces.size());
+  std::size_t kept = 0;
+  for (std::size_t f = 0; f < keep.size(); ++f) {
+    const MeshBox box = box_of(piece, piece.faces[f]);
+    keep[f] = overlap(box, all_) && mask_.meets(box.low, box.high);
+    kept += keep[f];
+  }
+  return kept == keep.size() ? std::move(piece) : select_faces(piece, keep);
+}
+
+void NearFaceLoader::count() {
+  std::vector<std::size_t> meeting;
+  std::uint64_t largest = 0;
+  faces_ = bytes_ = 0;
+  for (const std::size_t p : patches_) {
+    const MeshBlock piece = read(p);
+    const MeshPatchEntry& e = store_.patches()[p];
+    largest = std::max(largest, MeshStore::block_bytes(e.vertices, e.faces));
+    if (piece.faces.empty()) continue;
+    meeting.push_back(p);
+    faces_ += piece.faces.size();
+    bytes_ += MeshStore::block_bytes(piece.key.size(), piece.faces.size());
+  }
+  bytes_ += largest;
+  patches_ = std::move(meeting);
+}
+
+void NearFaceLoader::require_fits(
+    const std::function<std::uint64_t(std::uint64_t bytes, std::uint64_t faces)>& needed,
+    std::uint64_t available, const std::string& who) {
+  if (needed(bytes_, faces_) <= available) return;
+  count();
+  const std::uint64_t bytes = needed(bytes_, faces_);
+  if (bytes <= available) return;
+  throw ResourceError(who + ": a block with " + std::to_string(faces_) +
+                      " faces of the reference near it needs " + format_bytes(bytes) +
+                      "; raise --memory to " + std::to_string((bytes / 3 * 4 >> 20) + 1) + "M");
+}
+
+MeshBlock NearFaceLoader::load() const {
+  std::vector<MeshBlock> pieces;
+  for (const std::size_t p : patches_)
+    if (MeshBlock piece = read(p); !piece.faces.empty()) pieces.push_back(std::move(piece));
   if (pieces.size() == 1) return std::move(pieces[0]);
   std::vector<const MeshBlock*> pointers;
   for (const MeshBlock& piece : pieces) pointers.push_back(&piece);

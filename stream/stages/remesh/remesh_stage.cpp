@@ -106,6 +106,7 @@ class RemeshStage : public Stage {
         reference_(blocks_.reference()) {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
     kernel_.find_creases = pass_.pass == 0;
+    largest_bytes_ = state.run.memory_bytes / 4 * 3;
   }
 
   std::string name() const override { return pass_.stage_name(); }
@@ -119,9 +120,9 @@ class RemeshStage : public Stage {
       const std::vector<std::size_t> near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
-      maximum = std::max(maximum,
-                         remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
-                                           face_capacity(blocks_[b]), faces, blocks_.failed_bytes()));
+      // What the table tells is far above what is near as a rule: run() looks before it loads more than this.
+      maximum = std::max({maximum, needed(blocks_[b], 0, 0),
+                          std::min(needed(blocks_[b], reference_.block_bytes(near), faces), largest_bytes_)});
     }
     return maximum;
   }
@@ -139,7 +140,7 @@ class RemeshStage : public Stage {
         continue;
       }
       block = in_.load(cut.patches);
-      add_counts(sum, remesh_block(b, block, context));
+      add_counts(sum, remesh_block(b, block, task_bytes(task), context));
       if (is_last()) quality.add(block, sizing_.edge);
       write_block(cut, in_.info().lattice, block, writer);
       context.count_read(in_.block_bytes(cut.patches));
@@ -170,7 +171,7 @@ class RemeshStage : public Stage {
   bool is_last() const { return pass_.pass + 1 == options_.passes; }
 
   /// The first pass does all of a block, later ones what lies near the seams of the ones before.
-  json remesh_block(std::size_t b, MeshBlock& block, TaskContext& context) const {
+  json remesh_block(std::size_t b, MeshBlock& block, std::uint64_t bytes, TaskContext& context) const {
     const std::vector<std::uint8_t> near = near_active(block);
     const std::vector<std::uint64_t> seams = seam_keys(block);
     MeshBlock rest;
@@ -185,7 +186,7 @@ class RemeshStage : public Stage {
     json counts = {{"faces_in", faces}, {"faces_out", rest.faces.size()}};
     if (!block.faces.empty()) {
       const std::vector<std::uint64_t> pinned = blocks_.pinned_keys(block, context);
-      const MeshBlock reference = load_reference(blocks_[b], block, whole);
+      const MeshBlock reference = load_reference(blocks_[b], block, whole, bytes);
       RemeshOptions kernel = kernel_;
       kernel.max_faces = face_capacity(blocks_[b]);
       kernel.first_key = first_new_key(pass_, b);
@@ -202,9 +203,22 @@ class RemeshStage : public Stage {
   }
 
   /// Of what lies along seams only the surroundings, where these are much less than the whole.
-  MeshBlock load_reference(const MeshBlockCut& cut, const MeshBlock& block, bool whole) const {
-    if (whole || options_.adaptive) return reference_.load_box(reference_box(cut));
-    return load_near_faces(reference_, block, std::vector<std::uint8_t>(block.faces.size(), 1), halo());
+  /// \param bytes  what the task may hold
+  MeshBlock load_reference(const MeshBlockCut& cut, const MeshBlock& block, bool whole,
+                           std::uint64_t bytes) const {
+    const std::vector<std::uint8_t> all(block.faces.size(), 1);
+    NearFaceLoader near = whole || options_.adaptive ? NearFaceLoader(reference_, reference_box(cut))
+                                                     : NearFaceLoader(reference_, block, all, halo());
+    near.require_fits([&](std::uint64_t reference_bytes,
+                          std::uint64_t faces) { return needed(cut, reference_bytes, faces); },
+                      bytes, name());
+    return near.load();
+  }
+
+  /// Of a block, with so much of the reference.
+  std::uint64_t needed(const MeshBlockCut& cut, std::uint64_t reference_bytes, std::uint64_t faces) const {
+    return remesh_task_bytes(in_.block_bytes(cut.patches) + reference_bytes, face_capacity(cut), faces,
+                             blocks_.failed_bytes());
   }
 
   std::uint64_t face_capacity(const MeshBlockCut& cut) const {
@@ -223,6 +237,7 @@ class RemeshStage : public Stage {
   SimplifyPass pass_;
   Sizing sizing_;
   RemeshOptions kernel_;
+  std::uint64_t largest_bytes_ = 0;  ///< of the cap, for one task
   PassBlocks blocks_;
   const MeshStore& in_;
   const MeshStore& reference_;
