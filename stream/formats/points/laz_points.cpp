@@ -12,6 +12,7 @@
 #include "stream/formats/laz/chunk_decoder.h"
 #include "stream/formats/points/copc_index.h"
 #include "stream/formats/points/laz_chunks.h"
+#include "stream/formats/points/laz_records.h"
 #include "stream/formats/points/point_records.h"
 #include "stream/formats/scalar.h"
 
@@ -24,96 +25,11 @@ constexpr std::size_t kBatchBytes = std::size_t{1} << 16;
 /// With a chunk of more, the file is one slice: readers may keep what a slice gives.
 constexpr std::uint64_t kMaxSlicePoints = std::uint64_t{1} << 20;
 
-/// Records of consecutive chunks, in order.
-class RecordStream {
- public:
-  RecordStream(const ReadFile& file, const laz::Schema& schema, const LazChunks& chunks,
-               const ReadOptions& options)
-      : file_(file),
-        schema_(schema),
-        chunks_(chunks),
-        layers_(options.intensities ? laz::Layers::kAll
-                : options.colours   ? laz::Layers::kNeeded
-                                    : laz::Layers::kNoColours),
-        release_(options.release_cache) {}
-
-  /// Goes on with the first record of a chunk.
-  void seek(std::size_t chunk) {
-    next_ = chunk;
-    left_ = 0;
-    ended_ = false;
-  }
-  /// That the last records came from.
-  std::size_t chunk() const { return next_ - 1; }
-  /// Up to `count` records, fewer where a chunk ends; none only where a file that was cut off ends.
-  /// \pre  there are records left  \throws InputError naming the chunk when it is damaged
-  std::size_t read(char* records, std::size_t count) {
-    if (ended_) return 0;
-    std::uint64_t before = 0;
-    try {
-      while (left_ == 0) open_next();
-      if (unit_left_ == 0) begin_unit();
-      const auto n = static_cast<std::size_t>(std::min<std::uint64_t>({count, left_, unit_left_}));
-      before = decoder_->decoded();
-      decoder_->decode(records, n);
-      left_ -= n;
-      unit_left_ -= n;
-      if (left_ == 0 && !chunks_.in_order) decoder_->require_used_up();
-      return n;
-    } catch (const laz::EndOfBytes& e) {
-      if (!chunks_.cut_off || next_ != chunks_.size()) fail(e);
-      ended_ = true;
-      return decoder_ ? static_cast<std::size_t>(decoder_->decoded() - before) : 0;
-    } catch (const laz::Damage& e) {
-      fail(e);
-    }
-  }
-
- private:
-  void open_next() {
-    const std::size_t chunk = next_++;
-    left_ = chunks_.points_of(chunk);
-    unit_left_ = 0;
-    decoder_.reset();
-    begin_ = chunks_.edges[chunk].begin;
-    end_ = chunks_.end_of(chunk);
-    if (!schema_.layered()) feed_ = std::make_unique<FileFeed>(file_, begin_, end_, release_);
-  }
-  /// What one set of models codes: a chunk, or a run of chunks one after the other.
-  void begin_unit() {
-    decoder_.reset();
-    if (schema_.layered()) {
-      const laz::OpenBytes open = [&](std::uint64_t from, std::uint64_t to) {
-        const std::uint64_t maximum = end_ - begin_;
-        return std::make_unique<FileFeed>(file_, begin_ + std::min(from, maximum),
-                                          begin_ + std::min(to, maximum), release_);
-      };
-      if (laz::read_layered_head(schema_, open).points != left_)
-        throw laz::Damage("it counts other points than the chunk table gives it");
-      decoder_ = laz::decode_layered(schema_, open, layers_);
-    } else {
-      decoder_ = laz::decode_pointwise(schema_, *feed_);
-    }
-    unit_left_ = chunks_.in_order && schema_.chunked() ? schema_.chunk_points : left_;
-  }
-  [[noreturn]] void fail(const laz::Damage& e) const {
-    throw InputError(file_.path().string() + ": byte " + std::to_string(begin_) + ": chunk " +
-                     std::to_string(next_) + " of " + std::to_string(chunks_.size()) + " is damaged: " +
-                     e.what() + "; get the file anew, or compress it anew from the original");
-  }
-
-  const ReadFile& file_;
-  const laz::Schema& schema_;
-  const LazChunks& chunks_;
-  laz::Layers layers_;
-  bool release_;
-  std::size_t next_ = 0;  ///< chunk after the one being read
-  std::uint64_t left_ = 0, unit_left_ = 0;
-  bool ended_ = false;  ///< where the file was cut off
-  std::uint64_t begin_ = 0, end_ = 0;
-  std::unique_ptr<FileFeed> feed_;
-  std::unique_ptr<laz::ChunkDecoder> decoder_;
-};
+laz::Layers wanted_layers(const ReadOptions& options) {
+  return options.intensities ? laz::Layers::kAll
+         : options.colours   ? laz::Layers::kNeeded
+                             : laz::Layers::kNoColours;
+}
 
 class LazPoints final : public PointFile {
  public:
@@ -157,7 +73,7 @@ class LazPoints final : public PointFile {
     const std::size_t begin = std::min<std::size_t>(slice.begin, end);
     std::uint64_t left = chunks_.edges[end].first_point - chunks_.edges[begin].first_point;
     const ReadFile file = input_.open();
-    RecordStream stream(file, schema_, chunks_, options_);
+    LazRecords stream(file, schema_, chunks_, wanted_layers(options_), options_.release_cache);
     stream.seek(begin);
     const std::size_t maximum = std::max<std::size_t>(1, kBatchBytes / header_.layout.stride);
     std::vector<char> records(maximum * header_.layout.stride);
@@ -218,7 +134,7 @@ class LazPoints final : public PointFile {
   /// From the records that those of the uncompressed file would be told by.
   void sample_colours(const ReadFile& file) {
     const std::size_t stride = header_.layout.stride;
-    RecordStream stream(file, schema_, chunks_, options_);
+    LazRecords stream(file, schema_, chunks_, wanted_layers(options_), options_.release_cache);
     std::vector<char> records;
     std::uint64_t at = 0;  // of the next record
     std::size_t chunk = 0;
