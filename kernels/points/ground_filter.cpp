@@ -96,18 +96,19 @@ void fill_membrane(Heights& h, std::vector<std::uint8_t>& known, int width, int 
       coarse_known[at(u, v, half_width)] = 1;
     }
   fill_membrane(coarse, coarse_known, half_width, half_height);
-  std::vector<std::size_t> open;
+  std::vector<std::uint32_t> open;
+  open.reserve(static_cast<std::size_t>(std::count(known.begin(), known.end(), 0)));
   for (int v = 0; v < height; ++v)
     for (int u = 0; u < width; ++u) {
       if (known[at(u, v, width)] != 0) continue;
-      open.push_back(at(u, v, width));
+      open.push_back(static_cast<std::uint32_t>(at(u, v, width)));
       h[at(u, v, width)] = coarse[at(u / 2, v / 2, half_width)];
     }
   Heights next(open.size());
   for (int sweep = 0; sweep < kMembraneSweeps; ++sweep) {
     for (std::size_t i = 0; i < open.size(); ++i) {
-      const int u = static_cast<int>(open[i] % static_cast<std::size_t>(width));
-      const int v = static_cast<int>(open[i] / static_cast<std::size_t>(width));
+      const int u = static_cast<int>(open[i] % static_cast<std::uint32_t>(width));
+      const int v = static_cast<int>(open[i] / static_cast<std::uint32_t>(width));
       std::int64_t sum = 0, count = 0;
       for (const auto& [x, y] : {std::pair{u - 1, v}, {u + 1, v}, {u, v - 1}, {u, v + 1}}) {
         if (x < 0 || y < 0 || x >= width || y >= height) continue;
