@@ -1,0 +1,231 @@
+#include "stream/survey/classify_scan.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/files/path_text.h"
+#include "stream/files/scratch_folder.h"
+#include "stream/formats/points/las_copy.h"
+#include "stream/runtime/disk_space.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/parallel.h"
+#include "stream/survey/scan_set.h"
+
+namespace tessera {
+namespace {
+
+/// A cell should hold so many points: some of them have reached the ground, in forest too.
+constexpr double kPointsPerCell = 6.0;
+constexpr std::int32_t kMaxFactor = 8;
+constexpr double kMaxWindowCells = 256.0;
+/// Of roofs, metres.
+constexpr double kRoofHeight = 2.0, kRoofResidual = 0.15;
+constexpr double kMaxPitSlope = 1e5;  ///< steeper than anything
+/// Tiles in memory at least, of either pass.
+constexpr std::uint64_t kMinCache = std::uint64_t{8} << 20;
+
+/// Lengths in units of the scan.
+ClassifyOptions with_defaults(ClassifyOptions o, double metre) {
+  const auto set = [&](double& length, double in_metres) {
+    if (length == 0.0) length = in_metres * metre;
+  };
+  set(o.window, 18.0), set(o.threshold, 0.5), set(o.scalar, 1.25), set(o.noise, 200.0);
+  if (o.threads == 0) o.threads = core_count();
+  return o;
+}
+
+/// \param factor  of the cells that heights were gathered in
+GroundRules ground_rules(const ClassifyOptions& o, double cell, std::int32_t factor) {
+  GroundRules rules;
+  const double wide = cell * factor;
+  const double window = std::ceil(o.window / wide);
+  if (!(window <= kMaxWindowCells))
+    throw UsageError(fmt::format("--window {:g}: is {:.0f} cells of {:g}, at most {:.0f} are possible",
+                                 o.window, window, wide, kMaxWindowCells));
+  rules.max_window = std::max(1, static_cast<int>(window));
+  rules.slope = o.slope;
+  rules.tolerance = o.threshold / wide;
+  rules.slope_tolerance = o.scalar / wide;
+  rules.low_slope = std::min(o.pit_slope, kMaxPitSlope);
+  return rules;
+}
+
+/// One call of classify_scans().
+class ScanJob {
+ public:
+  ScanJob(const std::vector<ScanToClassify>& files, const ClassifyOptions& options)
+      : files_(files), set_(open_scan_set(inputs(files))) {
+    metre_ = set_.metres > 0.0 ? 1.0 / set_.metres : 1.0;
+    options_ = with_defaults(options, metre_);
+    cells_.cell = options_.cell > 0.0 ? options_.cell : metre_;
+  }
+
+  ClassifyReport run() {
+    MemoryBudget budget(options_.memory_bytes, resident_bytes());
+    plan(budget);
+    require_room();
+    const ScratchFolder scratch(options_.temp, "classify");
+    WorkerPool pool(options_.threads);
+    LowestHeights lowest(cells_, scratch.path() / "lowest");
+    gather(lowest, pool);
+    const std::int32_t factor = options_.cell > 0.0 ? 1 : factor_for(lowest.density());
+    GroundTiles ground(lowest, factor, ground_rules(options_, cells_.cell, factor), roof_rules(),
+                       scratch.path() / "ground");
+    require_disk(std::array{DiskNeed{scratch.path(),
+                                     2 * lowest.tiles().size() * GroundTiles::tile_bytes() /
+                                         static_cast<std::uint64_t>(factor * factor),
+                                     "the raster of the ground"}},
+                 kLargerDisk);
+    ground.find(lowest, pool, budget);
+    ClassifyReport report;
+    report.cell = cells_.cell * factor, report.metres = set_.metres;
+    report.cells = ground.cells(), report.empty = ground.empty();
+    ground.hold(last_cache_);
+    write(ground, pool, report);
+    return report;
+  }
+
+ private:
+  static std::vector<std::filesystem::path> inputs(const std::vector<ScanToClassify>& files) {
+    std::vector<std::filesystem::path> paths;
+    for (const ScanToClassify& file : files) paths.push_back(file.input);
+    return paths;
+  }
+  RoofRules roof_rules() const {
+    if (options_.ground_only) return {};
+    return {kRoofHeight * metre_ / cells_.step(), kRoofResidual * metre_ / cells_.step()};
+  }
+  static std::int32_t factor_for(double density) {
+    const double wide = std::ceil(std::sqrt(kPointsPerCell / density));
+    return static_cast<std::int32_t>(std::clamp(wide, 1.0, static_cast<double>(kMaxFactor)));
+  }
+
+  /// Of a pass over points, without its tiles.
+  std::uint64_t pass_bytes(std::size_t slots, bool copies) const {
+    const int busy = std::min(static_cast<int>(slots), options_.threads);
+    std::uint64_t most = 0;
+    for (std::size_t i = 0; i < files_.size(); ++i) {
+      const LasRecords& scan = set_.scans[i];
+      const std::uint64_t placed = copies ? ClassWriter::kPlacedBytes : sizeof(LowestHeights::Sample);
+      std::uint64_t bytes = scan.read_bytes(slots, busy) + slots * scan.batch_records() * placed;
+      if (copies) bytes += LasCopy::bytes(scan, LasCopy::is_compressed(files_[i].output), options_.threads);
+      most = std::max(most, bytes);
+    }
+    return most;
+  }
+
+  /// Shares the cap out. \throws ResourceError when it cannot suffice
+  void plan(const MemoryBudget& budget) {
+    const auto need = [&](std::size_t slots) {
+      return std::max(pass_bytes(slots, false), pass_bytes(slots, true)) + kMinCache;
+    };
+    constexpr double kUnbounded = 1e9;
+    const auto cells = [&](double length) { return length > 0.0 ? length / cells_.cell + 2.0 : kUnbounded; };
+    const std::uint64_t block = GroundTiles::block_bytes(ground_rules(options_, cells_.cell, 1),
+                                                         cells(set_.width), cells(set_.height));
+    budget.require(std::max(block, need(1)), fmt::format("classify with cells of {:g} and a window of {:g}",
+                                                         cells_.cell, options_.window));
+    slots_ = 2 * static_cast<std::size_t>(options_.threads);
+    while (slots_ > 1 && need(slots_) + budget.capacity() / 4 > budget.capacity()) --slots_;
+    first_cache_ = budget.capacity() - pass_bytes(slots_, false);
+    last_cache_ = budget.capacity() - pass_bytes(slots_, true);
+  }
+
+  /// Outputs must fit beside each other.
+  void require_room() const {
+    std::vector<DiskNeed> needs;
+    for (std::size_t i = 0; i < files_.size(); ++i) {
+      const LasRecords& scan = set_.scans[i];
+      const bool to_laz = LasCopy::is_compressed(files_[i].output);
+      const std::uint64_t records = scan.points() * scan.record_bytes();
+      const std::uint64_t bytes = to_laz == scan.header().compressed ? scan.file().size()
+                                  : to_laz                           ? records / 4
+                                                                     : records;
+      needs.push_back(
+          {std::filesystem::absolute(files_[i].output).parent_path(), bytes, files_[i].output.string()});
+    }
+    require_disk(needs, "choose a larger disk by -o");
+  }
+
+  void gather(LowestHeights& lowest, WorkerPool& pool) const {
+    lowest.hold(first_cache_);
+    std::vector<std::vector<LowestHeights::Sample>> samples(slots_);
+    pool.run_here([&] {
+      for (const LasRecords& scan : set_.scans)
+        scan.read(
+            slots_,
+            [&](LasBatch& batch) { lowest.place(scan, batch, options_.all_points, samples[batch.slot]); },
+            [&](LasBatch& batch) { lowest.add(samples[batch.slot]); });
+    });
+    lowest.finish();
+    if (lowest.points() == 0)
+      throw EmptyError(files_.front().input.string() + (files_.size() > 1 ? " and the others" : "") +
+                       ": all points are withheld, synthetic or noise; --all-points takes them too");
+    trim_allocator();
+  }
+
+  void write(GroundTiles& ground, WorkerPool& pool, ClassifyReport& report) const {
+    HeightClasses heights;
+    heights.medium *= metre_ / cells_.step(), heights.high *= metre_ / cells_.step();
+    heights.noise = options_.noise / cells_.step();
+    heights.ground_only = options_.ground_only;
+    ClassWriter writer(cells_, ground, heights, options_.all_points);
+    pool.run_here([&] {
+      for (std::size_t i = 0; i < files_.size(); ++i)
+        report.scans.push_back(writer.write(set_.scans[i], files_[i].output, slots_, options_.threads));
+    });
+  }
+
+  const std::vector<ScanToClassify>& files_;
+  ScanSet set_;
+  ClassifyOptions options_;
+  double metre_ = 1.0;  ///< in units of the scan
+  ScanCells cells_;
+  std::size_t slots_ = 1;
+  std::uint64_t first_cache_ = 0, last_cache_ = 0;
+};
+
+nlohmann::json counts(const ClassifiedScan& scan) {
+  nlohmann::json classes = nlohmann::json::object();
+  for (std::size_t k = 0; k < scan.classes.size(); ++k)
+    if (scan.classes[k] > 0) classes[std::to_string(k)] = scan.classes[k];
+  return {{"points", scan.points}, {"kept", scan.kept}, {"classes", classes}};
+}
+
+}  // namespace
+
+ClassifiedScan ClassifyReport::total() const {
+  ClassifiedScan sum;
+  for (const ClassifiedScan& scan : scans) {
+    sum.points += scan.points, sum.bytes += scan.bytes, sum.kept += scan.kept;
+    for (std::size_t k = 0; k < sum.classes.size(); ++k) sum.classes[k] += scan.classes[k];
+  }
+  return sum;
+}
+
+ClassifyReport classify_scans(const std::vector<ScanToClassify>& scans, const ClassifyOptions& options) {
+  return ScanJob(scans, options).run();
+}
+
+nlohmann::json to_json(const ClassifyReport& report) {
+  nlohmann::json out = counts(report.total());
+  out["cell"] = report.cell;
+  if (report.metres > 0.0) out["metres_per_unit"] = report.metres;
+  out["cells"] = report.cells, out["cells_empty"] = report.empty;
+  out["files"] = nlohmann::json::array();
+  for (const ClassifiedScan& scan : report.scans) {
+    nlohmann::json file = counts(scan);
+    file["input"] = json_text(scan.input), file["output"] = json_text(scan.output),
+    file["bytes"] = scan.bytes;
+    out["files"].push_back(file);
+  }
+  return out;
+}
+
+}  // namespace tessera
