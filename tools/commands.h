@@ -10,6 +10,7 @@ namespace tessera {
 // one line per command, alphabetical
 cli::Command cancel_command();
 cli::Command check_command();
+cli::Command classify_command();
 cli::Command contours_command();
 cli::Command convert_command();
 cli::Command csg_command();

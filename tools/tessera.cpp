@@ -39,6 +39,7 @@ int main(int argc, char** argv) {
       raster_command(),
       contours_command(),
       section_command(),
+      classify_command(),
       info_command(),
       convert_command(),
       parameterize_command(),

@@ -1,0 +1,194 @@
+// `classify` on scenes whose ground is known: classes, bytes that stay, one result for every cap, and what is refused.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/helpers/aerial_scene.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/temp_folder.h"
+
+namespace classify_test {
+
+using namespace tessera::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+CommandResult classify(std::vector<std::string> words) {
+  words.insert(words.begin(), "classify");
+  return tessera_command(words);
+}
+
+std::uint64_t must_classify(const std::vector<std::string>& words) {
+  const CommandResult r = classify(words);
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  return r.peak_bytes;
+}
+
+struct Errors {
+  double ground_lost = 0.0, objects_taken = 0.0;  ///< types I and II
+};
+
+Errors errors_of(const std::vector<ScenePoint>& points, const std::vector<int>& classes) {
+  double ground = 0, lost = 0, objects = 0, taken = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    (points[i].truth == 2 ? ground : objects) += 1;
+    if (points[i].truth == 2 && classes[i] != 2) lost += 1;
+    if (points[i].truth != 2 && classes[i] == 2) taken += 1;
+  }
+  return {lost / ground, taken / objects};
+}
+
+}  // namespace
+
+TEST_CASE("classify: ground, vegetation, houses and noise of a known scene, and nothing else changes",
+          "[pipeline]") {
+  const int format = GENERATE(1, 6);
+  CAPTURE(format);
+  const TempFolder folder;
+  std::vector<ScenePoint> points = aerial_scene();
+  points[10].withheld = true, points[10].given = 9;
+  points[11].synthetic = true, points[11].given = 12;
+  points[12].given = 7;
+  SceneFile file;
+  file.format = format;
+  const std::string bytes = las_of(points, file);
+  const fs::path in = folder.write("in.las", bytes);
+  must_classify({in.string(), "-o", (folder / "out.las").string(), "--report", (folder / "r.json").string()});
+  const std::string out = file_bytes(folder / "out.las");
+  REQUIRE(out.size() == bytes.size());
+  CHECK(without_classes(out) == without_classes(bytes));
+  std::vector<int> classes = las_classes(out);
+  CHECK(classes[10] == 9);
+  CHECK(classes[11] == 12);
+  CHECK(classes[12] == 7);
+  const Errors errors = errors_of(points, classes);
+  CHECK(errors.ground_lost < 0.01);
+  CHECK(errors.objects_taken < 0.02);
+  std::size_t noise = 0, wrong_noise = 0, high = 0, roofs = 0, crowns_as_roofs = 0;
+  for (std::size_t i = 13; i < points.size(); ++i) {
+    if ((points[i].truth == 7) != (classes[i] == 7)) ++wrong_noise;
+    if (points[i].truth == 7) ++noise;
+    if (classes[i] == 5) ++high;
+    if (classes[i] == 6 && points[i].truth == 6) ++roofs;
+    if (classes[i] == 6 && points[i].truth == 5) ++crowns_as_roofs;
+  }
+  CHECK(noise > 15);
+  CHECK(wrong_noise == 0);
+  CHECK(high > 1000);
+  CHECK(roofs > 1900);
+  CHECK(crowns_as_roofs < 60);  // those beside a house
+  const nlohmann::json report = nlohmann::json::parse(file_bytes(folder / "r.json"));
+  CHECK(report.at("points") == points.size());
+  CHECK(report.at("kept") == 3);
+  CHECK(report.at("classes").at("2") == std::count(classes.begin(), classes.end(), 2));
+
+  must_classify({in.string(), "-o", (folder / "two.las").string(), "--classes", "ground", "--all-points"});
+  const std::vector<int> two = las_classes(file_bytes(folder / "two.las"));
+  CHECK(std::all_of(two.begin(), two.end(), [](int c) { return c == 1 || c == 2; }));
+}
+
+TEST_CASE("classify: one result whatever the cap, the threads and the way the points are stored",
+          "[pipeline]") {
+  const TempFolder folder;
+  SceneFile file;
+  file.format = GENERATE(1, 6);
+  const fs::path in = folder.write("in.las", las_of(aerial_scene(), file));
+  const auto path = [&](const char* name) { return (folder / name).string(); };
+  constexpr std::uint64_t kMiB = 1u << 20;
+  CHECK(must_classify({in.string(), "-o", path("a.las"), "--memory", "64M", "-t", "1"}) < 64 * kMiB);
+  must_classify({in.string(), "-o", path("b.las"), "--memory", "2G", "-t", "4"});
+  const std::string want = file_bytes(folder / "a.las");
+  CHECK(file_bytes(folder / "b.las") == want);
+  CHECK(must_classify({in.string(), "-o", path("c.laz"), "--memory", "100M", "-t", "1"}) < 100 * kMiB);
+  must_classify({in.string(), "-o", path("d.laz"), "-t", "3"});
+  CHECK(file_bytes(folder / "c.laz") == file_bytes(folder / "d.laz"));
+  CHECK(file_bytes(folder / "c.laz").size() < want.size());
+  must_classify({path("c.laz"), "-o", path("e.las"), "--all-points"});
+  CHECK(file_bytes(folder / "e.las") == want);
+  must_classify({path("c.laz"), "-o", path("f.laz"), "--all-points"});
+  CHECK(file_bytes(folder / "f.laz") == file_bytes(folder / "c.laz"));
+}
+
+TEST_CASE("classify: files that border on each other get the classes of one file", "[pipeline]") {
+  const TempFolder folder;
+  const std::vector<ScenePoint> points = aerial_scene(2);
+  // Across a house.
+  std::vector<ScenePoint> west, east;
+  for (const ScenePoint& p : points) (p.x < 27.3 ? west : east).push_back(p);
+  SceneFile file;
+  folder.write("all.las", las_of(points, file));
+  folder.write("west.las", las_of(west, file));
+  file.east = 5e5 + 20.0;
+  std::vector<ScenePoint> moved = east;
+  for (ScenePoint& p : moved) p.x -= 20.0;
+  folder.write("east.las", las_of(moved, file));
+  const auto path = [&](const char* name) { return (folder / name).string(); };
+  must_classify({path("all.las"), "-o", path("out.las")});
+  must_classify({path("west.las"), path("east.las"), "-o", path("tiles/")});
+  const std::vector<int> one = las_classes(file_bytes(folder / "out.las"));
+  const std::vector<int> w = las_classes(file_bytes(folder / "tiles" / "west.las"));
+  const std::vector<int> e = las_classes(file_bytes(folder / "tiles" / "east.las"));
+  std::size_t at_west = 0, at_east = 0, differ = 0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (one[i] != (points[i].x < 27.3 ? w[at_west++] : e[at_east++])) ++differ;
+  CHECK(at_west == w.size());
+  CHECK(at_east == e.size());
+  CHECK(differ == 0);
+}
+
+TEST_CASE("classify: what cannot be classified is refused in one sentence", "[pipeline]") {
+  const TempFolder folder;
+  const std::string bytes = las_of(aerial_scene(), {});
+  const std::string in = folder.write("in.las", bytes).string();
+  const auto path = [&](const char* name) { return (folder / name).string(); };
+  const auto refused = [&](const std::vector<std::string>& words, int code, const std::string& sentence) {
+    const CommandResult r = classify(words);
+    CAPTURE(words, r.errors);
+    CHECK(r.code == code);
+    CHECK(r.errors.find(sentence) != std::string::npos);
+    CHECK(!fs::exists(folder / "out.las"));
+  };
+  refused({in}, 2, "-o");
+  refused({in, "-o", in, "--force"}, 2, "in.las");
+  refused({in, "-o", path("out.ply")}, 2, ".las or .laz");
+  refused({in, "-o", path("out.copc.laz")}, 2, "no octree");
+  refused({in, in + "x", "-o", path("out.las")}, 3, "in.lasx");
+  folder.write("other.las", bytes);
+  refused({in, path("other.las"), "-o", path("out.las")}, 2, "name a folder");
+  refused({in, "-o", path("out.las"), "--memory", "30M"}, 4, "--memory");
+  refused({in, "-o", path("out.las"), "--cell", "0.01"}, 2, "--window");
+  folder.write("scan.ply", "ply\nformat ascii 1.0\nelement vertex 0\nend_header\n");
+  refused({path("scan.ply"), "-o", path("out.las")}, 3, "neither LAS nor LAZ");
+  SceneFile degrees;
+  degrees.degrees = true;
+  refused({folder.write("d.las", las_of(aerial_scene(), degrees)).string(), "-o", path("out.las")}, 3,
+          "degrees");
+  refused({folder.write("e.las", las_of({}, {})).string(), "-o", path("out.las")}, 5, "no points");
+  refused({folder.write("t.las", bytes.substr(0, bytes.size() - 100)).string(), "-o", path("out.las")}, 3,
+          "declares");
+  std::vector<ScenePoint> hidden = aerial_scene();
+  for (ScenePoint& p : hidden) p.withheld = true;
+  refused({folder.write("w.las", las_of(hidden, {})).string(), "-o", path("out.las")}, 5, "--all-points");
+}
+
+TEST_CASE("classify: a killed run leaves no file of the final name", "[fault]") {
+  const TempFolder folder;
+  const std::string in = folder.write("in.las", las_of(aerial_scene(), {})).string();
+  const std::string out = (folder / "out.las").string();
+  for (const char* fault : {"TESSERA_FAULT=write:1", "TESSERA_FAULT=write:3", "TESSERA_FAULT=stop:1"}) {
+    CAPTURE(fault);
+    const CommandResult r = tessera_command({"classify", in, "-o", out}, 0, fault);
+    CHECK(r.code != 0);
+    CHECK(!fs::exists(out));
+  }
+  must_classify({in, "-o", out});
+}
+
+}  // namespace classify_test

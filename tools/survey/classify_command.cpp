@@ -1,0 +1,172 @@
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/files/file_extension.h"
+#include "stream/files/json_text.h"
+#include "stream/files/output_file.h"
+#include "stream/formats/points/las_copy.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/survey/classify_scan.h"
+#include "tools/commands.h"
+#include "tools/frame/cli.h"
+
+namespace tessera {
+namespace {
+
+struct ClassifyCommand {
+  std::vector<std::string> inputs;
+  std::filesystem::path output, report;
+  std::string classes = "all";
+  ClassifyOptions options;
+  bool force = false;
+};
+
+bool names_folder(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return !path.has_filename() || std::filesystem::is_directory(path, ignored);
+}
+
+/// The name of an input in a folder of outputs. The octree of a COPC file is not written.
+std::filesystem::path copied_name(const std::filesystem::path& input) {
+  std::filesystem::path name = input.filename();
+  if (lower_extension(name) == ".laz" && lower_extension(name.stem()) == ".copc")
+    return name.stem().stem().string() + ".laz";
+  return name;
+}
+
+std::vector<ScanToClassify> planned_scans(const std::vector<std::filesystem::path>& inputs,
+                                          const ClassifyCommand& command) {
+  std::vector<ScanToClassify> scans;
+  if (!names_folder(command.output)) {
+    if (inputs.size() > 1)
+      throw UsageError("-o " + command.output.string() + ": of " + std::to_string(inputs.size()) +
+                       " scans each gets a file of its own; name a folder: -o DIR/");
+    LasCopy::is_compressed(command.output);
+    if (lower_extension(command.output.stem()) == ".copc")
+      throw UsageError("-o " + command.output.string() + ": no octree is written; name it .laz or .las");
+    return {{inputs.front(), command.output}};
+  }
+  std::map<std::filesystem::path, std::filesystem::path> taken;
+  for (const std::filesystem::path& input : inputs) {
+    const std::filesystem::path output = command.output / copied_name(input);
+    const std::string extension = lower_extension(input);
+    if (extension != ".las" && extension != ".laz")
+      throw InputError(input.string() + ": is neither LAS nor LAZ, and only their points have classes");
+    const auto [at, fresh] = taken.emplace(output, input);
+    if (!fresh)
+      throw UsageError(output.string() + ": would be written for " + at->second.string() + " and for " +
+                       input.string() + "; classify them in two calls");
+    scans.push_back({input, output});
+  }
+  return scans;
+}
+
+std::string class_counts(const ClassifiedScan& scan) {
+  std::string text;
+  const auto add = [&](std::uint64_t count, const char* name) {
+    if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, name);
+  };
+  add(scan.classes[kClassGround], "ground");
+  add(scan.classes[kClassLowVegetation], "low");
+  add(scan.classes[kClassMediumVegetation], "medium");
+  add(scan.classes[kClassHighVegetation], "high vegetation");
+  add(scan.classes[kClassBuilding], "building");
+  add(scan.classes[kClassNoise], "noise");
+  add(scan.classes[kClassUnassigned], "unassigned");
+  add(scan.kept, "left as they were");
+  return text;
+}
+
+void run_classify(const ClassifyCommand& command) {
+  const auto start = std::chrono::steady_clock::now();
+  cli::require_inputs(command.inputs);
+  cli::require_output(command.output);
+  const std::vector<std::filesystem::path> inputs = cli::expand_and_tell(command.inputs);
+  const std::vector<ScanToClassify> scans = planned_scans(inputs, command);
+  if (names_folder(command.output)) {
+    std::error_code error;
+    std::filesystem::create_directories(command.output, error);
+    if (error) throw UsageError("-o " + command.output.string() + ": cannot be made: " + error.message());
+  }
+  std::vector<std::filesystem::path> reads = cli::also_read(command.inputs);
+  std::vector<PlannedWrite> writes = {{command.report, "--report", existing_by(command.force)}};
+  for (const ScanToClassify& scan : scans) {
+    reads.push_back(scan.input);
+    writes.push_back({scan.output, "-o", existing_by(command.force)});
+  }
+  cli::check_line_writes(reads, writes);
+  ClassifyOptions options = command.options;
+  options.ground_only = command.classes == "ground";
+  if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
+  if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
+  const ClassifyReport report = classify_scans(scans, options);
+  for (const ClassifiedScan& scan : report.scans)
+    fmt::print("{}: {} points: {}\n", scan.output.string(), scan.points, class_counts(scan));
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  if (report.metres == 0.0)
+    fmt::print(stderr, "note: the scan does not name the unit of its heights; defaults are for metres\n");
+  fmt::print("ground: {} cells of {:g}, {:.1f} % of them without a point; {:.1f} s, peak {}\n", report.cells,
+             report.cell, 100.0 * static_cast<double>(report.empty) / static_cast<double>(report.cells),
+             seconds, format_bytes(peak_resident_bytes()));
+  if (command.report.empty()) return;
+  nlohmann::json json = to_json(report);
+  json["seconds"] = seconds, json["peak_bytes"] = peak_resident_bytes();
+  OutputFile file(command.report);
+  file.append(dump_json(json, 2) + "\n");
+  file.finish();
+}
+
+}  // namespace
+
+cli::Command classify_command() {
+  auto shared = std::make_shared<ClassifyCommand>();
+  ClassifyCommand& c = *shared;
+  OptionTable t;
+  cli::add_inputs(t, c.inputs);
+  cli::add_output(t, c.output,
+                  "file to write, .las or .laz; a folder (DIR/) gets a file for every scan, named like it");
+  t.add("classes", &c.classes,
+        "all: ground 2, vegetation 3, 4, 5 by height, planar roofs 6, noise 7, else 1; ground: 2, all else 1")
+      .one_of({"all", "ground"});
+  ClassifyOptions& o = c.options;
+  t.add("cell", &o.cell,
+        "edge of a cell whose lowest point counts, scan units; 0 = 1 m, or up to 8 m so that cells hold 6 "
+        "points")
+      .at_least(0);
+  t.add("slope", &o.slope, "steepest ground, rise over run: steeper steps are objects").at_least(0);
+  t.add("window", &o.window, "half the width of the widest object to take away, scan units; 0 = 18 m")
+      .at_least(0);
+  t.add("threshold", &o.threshold,
+        "distance from the surface up to which points of level ground are ground, scan units; 0 = 0.5 m")
+      .at_least(0);
+  t.add("scalar", &o.scalar, "so many times the slope are added to --threshold, scan units; 0 = 1.25 m")
+      .at_least(0);
+  t.add("pit-slope", &o.pit_slope,
+        "the lowest point of a cell is noise where those around it lie higher by more than this many cells")
+      .at_least(0);
+  t.add("noise-height", &o.noise, "what is higher over the ground is noise, scan units; 0 = 200 m")
+      .at_least(0);
+  t.add("all-points", &o.all_points,
+        "points marked withheld or synthetic, and those of classes 7 and 18, take part too; else they keep "
+        "their class and make no ground");
+  t.add("report,json", &c.report, "also write the counts to this file");
+  cli::add_force(t, c.force);
+  cli::add_threads(t, o.threads, "threads; never changes the result");
+  t.add("memory", &o.memory_bytes, "cap on memory; larger scans go through --temp").bytes();
+  t.add("temp", &o.temp, "folder for scratch files; default: the system's");
+  return {"classify",
+          "Ground, vegetation and buildings in scans seen from above (LAS, LAZ), by SMRF; all else of the "
+          "files stays. "
+          "Example: tessera classify flight/*.laz -o classified/ --slope 0.3",
+          t, [shared] { run_classify(*shared); }};
+}
+
+}  // namespace tessera
