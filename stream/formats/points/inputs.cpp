@@ -80,9 +80,8 @@ struct Found {
 std::string kind_of(const fs::path& path) {
   const std::string e = lower_extension(path);
   if (e.size() < 2) return "without extension";
-  return e == ".gz" || e == ".zst"
-             ? lower_extension(path.stem()).substr(std::min<std::size_t>(1, e.size())) + e
-             : e.substr(1);
+  const std::string packed = e == ".gz" || e == ".zst" ? lower_extension(path.stem()) + e : e;
+  return packed.substr(1);
 }
 
 /// What is directly in a folder, by name. \throws InputError where it cannot be read, if that matters

@@ -49,9 +49,10 @@ TEST_CASE("inputs: folders are searched at any depth, hidden files and work dire
     std::filesystem::create_directories((folder / file).parent_path());
     folder.write(file, "x");
   };
-  for (const char* f : {"site/strip2/b.laz", "site/strip1/a.laz", "site/strip1/deep/er/c.las",
-                        "site/readme.txt", "site/.hidden.las", "site/strip1/._a.laz", "site/.git/z.las",
-                        "site/out.ply.tessera/p.ply", "site/notes.pdf", "site/d.xyz.gz"})
+  for (const char* f :
+       {"site/strip2/b.laz", "site/strip1/a.laz", "site/strip1/deep/er/c.las", "site/readme.txt",
+        "site/.hidden.las", "site/strip1/._a.laz", "site/.git/z.las", "site/out.ply.tessera/p.ply",
+        "site/notes.pdf", "site/d.xyz.gz", "site/log.gz", "site/tape.zst", "site/Makefile"})
     make(f);
   const std::string at = folder.path().string() + "/";
   CHECK(names({at + "site"}) == Names{"d.xyz.gz", "a.laz", "c.las", "b.laz"});
@@ -67,7 +68,8 @@ TEST_CASE("inputs: folders are searched at any depth, hidden files and work dire
   REQUIRE(list.notes.size() == 1);
   CHECK_THAT(list.notes[0], Catch::Contains("4 files of points (2 laz, 1 las, 1 xyz.gz) in 4 folders") &&
                                 Catch::Contains("1 pdf") && Catch::Contains("1 txt") &&
-                                Catch::Contains("3 hidden"));
+                                Catch::Contains("1 gz") && Catch::Contains("1 zst") &&
+                                Catch::Contains("1 without extension") && Catch::Contains("3 hidden"));
   std::filesystem::create_directory_symlink(folder / "site", folder / "site/strip1/round");
   CHECK(names({at + "site"}).size() == 4);
   CHECK(names({at + "**/*.laz"}).size() == 2);
