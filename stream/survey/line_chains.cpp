@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "stream/runtime/stop.h"
 
@@ -54,7 +55,22 @@ std::uint64_t chain_bytes(const MeshPatchEntry& entry) {
          kBytesPerStep * std::max<std::uint64_t>(kStepsAtATime, entry.faces);
 }
 
-ChainGraph::ChainGraph(const ChainFile& file) : file_(file), chains_(file.records()) {
+void chain_patches(const MeshStore& store, WorkerPool& pool, MemoryBudget& budget,
+                   const std::function<std::uint64_t(const MeshPatchEntry&)>& bytes,
+                   const std::function<void(std::size_t)>& chain) {
+  pool.run_tasks(
+      store.patches().size(), [&](std::size_t p) { return bytes(store.patches()[p]); }, budget,
+      [&](std::size_t p) {
+        throw_if_stopped();
+        chain(p);
+      });
+  trim_allocator();
+}
+
+ChainGraph::ChainGraph(const ChainFile& file, const MemoryBudget& budget, std::string who)
+    : file_(file), budget_(budget), who_(std::move(who)) {
+  budget_.require(file.count() * kBytes, who_ + ": the ends of lines");
+  chains_ = file.records();
   std::sort(chains_.begin(), chains_.end(), [](const ChainRecord& a, const ChainRecord& b) {
     return std::tie(a.level, a.begin, a.end) < std::tie(b.level, b.begin, b.end);
   });
@@ -96,7 +112,9 @@ std::uint64_t ChainGraph::point_count(const ChainedLine& line) const {
   return count;
 }
 
-std::vector<Double2> ChainGraph::points(const ChainedLine& line) const {
+std::vector<Double2> ChainGraph::points(const ChainedLine& line, std::uint64_t times) const {
+  budget_.require(file_.count() * kBytes + times * sizeof(Double2) * point_count(line),
+                  who_ + ": the longest line");
   std::vector<Double2> all;
   all.reserve(point_count(line));
   for_chains(line, [&](const ChainRecord& c) {

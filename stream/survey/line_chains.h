@@ -5,12 +5,16 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include "kernels/survey/contour_chains.h"
 #include "stream/files/spill_file.h"
 #include "stream/meshes/mesh_store.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 
@@ -54,26 +58,35 @@ void chain_levels(const MeshBlock& block, const ContourLevels& levels, std::int6
 /// What a patch takes with chain_levels().
 std::uint64_t chain_bytes(const MeshPatchEntry& entry);
 
+/// Calls chain(patch) for every patch, on the threads of the pool. \param bytes  what it takes
+/// \throws StoppedError; ResourceError as WorkerPool::run_tasks()
+void chain_patches(const MeshStore& store, WorkerPool& pool, MemoryBudget& budget,
+                   const std::function<std::uint64_t(const MeshPatchEntry&)>& bytes,
+                   const std::function<void(std::size_t)>& chain);
+
 /// Chains of the whole mesh, and which one goes on where another ends.
 class ChainGraph {
  public:
-  /// Of one chain, while the graph is made.
-  static constexpr std::uint64_t kBytes = sizeof(ChainRecord) + sizeof(ChainedLine) + 2 * sizeof(std::size_t);
-
-  /// \param file  outlives it
-  explicit ChainGraph(const ChainFile& file);
+  /// \param file,budget  outlive it   \param who  the command, for messages
+  /// \throws ResourceError when the budget cannot hold the ends of all chains
+  ChainGraph(const ChainFile& file, const MemoryBudget& budget, std::string who);
   /// Ascending by level.
   const std::vector<ChainedLine>& lines() const { return lines_; }
-  std::uint64_t point_count(const ChainedLine& line) const;
   /// Of closed lines the first point is not repeated. Empty where a line goes nowhere.
-  std::vector<Double2> points(const ChainedLine& line) const;
+  /// \param times  room for so many copies of them  \throws ResourceError when the budget cannot hold the line
+  std::vector<Double2> points(const ChainedLine& line, std::uint64_t times = 2) const;
 
  private:
+  /// Of one chain, while the graph is made.
+  static constexpr std::uint64_t kBytes = sizeof(ChainRecord) + sizeof(ChainedLine) + 2 * sizeof(std::size_t);
+  std::uint64_t point_count(const ChainedLine& line) const;
   std::size_t index_of(const ChainRecord& c) const { return static_cast<std::size_t>(&c - chains_.data()); }
   template <class Use>
   void for_chains(const ChainedLine& line, const Use& use) const;
 
   const ChainFile& file_;
+  const MemoryBudget& budget_;
+  std::string who_;
   std::vector<ChainRecord> chains_;
   std::vector<std::size_t> next_;
   std::vector<ChainedLine> lines_;

@@ -63,23 +63,14 @@ ContourReport write_contours(const std::filesystem::path& mesh, const ContourOpt
   WorkerPool pool(run.threads);
   MemoryBudget budget(options.memory_bytes, resident_bytes());
   ChainFile file(scratch.path());
-  pool.run_tasks(
-      store.patches().size(), [&](std::size_t p) { return chain_bytes(store.patches()[p]); }, budget,
-      [&](std::size_t p) {
-        throw_if_stopped();
-        chain_patch(store, p, levels, file);
-      });
-  trim_allocator();
-
-  const std::uint64_t graph_bytes = file.count() * ChainGraph::kBytes;
-  budget.require(graph_bytes, "contours: the ends of lines");
-  const ChainGraph graph(file);
+  chain_patches(store, pool, budget, chain_bytes,
+                [&](std::size_t p) { chain_patch(store, p, levels, file); });
+  const ChainGraph graph(file, budget, "contours");
   ContourReport report;
   const std::filesystem::path raw = scratch.path() / "lines.raw";
   DirectFile lines(raw);
   for (const ChainedLine& line : graph.lines()) {
     throw_if_stopped();
-    budget.require(graph_bytes + 2 * sizeof(Double2) * graph.point_count(line), "contours: the longest line");
     const std::vector<Double2> points = graph.points(line);
     if (points.empty()) continue;
     RawLine header;

@@ -179,13 +179,11 @@ void section_patch(const MeshStore& store, std::size_t patch, const SectionPlan&
 
 /// Calls use(line, frame) for every line, cut off where its part says.
 template <class Use>
-void for_each_section_line(const SectionPlan& plan, const ChainGraph& graph, MemoryBudget& budget,
-                           std::uint64_t graph_bytes, const Use& use) {
+void for_each_section_line(const SectionPlan& plan, const ChainGraph& graph, const Use& use) {
+  constexpr std::uint64_t kLineCopies = 5;  // as it is read, cut and written
   for (const ChainedLine& chained : graph.lines()) {
     throw_if_stopped();
-    budget.require(graph_bytes + 5 * sizeof(Double2) * graph.point_count(chained),
-                   "section: the longest line");
-    const std::vector<Double2> points = graph.points(chained);
+    const std::vector<Double2> points = graph.points(chained, kLineCopies);
     const SectionPart& part = plan.part_of(chained.level);
     for (ClippedLine& piece : clip_line(points, chained.closed, part.min, part.max))
       use(SectionLine{chained.level, plan.value(chained.level), plan.level(chained.level), piece.closed,
@@ -264,19 +262,11 @@ SectionReport write_sections(const std::filesystem::path& mesh, const SectionOpt
   WorkerPool pool(run.threads);
   MemoryBudget budget(options.memory_bytes, resident_bytes());
   ChainFile file(scratch.path());
-  pool.run_tasks(
-      store.patches().size(), [&](std::size_t p) { return section_bytes(store.patches()[p]); }, budget,
-      [&](std::size_t p) {
-        throw_if_stopped();
-        section_patch(store, p, plan, file);
-      });
-  trim_allocator();
-
-  const std::uint64_t graph_bytes = file.count() * ChainGraph::kBytes;
-  budget.require(graph_bytes, "section: the ends of lines");
-  const ChainGraph graph(file);
+  chain_patches(store, pool, budget, section_bytes,
+                [&](std::size_t p) { section_patch(store, p, plan, file); });
+  const ChainGraph graph(file, budget, "section");
   SectionSurvey survey;
-  const auto each = [&](const auto& use) { for_each_section_line(plan, graph, budget, graph_bytes, use); };
+  const auto each = [&](const auto& use) { for_each_section_line(plan, graph, use); };
   each([&](const SectionLine& line, const SectionFrame&) { survey.add(line); });
   if (survey.report.lines == 0) throw EmptyError(mesh.string() + ": " + none_met(plan, options, store.box()));
   survey.finish(options.kind);

@@ -1,4 +1,5 @@
 #include "stream/stages/reconstruct/forecast.h"
+#include "stream/stages/smooth/untangle_stages.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -185,9 +186,13 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   SECTION("smoothed and decimated") {
     setup.options.tolerance = 0.1;
     setup.options.smooth = "auto";
-    names = {"distribute", "order",  "seen-spacing", "seen",     "normals",  "surface",    "islands",
-             "prune",      "reach",  "noise",        "smooth-1", "smooth-2", "noise-left", "pass-1",
-             "pass-2",     "pass-3", "certify",      "coverage", "write"};
+    names = {"distribute", "order", "seen-spacing", "seen",  "normals",  "surface",
+             "islands",    "prune", "reach",        "noise", "smooth-1", "smooth-2"};
+    for (int round = 1; round <= kUntangleRounds; ++round)
+      names.push_back("untangle-" + std::to_string(round));
+    for (const char* name :
+         {"untangle", "noise-left", "pass-1", "pass-2", "pass-3", "certify", "coverage", "write"})
+      names.emplace_back(name);
   }
   SECTION("decimated against the points, the surface kept: by way of a mesh") {
     setup.options.tolerance = 0.5;
