@@ -144,7 +144,7 @@ FaceContact face_contact(const ContactFace& a, const ContactFace& b) {
     const Double3 &tip = a.corner[3 - in_a[0] - in_a[1]], &other = b.corner[3 - in_b[0] - in_b[1]];
     if (opens(p, q, tip, other) || orient3d_sign(p, q, tip, other) != 0) return FaceContact::kNone;
     return coplanar_contact(a, b, std::nullopt) == FaceContact::kOverlap ? FaceContact::kOverlap
-                                                                    : FaceContact::kNone;
+                                                                         : FaceContact::kNone;
   }
   Signs of_b{}, of_a{};
   if (shared == 1) {

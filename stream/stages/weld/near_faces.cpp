@@ -78,8 +78,7 @@ const NearFaces::View& NearFaces::view(std::size_t patch) {
   for (std::size_t v = 0; v < own.position.size(); ++v) add(own.position[v], own.safe[v], brick);
   for (const VertexSlot& slot : out.foreign) {
     const Vertices& there = vertices(slot.patch);
-    add(there.position[slot.vertex], there.safe[slot.vertex],
-        brick_of_key(store_.patches()[slot.patch].key));
+    add(there.position[slot.vertex], there.safe[slot.vertex], brick_of_key(store_.patches()[slot.patch].key));
     out.risky.push_back(there.risky[slot.vertex]);
   }
   out.faces.reserve(read_.faces.size());

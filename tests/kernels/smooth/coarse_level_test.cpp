@@ -328,7 +328,8 @@ TEST_CASE("coarse level: a small part at survey coordinates has the unknowns tha
     for (double& x : p) x = std::round(x * 0x1p20) * 0x1p-20;  // so that the shift rounds nothing
   CoarseOptions options = options_for(block, 1000);
   options.cell = 0x1p-9;
-  const CoarseBasis there = make_coarse_basis(block, make_surface_rows(block, FaceCorners(block), {}), options);
+  const CoarseBasis there =
+      make_coarse_basis(block, make_surface_rows(block, FaceCorners(block), {}), options);
   for (Double3& p : block.position) p = p + Double3{0x1p23, 0x1p24, 0.0};  // 2^33 cells
   const CoarseBasis far = make_coarse_basis(block, make_surface_rows(block, FaceCorners(block), {}), options);
   CHECK(far.name == there.name);
