@@ -49,17 +49,17 @@ void window_square(Heights& h, int width, int height, int radius, const Better& 
   h = transposed(h, height, width);
 }
 
-constexpr auto lower = [](std::int32_t a, std::int32_t b) { return std::min(a, b); };
-constexpr auto upper = [](std::int32_t a, std::int32_t b) { return std::max(a, b); };
+constexpr auto kLower = [](std::int32_t a, std::int32_t b) { return std::min(a, b); };
+constexpr auto kUpper = [](std::int32_t a, std::int32_t b) { return std::max(a, b); };
 
 Heights opened(Heights h, int width, int height, int radius) {
-  window_square(h, width, height, radius, lower);
-  window_square(h, width, height, radius, upper);
+  window_square(h, width, height, radius, kLower);
+  window_square(h, width, height, radius, kUpper);
   return h;
 }
 Heights closed(Heights h, int width, int height, int radius) {
-  window_square(h, width, height, radius, upper);
-  window_square(h, width, height, radius, lower);
+  window_square(h, width, height, radius, kUpper);
+  window_square(h, width, height, radius, kLower);
   return h;
 }
 

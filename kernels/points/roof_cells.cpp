@@ -1,6 +1,7 @@
 #include "kernels/points/roof_cells.h"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <utility>
 
@@ -38,11 +39,12 @@ class RoofMask {
 /// Mean square of the residuals of 3 x 3 heights to their plane, with six degrees of freedom.
 double plane_residual(const double (&z)[9]) {
   double mean = 0.0, du = 0.0, dv = 0.0;
-  for (int k = 0; k < 9; ++k) mean += z[k], du += (k % 3 - 1) * z[k], dv += (k / 3 - 1) * z[k];
+  const auto at = [](int k) { return std::array<int, 2>{k % 3 - 1, k / 3 - 1}; };
+  for (int k = 0; k < 9; ++k) mean += z[k], du += at(k)[0] * z[k], dv += at(k)[1] * z[k];
   mean /= 9.0, du /= 6.0, dv /= 6.0;
   double sum = 0.0;
   for (int k = 0; k < 9; ++k) {
-    const double r = z[k] - mean - du * (k % 3 - 1) - dv * (k / 3 - 1);
+    const double r = z[k] - mean - du * at(k)[0] - dv * at(k)[1];
     sum += r * r;
   }
   return sum / 6.0;
