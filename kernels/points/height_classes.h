@@ -8,7 +8,7 @@
 
 namespace tessera {
 
-enum PointClass : std::uint8_t {
+enum LasClass : std::uint8_t {
   kClassUnassigned = 1,
   kClassGround = 2,
   kClassLowVegetation = 3,
