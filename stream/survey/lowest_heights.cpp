@@ -18,9 +18,6 @@ namespace {
 constexpr double kMaxCell = 0x1p29;
 constexpr double kMaxHeight = 0x1p29 - 1.0;  ///< of find_ground()
 constexpr std::int32_t kGroup = 8;
-constexpr std::size_t kFlagByte = 15, kWideClass = 16;
-/// With more runs than this in a batch its samples are sorted by tile.
-constexpr std::size_t kMaxRuns = 8;
 
 void clear_tile(char* tile) {
   std::int32_t* cells = reinterpret_cast<std::int32_t*>(tile);
@@ -43,9 +40,9 @@ std::int32_t ScanCells::height(double z) const {
 }
 
 bool is_set_aside(const char* record, bool wide) {
-  const unsigned flags = static_cast<std::uint8_t>(record[kFlagByte]);
-  if (!wide) return (flags & 0xa0u) != 0 || (flags & 31u) == kClassNoise;
-  const unsigned kind = static_cast<std::uint8_t>(record[kWideClass]);
+  const unsigned flags = static_cast<std::uint8_t>(record[LasRecordField::kFlags]);
+  const std::uint8_t kind = las_class(record, wide);
+  if (!wide) return (flags & 0xa0u) != 0 || kind == kClassNoise;
   return (flags & 5u) != 0 || kind == kClassNoise || kind == kClassHighNoise;
 }
 
@@ -64,22 +61,16 @@ void LowestHeights::hold(std::uint64_t bytes) {
 void LowestHeights::place(const LasRecords& scan, const LasBatch& batch, bool all,
                           std::vector<Sample>& out) const {
   out.clear();
-  std::size_t runs = 0;
-  for (std::size_t i = 0; i < batch.count; ++i) {
-    const char* record = batch.records.data() + i * scan.record_bytes();
-    if (!all && is_set_aside(record, scan.wide())) continue;
-    const Double3 p = record_position(scan, record);
+  for_each_taken(scan, batch, all, [&](std::size_t, const Double3& p) {
     const auto u = static_cast<std::int32_t>(std::floor(cells_.place(p[0], scan.header())));
     const auto v = static_cast<std::int32_t>(std::floor(cells_.place(p[1], scan.header())));
     const std::int32_t height = cells_.height(p[2]);
-    if (height == kNoGround) continue;
+    if (height == kNoGround) return;
     const TileKey tile = {floor_ratio(u, kTile), floor_ratio(v, kTile)};
-    if (out.empty() || !(out.back().tile == tile)) ++runs;
     out.push_back(
         {tile, static_cast<std::uint32_t>((v - tile.v * kTile) * kTile + u - tile.u * kTile), height});
-  }
-  if (runs > kMaxRuns)
-    std::sort(out.begin(), out.end(), [](const Sample& a, const Sample& b) { return a.tile < b.tile; });
+  });
+  gather_by_tile(out);
 }
 
 void LowestHeights::add(std::span<const Sample> samples) {

@@ -2,6 +2,7 @@
 /// The lowest height of every cell of a scan of any size, as a sparse raster of integers. Cells lie at whole multiples of
 /// their edge, so files that border on each other share them, and no order of points or files matters.
 #pragma once
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -36,6 +37,25 @@ struct CellWindow {
 bool is_set_aside(const char* record, bool wide);
 /// Scan units.
 Double3 record_position(const LasRecords& scan, const char* record);
+
+/// Calls use(index, position) for the records of a batch that take part. \param all  those set aside too
+template <class Use>
+void for_each_taken(const LasRecords& scan, const LasBatch& batch, bool all, const Use& use) {
+  for (std::size_t i = 0; i < batch.count; ++i) {
+    const char* record = batch.records.data() + i * scan.record_bytes();
+    if (all || !is_set_aside(record, scan.wide())) use(i, record_position(scan, record));
+  }
+}
+
+/// Those of one tile together, but for a few runs: in a file points of one place mostly follow each other as they are.
+template <class Placed>
+void gather_by_tile(std::vector<Placed>& placed) {
+  constexpr std::size_t kMaxRuns = 8;
+  std::size_t runs = 0;
+  for (std::size_t i = 0; i < placed.size(); ++i) runs += i == 0 || !(placed[i].tile == placed[i - 1].tile);
+  if (runs > kMaxRuns)
+    std::sort(placed.begin(), placed.end(), [](const Placed& a, const Placed& b) { return a.tile < b.tile; });
+}
 
 class LowestHeights {
  public:

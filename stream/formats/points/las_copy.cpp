@@ -14,26 +14,16 @@ namespace tessera {
 
 namespace {
 
-/// Byte offsets of header fields.
-enum CopiedField : std::size_t {
-  kCopiedPointOffset = 96,
-  kCopiedRecordCount = 100,
-  kCopiedFormat = 104,
-  kCopiedWaveform = 227,  ///< 1.3 and later
-  kCopiedFirstEvlr = 235,
-  kCopiedEvlrCount = 243,
-};
 constexpr std::size_t kVlrHead = 54, kEvlrHead = 60;
 constexpr std::size_t kUserIdBytes = 16;
 constexpr std::uint32_t kChunkRecords = 50000;
 constexpr std::size_t kMaxGroup = 8;
 constexpr std::size_t kCopyBytes = std::size_t{1} << 20;
 constexpr int kFormatMask = 0x3f, kCompressedFlag = 0x80;
-constexpr std::uint64_t kShortestHeader = 227;
 
 /// Where the header says that it ends, at least what every header has.
 std::uint64_t header_end(const LasHeader& header) {
-  return std::min(std::max(header.records_at, kShortestHeader), header.begin);
+  return std::min(std::max(header.records_at, std::uint64_t{LasField::kHeader12}), header.begin);
 }
 
 bool has_user(const char* head, std::string_view user) {
@@ -125,11 +115,11 @@ std::vector<LasCopy::Segment> LasCopy::kept_extended(const ReadFile& file, std::
   std::uint64_t begin = header.end;
   if (!header.compressed) begin = header.begin + from_.points() * from_.record_bytes();
   std::vector<Segment> kept;
-  char head[375] = {};
+  char head[LasField::kHeader14] = {};
   file.read_at(0, head, std::min<std::uint64_t>(sizeof head, file.size()));
-  if (head[25] >= 4) {
-    count = load_scalar<std::uint32_t>(head + kCopiedEvlrCount);
-    auto at = load_scalar<std::uint64_t>(head + kCopiedFirstEvlr);
+  if (head[LasField::kVersionMinor] >= 4) {
+    count = load_scalar<std::uint32_t>(head + LasField::kEvlrCount);
+    auto at = load_scalar<std::uint64_t>(head + LasField::kFirstEvlr);
     const std::uint32_t all = count;
     for (std::uint32_t i = 0; i < all && at >= begin && at <= file.size() && file.size() - at >= kEvlrHead;
          ++i) {
@@ -171,11 +161,11 @@ void LasCopy::write_head(const ReadFile& file) {
   copy(file, kept.back());
   begin_ = file_.size();
   const auto offset = static_cast<std::uint32_t>(begin_);
-  file_.patch(kCopiedPointOffset, &offset, sizeof offset);
-  file_.patch(kCopiedRecordCount, &count, sizeof count);
+  file_.patch(LasField::kPointOffset, &offset, sizeof offset);
+  file_.patch(LasField::kRecordCount, &count, sizeof count);
   const auto format =
       static_cast<char>((header.point_format & kFormatMask) | (compressed_ ? kCompressedFlag : 0));
-  file_.patch(kCopiedFormat, &format, 1);
+  file_.patch(LasField::kPointFormat, &format, 1);
   if (compressed_) file_.append(std::string_view("\0\0\0\0\0\0\0\0", 8));  // where the chunk table begins
 }
 
@@ -225,7 +215,7 @@ std::uint64_t LasCopy::finish() {
   } else {
     std::uint32_t count = 0;
     for (const Segment& s : kept_extended(file, count)) copy(file, s);
-    char head[375] = {};
+    char head[LasField::kHeader14] = {};
     file.read_at(0, head, std::min<std::uint64_t>(sizeof head, file.size()));
     const auto move = [&](std::size_t field) {
       const auto at = load_scalar<std::uint64_t>(head + field);
@@ -233,12 +223,12 @@ std::uint64_t LasCopy::finish() {
       const std::uint64_t moved = at - old_tail + new_tail;
       file_.patch(field, &moved, sizeof moved);
     };
-    if (head[25] >= 3) move(kCopiedWaveform);
-    if (head[25] >= 4) {
-      move(kCopiedFirstEvlr);
+    if (head[LasField::kVersionMinor] >= 3) move(LasField::kWaveform);
+    if (head[LasField::kVersionMinor] >= 4) {
+      move(LasField::kFirstEvlr);
       constexpr std::uint64_t kNone = 0;
-      if (count == 0) file_.patch(kCopiedFirstEvlr, &kNone, sizeof kNone);
-      file_.patch(kCopiedEvlrCount, &count, sizeof count);
+      if (count == 0) file_.patch(LasField::kFirstEvlr, &kNone, sizeof kNone);
+      file_.patch(LasField::kEvlrCount, &count, sizeof count);
     }
   }
   const std::uint64_t size = file_.size();

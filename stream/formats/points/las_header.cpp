@@ -12,29 +12,6 @@ namespace tessera {
 
 namespace {
 
-/// Byte offsets of header fields.
-enum Field : std::size_t {
-  kGlobalEncoding = 6,
-  kVersionMajor = 24,
-  kVersionMinor = 25,
-  kHeaderSize = 94,
-  kPointOffset = 96,
-  kRecordCount = 100,
-  kPointFormat = 104,
-  kRecordLength = 105,
-  kLegacyCount = 107,
-  kScale = 131,
-  kOffset = 155,
-  kBounds = 179,  ///< max x, min x, max y, min y, max z, min z
-  kHeader12 = 227,
-  kWaveform = 227,  ///< 1.3 and later
-  kHeader13 = 235,
-  kFirstEvlr = 235,  ///< 1.4
-  kEvlrCount = 243,
-  kCount = 247,
-  kHeader14 = 375,
-};
-
 struct PointFormat {
   std::size_t bytes;
   int colour;             ///< byte offset of red, -1 without
@@ -48,11 +25,6 @@ constexpr std::array kPointFormats = {
     PointFormat{59, -1, 0x04}, PointFormat{67, 30, 0x04},
 };
 constexpr int kCompressedBit = 0x80;  ///< of the point format
-constexpr std::size_t kIntensityByte = 12;
-constexpr std::size_t kReturnsByte = 14;
-constexpr std::size_t kFlagsByte = 15;  ///< formats 0 to 5: the class too
-constexpr std::size_t kWideClassByte = 16;
-
 }  // namespace
 
 template <class T>
@@ -75,16 +47,16 @@ LasHeader::LasHeader(const ReadFile& file) {
                                                 std::to_string(bytes) + " bytes; it is truncated");
     }
   };
-  need(kHeader12);
-  const int major = field<std::uint8_t>(kVersionMajor);
-  minor_ = field<std::uint8_t>(kVersionMinor);
+  need(LasField::kHeader12);
+  const int major = field<std::uint8_t>(LasField::kVersionMajor);
+  minor_ = field<std::uint8_t>(LasField::kVersionMinor);
   if (major != 1) {
-    fail(kVersionMajor,
+    fail(LasField::kVersionMajor,
          "version " + std::to_string(major) + "." + std::to_string(minor_) + " is not known, 1.0 to 1.4 are");
   }
   if (minor_ > 4) info.warnings.push_back("LAS version 1." + std::to_string(minor_) + " is read as 1.4");
-  if (minor_ >= 3) need(kHeader13);
-  if (minor_ >= 4) need(kHeader14);
+  if (minor_ >= 3) need(LasField::kHeader13);
+  if (minor_ >= 4) need(LasField::kHeader14);
   set_format();
   set_layout();
   set_count();
@@ -93,20 +65,22 @@ LasHeader::LasHeader(const ReadFile& file) {
 }
 
 void LasHeader::set_format() {
-  const int format = field<std::uint8_t>(kPointFormat);
+  const int format = field<std::uint8_t>(LasField::kPointFormat);
   compressed = (format & kCompressedBit) != 0;
   point_format = format & ~kCompressedBit;
   if (static_cast<std::size_t>(point_format) >= kPointFormats.size()) {
-    fail(kPointFormat, "point format " + std::to_string(point_format) + " is not known, 0 to 10 are");
+    fail(LasField::kPointFormat,
+         "point format " + std::to_string(point_format) + " is not known, 0 to 10 are");
   }
   withheld_bit_ = kPointFormats[static_cast<std::size_t>(point_format)].withheld;
   wide_ = point_format >= kFirstWideFormat;
-  begin = field<std::uint32_t>(kPointOffset);
-  if (begin < kHeader12) {
-    fail(kPointOffset, "points cannot start at byte " + std::to_string(begin) + ", within the header");
+  begin = field<std::uint32_t>(LasField::kPointOffset);
+  if (begin < LasField::kHeader12) {
+    fail(LasField::kPointOffset,
+         "points cannot start at byte " + std::to_string(begin) + ", within the header");
   }
-  records_at = field<std::uint16_t>(kHeaderSize);
-  record_count = field<std::uint32_t>(kRecordCount);
+  records_at = field<std::uint16_t>(LasField::kHeaderSize);
+  record_count = field<std::uint32_t>(LasField::kRecordCount);
   info.format = (compressed ? "LAZ 1." : "LAS 1.") + std::to_string(minor_) + " point format " +
                 std::to_string(point_format);
   info.attributes.intensity = info.attributes.intensity_16 = true;
@@ -115,23 +89,23 @@ void LasHeader::set_format() {
 
 void LasHeader::set_layout() {
   const PointFormat& format = kPointFormats[static_cast<std::size_t>(point_format)];
-  layout.stride = field<std::uint16_t>(kRecordLength);
+  layout.stride = field<std::uint16_t>(LasField::kRecordLength);
   if (layout.stride < format.bytes) {
-    fail(kRecordLength, "records of " + std::to_string(layout.stride) +
-                            " bytes are too short for their point format, which has " +
-                            std::to_string(format.bytes));
+    fail(LasField::kRecordLength, "records of " + std::to_string(layout.stride) +
+                                      " bytes are too short for their point format, which has " +
+                                      std::to_string(format.bytes));
   }
   layout.scaled = true;
   for (std::size_t a = 0; a < 3; ++a) {
     layout.position[a] = {ScalarType::kInt32, static_cast<int>(4 * a)};
-    layout.scale[a] = field<double>(kScale + 8 * a);
-    layout.shift[a] = field<double>(kOffset + 8 * a);
+    layout.scale[a] = field<double>(LasField::kScale + 8 * a);
+    layout.shift[a] = field<double>(LasField::kOffset + 8 * a);
     if (!std::isfinite(layout.scale[a]) || layout.scale[a] == 0) {
-      fail(kScale + 8 * a,
+      fail(LasField::kScale + 8 * a,
            std::string("the scale of ") + "xyz"[a] + " is zero or no number, so there are no positions");
     }
     if (!std::isfinite(layout.shift[a])) {
-      fail(kOffset + 8 * a,
+      fail(LasField::kOffset + 8 * a,
            std::string("the offset of ") + "xyz"[a] + " is no number, so there are no positions");
     }
   }
@@ -144,10 +118,10 @@ void LasHeader::set_layout() {
 }
 
 void LasHeader::set_count() {
-  const std::uint64_t legacy = field<std::uint32_t>(kLegacyCount);
+  const std::uint64_t legacy = field<std::uint32_t>(LasField::kLegacyCount);
   info.declared_points = legacy;
   if (minor_ < 4) return;
-  const auto wide = field<std::uint64_t>(kCount);
+  const auto wide = field<std::uint64_t>(LasField::kCount);
   if (wide > 0) info.declared_points = wide;
   if (wide != legacy && legacy != 0) {
     info.warnings.push_back("the header has two counts that differ: " + std::to_string(wide) +
@@ -160,8 +134,10 @@ void LasHeader::set_end(std::uint64_t size) {
   const auto limit = [&](std::uint64_t start) {
     if (start > begin) end = std::min(end, start);
   };
-  if (minor_ >= 3 && (field<std::uint16_t>(kGlobalEncoding) & 2) != 0) limit(field<std::uint64_t>(kWaveform));
-  if (minor_ >= 4 && field<std::uint32_t>(kEvlrCount) > 0) limit(field<std::uint64_t>(kFirstEvlr));
+  if (minor_ >= 3 && (field<std::uint16_t>(LasField::kGlobalEncoding) & 2) != 0)
+    limit(field<std::uint64_t>(LasField::kWaveform));
+  if (minor_ >= 4 && field<std::uint32_t>(LasField::kEvlrCount) > 0)
+    limit(field<std::uint64_t>(LasField::kFirstEvlr));
   begin = std::min(begin, size);
   end = std::max(end, begin);
 }
@@ -170,8 +146,8 @@ void LasHeader::check_bounds(bool points) {
   bool plausible = true;
   bool zero = true;
   for (std::size_t a = 0; a < 3; ++a) {
-    const auto high = field<double>(kBounds + 16 * a);
-    const auto low = field<double>(kBounds + 16 * a + 8);
+    const auto high = field<double>(LasField::kBounds + 16 * a);
+    const auto low = field<double>(LasField::kBounds + 16 * a + 8);
     info.declared_min[a] = low;
     info.declared_max[a] = high;
     plausible = plausible && std::isfinite(low) && std::isfinite(high) && low <= high;
@@ -185,7 +161,8 @@ void LasHeader::check_bounds(bool points) {
 
 void LasHeader::append(const char* records, std::size_t count, ChunkSink& out, ReadCounts& counts) const {
   const auto withheld = [&](std::size_t i) {
-    return (static_cast<std::uint8_t>(records[i * layout.stride + kFlagsByte]) & withheld_bit_) != 0;
+    return (static_cast<std::uint8_t>(records[i * layout.stride + LasRecordField::kFlags]) & withheld_bit_) !=
+           0;
   };
   const unsigned bits = wide_ ? 4 : 3;
   const unsigned mask = (1u << bits) - 1;
@@ -197,9 +174,11 @@ void LasHeader::append(const char* records, std::size_t count, ChunkSink& out, R
     chunk.echo.reserve(chunk.size());
     for (; i < kept; ++i) {
       const char* record = records + i * layout.stride;
-      if (intensities) chunk.intensity.push_back(load_scalar<std::uint16_t>(record + kIntensityByte));
-      const unsigned returns = static_cast<std::uint8_t>(record[kReturnsByte]);
-      const unsigned kind = static_cast<std::uint8_t>(record[wide_ ? kWideClassByte : kFlagsByte]);
+      if (intensities)
+        chunk.intensity.push_back(load_scalar<std::uint16_t>(record + LasRecordField::kIntensity));
+      const unsigned returns = static_cast<std::uint8_t>(record[LasRecordField::kReturns]);
+      const unsigned kind =
+          static_cast<std::uint8_t>(record[wide_ ? LasRecordField::kWideClass : LasRecordField::kFlags]);
       chunk.echo.push_back({static_cast<std::uint8_t>(wide_ ? kind : kind & 31u),
                             static_cast<std::uint8_t>(returns & mask),
                             static_cast<std::uint8_t>(returns >> bits & mask)});

@@ -12,6 +12,41 @@
 
 namespace tessera {
 
+/// Byte offsets of fields of the header (LAS Specification 1.4 R15).
+struct LasField {
+  enum : std::size_t {
+    kGlobalEncoding = 6,
+    kVersionMajor = 24,
+    kVersionMinor = 25,
+    kHeaderSize = 94,
+    kPointOffset = 96,
+    kRecordCount = 100,
+    kPointFormat = 104,
+    kRecordLength = 105,
+    kLegacyCount = 107,
+    kScale = 131,
+    kOffset = 155,
+    kBounds = 179,  ///< max x, min x, max y, min y, max z, min z
+    kHeader12 = 227,
+    kWaveform = 227,  ///< 1.3 and later
+    kHeader13 = 235,
+    kFirstEvlr = 235,  ///< 1.4
+    kEvlrCount = 243,
+    kCount = 247,
+    kHeader14 = 375,
+  };
+};
+
+/// And of point records, where all formats have them or those with wide classes (6 to 10).
+struct LasRecordField {
+  enum : std::size_t {
+    kIntensity = 12,
+    kReturns = 14,
+    kFlags = 15,      ///< formats 0 to 5: the class too, in the five lower bits
+    kWideClass = 16,  ///< formats 6 to 10
+  };
+};
+
 struct LasHeader {
   PointFileInfo info;  ///< declared_points: the 64-bit count in 1.4, else (or if that is 0) the 32-bit one
   int point_format = 0;

@@ -27,7 +27,24 @@ ReadFile open_las(const std::filesystem::path& path) {
   return file;
 }
 
+constexpr unsigned kNarrowClassBits = 31;  ///< of formats 0 to 5; flags lie above
+
 }  // namespace
+
+std::uint8_t las_class(const char* record, bool wide) {
+  if (wide) return static_cast<std::uint8_t>(record[LasRecordField::kWideClass]);
+  return static_cast<std::uint8_t>(static_cast<std::uint8_t>(record[LasRecordField::kFlags]) &
+                                   kNarrowClassBits);
+}
+
+void set_las_class(char* record, bool wide, std::uint8_t value) {
+  if (wide) {
+    record[LasRecordField::kWideClass] = static_cast<char>(value);
+    return;
+  }
+  const unsigned flags = static_cast<std::uint8_t>(record[LasRecordField::kFlags]) & ~kNarrowClassBits;
+  record[LasRecordField::kFlags] = static_cast<char>(flags | value);
+}
 
 LasRecords::LasRecords(const std::filesystem::path& path) : LasRecords(open_las(path), path) {}
 

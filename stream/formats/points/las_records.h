@@ -22,6 +22,11 @@ struct LasBatch {
   std::vector<char> records;
 };
 
+/// The class of a record. \param wide  it has a byte of its own (LasRecords::wide())
+std::uint8_t las_class(const char* record, bool wide);
+/// Flags stay. \pre value < 32 unless wide
+void set_las_class(char* record, bool wide, std::uint8_t value);
+
 /// A file looked at and closed again.
 class LasRecords {
  public:
