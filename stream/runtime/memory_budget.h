@@ -18,6 +18,15 @@ std::uint64_t parse_bytes(const std::string& text);
 /// "1.50 GiB": three digits, powers of 1024.
 std::string format_bytes(std::uint64_t bytes);
 
+/// The most that a task asks for on account of what it may find, as it is told before it looks: under most caps a task alone gets
+/// it. And a cap, in MiB, under which that is `bytes`.
+constexpr std::uint64_t largest_guess_bytes(std::uint64_t cap) {
+  return cap / 4 * 3;
+}
+constexpr std::uint64_t cap_mib_for_guess(std::uint64_t bytes) {
+  return (bytes / 3 * 4 >> 20) + 1;
+}
+
 /// What limits this process. Paths and variables can be replaced, for tests.
 struct LimitSources {
   std::filesystem::path root = "/";                  ///< where proc/ and sys/ are looked up

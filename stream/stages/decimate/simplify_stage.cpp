@@ -10,6 +10,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
+#include "stream/runtime/memory_budget.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/pass_blocks.h"
 #include "stream/stages/decimate/unsettled_region.h"
@@ -37,7 +38,7 @@ class SimplifyStage : public Stage {
         in_(blocks_.in()),
         reference_(blocks_.reference()) {
     kernel_ = options_.kernel(!in_.info().double_positions);
-    largest_bytes_ = state.run.memory_bytes / 4 * 3;
+    largest_bytes_ = largest_guess_bytes(state.run.memory_bytes);
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
           parse_json(read_text(state.work / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
@@ -73,6 +74,7 @@ class SimplifyStage : public Stage {
     if (!pass_.count_costs)
       writer = std::make_unique<MeshFileWriter>(
           context.create(pass_.folder() + task_file_stem(task) + ".tmm"), in_.info());
+    const std::uint64_t available = task_bytes(task);
     for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       context.check_stop();
       const MeshBlockCut& cut = blocks_[b];
@@ -86,7 +88,7 @@ class SimplifyStage : public Stage {
       MeshBlock reference;
       if (kernel_.tolerance > 0.0 && pass_.pass > 0) {
         ActiveRegion region = find_active(block);
-        if (!region.empty()) reference = load_reference(cut, block, region.near, task_bytes(task));
+        if (!region.empty()) reference = load_reference(cut, block, region.near, available);
         std::vector<std::uint64_t> all;
         std::set_union(pinned.begin(), pinned.end(), region.done_keys.begin(), region.done_keys.end(),
                        std::back_inserter(all));

@@ -130,7 +130,7 @@ void NearFaceLoader::require_fits(
   if (bytes <= available) return;
   throw ResourceError(who + ": a block with " + std::to_string(faces_) +
                       " faces of the reference near it needs " + format_bytes(bytes) +
-                      "; raise --memory to " + std::to_string((bytes / 3 * 4 >> 20) + 1) + "M");
+                      "; raise --memory to " + std::to_string(cap_mib_for_guess(bytes)) + "M");
 }
 
 MeshBlock NearFaceLoader::load() const {

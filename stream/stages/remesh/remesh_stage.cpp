@@ -10,6 +10,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
+#include "stream/runtime/memory_budget.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/pass_blocks.h"
 #include "stream/stages/decimate/simplify_needs.h"
@@ -106,7 +107,7 @@ class RemeshStage : public Stage {
         reference_(blocks_.reference()) {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
     kernel_.find_creases = pass_.pass == 0;
-    largest_bytes_ = state.run.memory_bytes / 4 * 3;
+    largest_bytes_ = largest_guess_bytes(state.run.memory_bytes);
   }
 
   std::string name() const override { return pass_.stage_name(); }
@@ -131,6 +132,7 @@ class RemeshStage : public Stage {
     json sum = json::object();
     TriangleQuality quality;
     MeshFileWriter writer(context.create(pass_.folder() + task_file_stem(task) + ".tmm"), in_.info());
+    const std::uint64_t available = task_bytes(task);
     for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       context.check_stop();
       const MeshBlockCut& cut = blocks_[b];
@@ -140,7 +142,7 @@ class RemeshStage : public Stage {
         continue;
       }
       block = in_.load(cut.patches);
-      add_counts(sum, remesh_block(b, block, task_bytes(task), context));
+      add_counts(sum, remesh_block(b, block, available, context));
       if (is_last()) quality.add(block, sizing_.edge);
       write_block(cut, in_.info().lattice, block, writer);
       context.count_read(in_.block_bytes(cut.patches));

@@ -13,6 +13,7 @@
 #include "octree/vector.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_store.h"
+#include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_tiles.h"
@@ -71,7 +72,7 @@ class SmoothStage : public Stage {
     tiling_.tile_bricks = state.run.tile_cells / kBrickCells;
     // The rest of the cap is for what the process itself holds.
     tiling_.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
-    tiling_.largest_bytes = state.run.memory_bytes / 4 * 3;
+    tiling_.largest_bytes = largest_guess_bytes(state.run.memory_bytes);
     const std::uint64_t patch = store_.largest_patch_bytes();
     const std::uint64_t shared = rule_.cycle >= 0 ? coarse_solution_bytes(solution_) : 0;
     tiling_.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {

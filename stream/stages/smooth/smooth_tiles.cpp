@@ -162,12 +162,14 @@ SmoothTile wider_tile(const MeshStore& store, const PatchRange& range, const Smo
                       std::size_t patch, double margin_before, std::uint64_t bytes) {
   SmoothTile sure = look_around(store, range, tiling, {&patch, 1}, true);
   if (sure.bytes <= bytes) return sure;
-  SmoothTile wider = look_around(store, range, tiling, {&patch, 1}, false, kWider * margin_before);
+  // What all rings can reach is never passed, and a margin of nothing grows too.
+  const double margin = std::clamp(kWider * margin_before, sure.margin / 64.0, sure.margin);
+  SmoothTile wider = look_around(store, range, tiling, {&patch, 1}, false, margin);
   if (wider.bytes > bytes)
     throw ResourceError("the surroundings that smoothing needs of a patch of " +
                         std::to_string(store.patches()[patch].faces) + " faces take " +
                         format_bytes(wider.bytes) + "; raise --memory to " +
-                        std::to_string((wider.bytes / 3 * 4 >> 20) + 1) + "M");
+                        std::to_string(cap_mib_for_guess(wider.bytes)) + "M");
   return wider;
 }
 
