@@ -207,19 +207,26 @@ void block_contacts(std::span<const ContactFace> faces, const ContactCell& cell,
   });
 }
 
-std::size_t count_contacts(const MeshBlock& block, std::size_t enough) {
-  constexpr double kFar = std::numeric_limits<double>::infinity();
+std::vector<ContactFace> contact_faces(const MeshBlock& block, std::vector<std::uint32_t>* number) {
   std::vector<ContactFace> faces;
   faces.reserve(block.faces.size());
-  for (const auto& f : block.faces) {
+  if (number != nullptr) number->reserve(block.faces.size());
+  for (std::uint32_t i = 0; i < block.faces.size(); ++i) {
+    const auto& f = block.faces[i];
     const ContactFace face = {{block.position[f[0]], block.position[f[1]], block.position[f[2]]},
                               {f[0], f[1], f[2]}};
-    if (!collinear(face.corner[0], face.corner[1], face.corner[2])) faces.push_back(face);
+    if (collinear(face.corner[0], face.corner[1], face.corner[2])) continue;
+    faces.push_back(face);
+    if (number != nullptr) number->push_back(i);
   }
+  return faces;
+}
+
+std::size_t count_contacts(const MeshBlock& block, std::size_t enough) {
+  const std::vector<ContactFace> faces = contact_faces(block);
   if (faces.size() < 2) return 0;
-  const ContactCell everywhere = {{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}};
   std::size_t pairs = 0;
-  ContactTree(faces, everywhere).each_pair([&](std::uint32_t, std::uint32_t, FaceContact) {
+  ContactTree(faces, kAllSpace).each_pair([&](std::uint32_t, std::uint32_t, FaceContact) {
     return ++pairs < enough;
   });
   return pairs;

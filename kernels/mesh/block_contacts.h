@@ -4,7 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <span>
+#include <vector>
 
 #include "kernels/mesh/face_contact.h"
 #include "kernels/mesh/mesh_block.h"
@@ -24,6 +26,17 @@ struct ContactCell {
 /// \cost O(n log n) time, about 0.3 us a face of a scan; block_contacts_bytes()
 void block_contacts(std::span<const ContactFace> faces, const ContactCell& cell,
                     const std::function<void(std::uint32_t, std::uint32_t, FaceContact)>& use);
+
+/// Half open, all of space.
+inline constexpr ContactCell kAllSpace = {
+    {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+     -std::numeric_limits<double>::infinity()},
+    {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
+     std::numeric_limits<double>::infinity()}};
+
+/// Faces of a block that may be asked about, corners named by their numbers in it: those that have an area.
+/// \param number  gets their numbers; may be null
+std::vector<ContactFace> contact_faces(const MeshBlock& block, std::vector<std::uint32_t>* number = nullptr);
 
 /// How many pairs of faces of a block meet so, whatever the kind; those without an area meet none. It stops at `enough`.
 /// \cost  as above, and 96 bytes a face

@@ -1,8 +1,6 @@
 #include "stream/stages/smooth/tangled_tile.h"
 
 #include <algorithm>
-#include <array>
-#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -16,25 +14,12 @@ namespace {
 constexpr double kMoveRounding = 1.0 + 1e-9;
 constexpr std::uint32_t kNotThere = ~std::uint32_t{0};
 
-ContactFace contact_face_of(const MeshBlock& block, std::uint32_t f) {
-  ContactFace out;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const std::uint32_t v = block.faces[f][k];
-    out.corner[k] = block.position[v], out.vertex[k] = block.key[v];
-  }
-  return out;
-}
-
-bool has_area(const ContactFace& f) {
-  return !collinear(f.corner[0], f.corner[1], f.corner[2]);
-}
-
 }  // namespace
 
 TangledTile::TangledTile(const MeshStore& smoothed, const MeshStore& given, const SmoothTile& tile,
                          double move, const VerticesBack& back)
     : near_(smoothed.load_near(tile.patches, tile.margin)),
-      given_(given.load_near(tile.patches, (tile.margin + 2.0 * move) * kMoveRounding).block) {
+      given_(given.load_near(tile.patches, tile.margin + reach(move)).block) {
   std::vector<std::uint32_t> overlaid;
   std::vector<Double3> as_smoothed;
   if (!back.empty()) as_smoothed = near_.block.position;
@@ -49,32 +34,24 @@ TangledTile::TangledTile(const MeshStore& smoothed, const MeshStore& given, cons
 }
 
 std::uint64_t TangledTile::find(bool widely, std::vector<VertexBack>& found) const {
-  constexpr double kFar = std::numeric_limits<double>::infinity();
   const MeshBlock& block = near_.block;
-  std::vector<ContactFace> faces;
   std::vector<std::uint32_t> number;
-  faces.reserve(block.faces.size()), number.reserve(block.faces.size());
-  for (std::uint32_t f = 0; f < block.faces.size(); ++f)
-    if (const ContactFace face = contact_face_of(block, f); has_area(face)) {
-      faces.push_back(face);
-      number.push_back(f);
-    }
+  const std::vector<ContactFace> faces = contact_faces(block, &number);
   std::uint64_t pairs = 0;
   // Around vertices of the tile's own faces all faces are there; the others are those of another tile, which sees the pair too.
   std::vector<std::uint8_t> in_pair(widely ? block.key.size() : 0, 0);
-  block_contacts(faces, {{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}},
-                 [&](std::uint32_t i, std::uint32_t j, FaceContact) {
-                   const std::uint32_t one = number[i], other = number[j];
-                   if (near_.core[one] == 0 && near_.core[other] == 0) return;
-                   if (!(moved(one) || moved(other)) || met_before(one, other)) return;
-                   // Faces are in the order of their keys in every block: the first one's tile counts the pair.
-                   pairs += near_.core[std::min(one, other)];
-                   for (const std::uint32_t f : {one, other})
-                     for (const std::uint32_t v : block.faces[f]) {
-                       if (moved_vertex(v)) found.push_back({block.key[v], smoothed(v)});
-                       if (widely && near_.core[f] != 0) in_pair[v] = 1;
-                     }
-                 });
+  block_contacts(faces, kAllSpace, [&](std::uint32_t i, std::uint32_t j, FaceContact) {
+    const std::uint32_t one = number[i], other = number[j];
+    if (near_.core[one] == 0 && near_.core[other] == 0) return;
+    if (!(moved(one) || moved(other)) || met_before(one, other)) return;
+    // Faces are in the order of their keys in every block: the first one's tile counts the pair.
+    pairs += near_.core[std::min(one, other)];
+    for (const std::uint32_t f : {one, other})
+      for (const std::uint32_t v : block.faces[f]) {
+        if (moved_vertex(v)) found.push_back({block.key[v], smoothed(v)});
+        if (widely && near_.core[f] != 0) in_pair[v] = 1;
+      }
+  });
   for (std::uint32_t f = 0; widely && f < block.faces.size(); ++f) {
     const auto& c = block.faces[f];
     if ((in_pair[c[0]] | in_pair[c[1]] | in_pair[c[2]]) == 0) continue;
@@ -82,6 +59,10 @@ std::uint64_t TangledTile::find(bool widely, std::vector<VertexBack>& found) con
       if (moved_vertex(v)) found.push_back({block.key[v], smoothed(v)});
   }
   return pairs;
+}
+
+double TangledTile::reach(double move) {
+  return 2.0 * move * kMoveRounding;
 }
 
 std::uint64_t TangledTile::bytes(std::uint64_t vertices, std::uint64_t faces) {
@@ -107,15 +88,19 @@ bool TangledTile::moved(std::uint32_t f) const {
 }
 
 bool TangledTile::met_before(std::uint32_t one, std::uint32_t other) const {
-  std::array<ContactFace, 2> was;
-  const std::array<std::uint32_t, 2> pair = {one, other};
-  for (std::size_t i = 0; i < 2; ++i) {
-    was[i] = contact_face_of(near_.block, pair[i]);
-    for (std::size_t k = 0; k < 3; ++k)
-      was[i].corner[k] = given_.position[given(near_.block.faces[pair[i]][k])];
-    if (!has_area(was[i])) return false;
-  }
-  return face_contact(was[0], was[1]) != FaceContact::kNone;
+  const auto as_given = [&](std::uint32_t f) {
+    ContactFace out;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t v = near_.block.faces[f][k];
+      out.corner[k] = given_.position[given(v)], out.vertex[k] = v;
+    }
+    return out;
+  };
+  const auto has_area = [](const ContactFace& f) {
+    return !collinear(f.corner[0], f.corner[1], f.corner[2]);
+  };
+  const ContactFace a = as_given(one), b = as_given(other);
+  return has_area(a) && has_area(b) && face_contact(a, b) != FaceContact::kNone;
 }
 
 const Double3& TangledTile::smoothed(std::uint32_t v) const {

@@ -25,6 +25,8 @@ class TangledTile {
   /// \returns how many pairs; those that reach into other tiles are counted in one of them
   std::uint64_t find(bool widely, std::vector<VertexBack>& found) const;
 
+  /// How far from each other faces may lie before smoothing and meet after it, or while vertices go back.
+  static double reach(double move);
   static std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces);
 
  private:

@@ -17,8 +17,6 @@ namespace {
 using json = nlohmann::json;
 
 const std::string kUntangled = "untangle";
-/// Bounds of distances are computed, not exact.
-constexpr double kDistanceRounding = 1.0 + 1e-9;
 constexpr std::size_t kPatchesPerTask = 64;
 /// From this round on what lies around goes back as well: else tangles walk on.
 constexpr int kWideRound = 6;
@@ -35,11 +33,13 @@ MeshStore smoothed_store(const JobState& state, const SmoothPlan& plan) {
   return open_smoothed(state, plan, plan.rounds.size());
 }
 
-/// What rounds up to this one found.
+/// What a round left, or several.
+std::vector<std::filesystem::path> found_files(const JobState& state, int round) {
+  return list_task_files(state.work / round_name(round), ".back");
+}
 VerticesBack found_in_rounds(const JobState& state, int rounds) {
   std::vector<std::vector<std::filesystem::path>> files;
-  for (int round = 1; round <= rounds; ++round)
-    files.push_back(list_task_files(state.work / round_name(round), ".back"));
+  for (int round = 1; round <= rounds; ++round) files.push_back(found_files(state, round));
   return VerticesBack(files);
 }
 
@@ -64,7 +64,7 @@ class UntangleStage : public Stage {
     SmoothTiling tiling;
     tiling.rings = 0;
     // Vertices that went back may come near from so far away.
-    tiling.range = round > 1 ? 2.0 * move_ * kDistanceRounding : 0.0;
+    tiling.range = round > 1 ? TangledTile::reach(move_) : 0.0;
     tiling.tile_bricks = state.run.tile_cells / kBrickCells;
     tiling.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
     tiling.bytes = [bytes = back_.bytes()](std::uint64_t vertices, std::uint64_t faces) {
@@ -120,11 +120,15 @@ class UntangleStage : public Stage {
 class UntangledStage : public Stage {
  public:
   UntangledStage(const JobState& state, const SmoothPlan& plan)
-      : mesh_folder_(plan.mesh_folder), smoothed_(smoothed_store(state, plan)), given_(plan.mesh(state)) {
+
+      : mesh_folder_(plan.mesh_folder),
+        smoothed_(smoothed_store(state, plan)),
+        given_(plan.mesh(state)),
+        back_(found_in_rounds(state, kUntangleRounds)) {
     std::vector<std::uint8_t> with(smoothed_.patches().size(), 0);
     for (int round = 1; round <= kUntangleRounds; ++round) {
-      back_ = found_in_rounds(state, round);
-      const std::vector<std::uint8_t> some = patches_with_last(smoothed_, back_);
+      const std::vector<std::uint8_t> some =
+          patches_with_last(smoothed_, VerticesBack({found_files(state, round)}));
       for (std::size_t p = 0; p < with.size(); ++p) with[p] |= some[p];
     }
     for (std::size_t p = 0; p < with.size(); ++p)
