@@ -144,7 +144,7 @@ FaceBoxes::Box CrossingGuard::box_of(std::uint32_t f) const {
   return boxes_.box(at);
 }
 
-void CrossingGuard::build() {
+void CrossingGuard::build(FaceBoxes::Order order) {
   if (mesh_.vertices() == 0) return;
   Double3 low = mesh_.at(0), high = low;
   for (std::uint32_t v = 1; v < mesh_.vertices(); ++v)
@@ -155,7 +155,7 @@ void CrossingGuard::build() {
   boxes_ = FaceBoxes(low, high);
   std::vector<FaceBoxes::Box> boxes(mesh_.faces().size());
   for (std::uint32_t f = 0; f < boxes.size(); ++f) boxes[f] = box_of(f);
-  boxes_.build(boxes);
+  boxes_.build(boxes, order);
 }
 
 void CrossingGuard::accept() {
@@ -228,6 +228,7 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Ou
   }
   std::size_t found = 0;
   boxes_.for_meeting(all, [&](std::uint32_t other) {
+    ++looked_at_;
     if (outline.apart(mesh_.face(other)) || std::find(gone_.begin(), gone_.end(), other) != gone_.end())
       return true;
     const FaceBoxes::Box box = boxes_.at(other);

@@ -23,7 +23,8 @@ class CrossingGuard {
   explicit CrossingGuard(const CollapseMesh& mesh) : mesh_(mesh) {}
 
   /// Looks at all faces of the mesh anew: at first, and when there are new ones or they have got other numbers.
-  void build();
+  /// \param order  kGiven where numbers of faces that are near each other are, too
+  void build(FaceBoxes::Order order);
 
   // Whether the faces that an edit makes meet more of the mesh, and of each other, than those that it takes away do: a place
   // that crosses already may be edited as long as it does not get worse. Once the edit is done, accept() takes it over.
@@ -40,6 +41,9 @@ class CrossingGuard {
   /// A collapse of this star that was not asked about.
   void accept(const Star& star);
 
+  /// Faces whose boxes met those of edits, in all: what it costs. Some thirty an edit, thousands among needles.
+  std::uint64_t looked_at() const { return looked_at_; }
+
  private:
   class Outline;
   ContactFace contact_face(std::uint32_t f) const;
@@ -51,6 +55,7 @@ class CrossingGuard {
 
   const CollapseMesh& mesh_;
   FaceBoxes boxes_;
+  std::uint64_t looked_at_ = 0;
   // Of the edit at hand.
   std::vector<std::uint32_t> gone_;  ///< faces that it takes away or changes
   std::vector<ContactFace> made_;    ///< what it leaves of them: corners are numbers of vertices

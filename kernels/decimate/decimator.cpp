@@ -36,7 +36,7 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
   if (options.max_normal_deviation_deg > 0.0)
     min_cosine_ = cosine_of_degrees(options.max_normal_deviation_deg);
   accumulate_quadrics();
-  if (!options.allow_crossings) guard_.build();
+  if (!options.allow_crossings) guard_.build(FaceBoxes::Order::kGiven);
 }
 
 /// The star, in lanes too where costs and tests are those that these have.

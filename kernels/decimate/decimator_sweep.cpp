@@ -139,7 +139,7 @@ void Decimator::compact(std::vector<float>& minimum) {
     minimum[i] = minimum[kept[i]];
     reference_vertex_[i] = reference_vertex_[kept[i]];
   }
-  if (!options_.allow_crossings) guard_.build();
+  if (!options_.allow_crossings) guard_.build(FaceBoxes::Order::kGiven);
   quadric_.resize(kept.size()), minimum.resize(kept.size()), reference_vertex_.resize(kept.size());
 }
 

@@ -1,8 +1,20 @@
 #include "kernels/mesh/face_boxes.h"
 
 #include <algorithm>
+#include <utility>
+
+#include "octree/morton.h"
 
 namespace tessera {
+namespace {
+
+std::uint64_t middle_code(const FaceBoxes::Box& b) {
+  std::array<std::uint32_t, 3> at{};
+  for (std::size_t k = 0; k < 3; ++k) at[k] = static_cast<std::uint32_t>((b.low[k] + b.high[k] + 65536) / 2);
+  return morton_encode(at[0], at[1], at[2]);
+}
+
+}  // namespace
 
 FaceBoxes::Bundle::Bundle() {
   for (auto& axis : low) axis.fill(kNothing.low[0]);
@@ -32,11 +44,21 @@ FaceBoxes::FaceBoxes(const Double3& low, const Double3& high) : low_(low) {
   for (std::size_t k = 0; k < 3; ++k) per_step_[k] = high[k] > low[k] ? kSteps / (high[k] - low[k]) : 0.0;
 }
 
-void FaceBoxes::build(std::span<const Box> boxes) {
-  levels_.clear();
+void FaceBoxes::build(std::span<const Box> boxes, Order order) {
+  levels_.clear(), slot_of_.clear(), face_at_.clear();
   if (boxes.empty()) return;
+  if (order == Order::kMorton) {
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> codes(boxes.size());
+    for (std::uint32_t f = 0; f < boxes.size(); ++f) codes[f] = {middle_code(boxes[f]), f};
+    std::sort(codes.begin(), codes.end());
+    slot_of_.resize(boxes.size());
+    for (const auto& [code, face] : codes) {
+      slot_of_[face] = static_cast<std::uint32_t>(face_at_.size());
+      face_at_.push_back(face);
+    }
+  }
   std::vector<Bundle> leaves((boxes.size() + kLanes - 1) / kLanes);
-  for (std::size_t f = 0; f < boxes.size(); ++f) leaves[f / kLanes].put(f % kLanes, boxes[f]);
+  for (std::size_t s = 0; s < boxes.size(); ++s) leaves[s / kLanes].put(s % kLanes, boxes[face_at(s)]);
   levels_.push_back(std::move(leaves));
   while (levels_.back().size() > 1) {
     const std::vector<Bundle>& below = levels_.back();
@@ -47,8 +69,9 @@ void FaceBoxes::build(std::span<const Box> boxes) {
 }
 
 void FaceBoxes::set(std::uint32_t face, const Box& box) {
-  levels_[0][face / kLanes].put(face % kLanes, box);
-  std::size_t at = face / kLanes;
+  std::size_t at = slot_of(face);
+  levels_[0][at / kLanes].put(at % kLanes, box);
+  at /= kLanes;
   for (std::size_t level = 1; level < levels_.size(); ++level, at /= kLanes) {
     const Box before = levels_[level][at / kLanes].lane(at % kLanes);
     Box wider = before;

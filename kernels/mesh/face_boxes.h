@@ -60,10 +60,18 @@ class FaceBoxes {
     return {{both[0], both[1], both[2]}, {both[4], both[5], both[6]}};
   }
   /// Of a face, as it was set.
-  Box at(std::uint32_t face) const { return levels_[0][face / kLanes].lane(face % kLanes); }
+  Box at(std::uint32_t face) const {
+    const std::size_t slot = slot_of(face);
+    return levels_[0][slot / kLanes].lane(slot % kLanes);
+  }
 
-  /// Takes over the boxes of faces 0, 1, ...: neighbours had best have numbers that are near each other. 14 bytes a face.
-  void build(std::span<const Box> boxes);
+  /// How faces come to share boxes.
+  enum class Order {
+    kGiven,   ///< by their numbers: 14 bytes a face, quick where neighbours have numbers near each other
+    kMorton,  ///< by where they are: 22 bytes a face
+  };
+  /// Takes over the boxes of faces 0, 1, ...
+  void build(std::span<const Box> boxes, Order order = Order::kGiven);
   /// \param face  of those that were there at build(); kNothing takes it out
   void set(std::uint32_t face, const Box& box);
 
@@ -73,7 +81,9 @@ class FaceBoxes {
     if (!levels_.empty()) descend(levels_.size() - 1, 0, box, use);
   }
 
-  static constexpr std::size_t bytes(std::size_t faces) { return faces * 14 + 1024; }
+  static constexpr std::size_t bytes(std::size_t faces, Order order = Order::kGiven) {
+    return faces * (order == Order::kMorton ? 22 : 14) + 1024;
+  }
 
  private:
   static constexpr std::size_t kLanes = 8;
@@ -102,14 +112,19 @@ class FaceBoxes {
   bool descend(std::size_t level, std::size_t bundle, const Box& box, const Use& use) const {
     for (unsigned bits = levels_[level][bundle].meeting(box); bits != 0; bits &= bits - 1) {
       const std::size_t below = bundle * kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
-      if (!(level > 0 ? descend(level - 1, below, box, use) : use(static_cast<std::uint32_t>(below))))
-        return false;
+      if (!(level > 0 ? descend(level - 1, below, box, use) : use(face_at(below)))) return false;
     }
     return true;
   }
 
+  std::size_t slot_of(std::uint32_t face) const { return slot_of_.empty() ? face : slot_of_[face]; }
+  std::uint32_t face_at(std::size_t slot) const {
+    return face_at_.empty() ? static_cast<std::uint32_t>(slot) : face_at_[slot];
+  }
+
   Double3 low_{}, per_step_{};
-  std::vector<std::vector<Bundle>> levels_;  ///< of the faces first
+  std::vector<std::vector<Bundle>> levels_;       ///< of the faces first
+  std::vector<std::uint32_t> slot_of_, face_at_;  ///< empty where faces stand by their numbers
 };
 
 }  // namespace tessera

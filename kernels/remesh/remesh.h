@@ -54,6 +54,7 @@ struct RemeshReport {
   std::size_t splits = 0, collapses = 0, flips = 0, moves = 0;
   /// Why operations were refused.
   std::size_t by_link = 0, by_fold = 0, by_tolerance = 0, by_crossing = 0, by_capacity = 0;
+  bool guard_spent = false;  ///< boxes of its needles tell too few apart: what makes faces meet was refused up to some step alone
 };
 
 /// Remeshes `block` in place.
@@ -63,7 +64,7 @@ struct RemeshReport {
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold. If more faces of the
 ///         block meet others beyond what they share (face_contact.h) than before, it is done again with all that would
-///         make them refused, and the better of both stays.
+///         make them refused, as long as that is not too much to look at, and the better of both stays.
 /// \throws InputError  an edge with more than two faces or with two faces of the same direction
 /// \throws UsageError  from options.validate()
 RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOptions& options,

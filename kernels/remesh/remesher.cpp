@@ -126,10 +126,12 @@ void Remesher::run(RemeshReport& report) {
     for (int r = fewer; r < options_.relaxations; ++r) relax_all(report);
   }
   finish(report);
-  if (!options_.refine_beyond) return;
-  refine(report);
-  mend_all(report);
-  refine(report);  // what mending took away from the tolerance
+  if (options_.refine_beyond) {
+    refine(report);
+    mend_all(report);
+    refine(report);  // what mending took away from the tolerance
+  }
+  report.guard_spent = guard_spent_;
 }
 
 /// Down to a mesh too coarse, and by splits back to one that remembers nothing of the lattice it came from.

@@ -56,7 +56,12 @@ class Remesher {
   static void count(Refusal refusal, RemeshReport& report);
   /// Where no split comes in between, the guard knows all faces.
   void begin_guarding() {
-    if (guarded_) guard_.build();
+    if (guarded_) guard_.build(FaceBoxes::Order::kMorton);
+  }
+  /// Whether what would make faces meet is refused: not any more once it took too long to see.
+  bool guarding() {
+    if (guarded_ && guard_.looked_at() > kMaxLooks * info_.size()) guarded_ = false, guard_spent_ = true;
+    return guarded_;
   }
   void set_lines();
   void find_feet(const std::vector<std::uint32_t>& own);
@@ -143,7 +148,10 @@ class Remesher {
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   CrossingGuard guard_;
-  const bool guarded_;
+  /// A vertex. A mesh of even faces takes a thousand.
+  static constexpr std::uint64_t kMaxLooks = std::uint64_t{1} << 12;
+  bool guarded_;
+  bool guard_spent_ = false;
   std::uint64_t next_key_ = 0;
   mutable std::uint32_t steps_ = 0;
   std::size_t live_faces_ = 0;

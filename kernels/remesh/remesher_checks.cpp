@@ -123,7 +123,7 @@ bool Remesher::lines_meet(std::uint32_t u, std::uint32_t v) const {
 Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, double longest,
                                            std::size_t& at) {
   const Refusal refusal = check_star(u, v, longest, at);
-  if (refusal != Refusal::kNone || !guarded_) return refusal;
+  if (refusal != Refusal::kNone || !guarding()) return refusal;
   return guard_.collapse_adds(star_, at) ? Refusal::kCrossing : Refusal::kNone;
 }
 
@@ -299,7 +299,7 @@ Remesher::Refusal Remesher::flip_if_sound(std::uint32_t c) {
       !(dot(triangle_normal(pu, pa, pw), triangle_normal(pw, pb, pu)) > 0.0))
     return Refusal::kFold;
   if (!within(one, 4u) || !within(two, 0u)) return Refusal::kTolerance;
-  if (guarded_ && guard_.flip_adds(c)) return Refusal::kCrossing;
+  if (guarding() && guard_.flip_adds(c)) return Refusal::kCrossing;
   mesh_.flip(c);
   if (guarded_) guard_.accept();
   --valence_[a], --valence_[b];

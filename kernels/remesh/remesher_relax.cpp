@@ -110,7 +110,7 @@ bool Remesher::move_vertex(std::uint32_t v, const Double3& to, RemeshReport& rep
     const bool last = !star_.closed && i + 1 == star_.faces;
     if (!within(face, last ? 5u : 1u)) return refuse(report.by_tolerance);
   }
-  if (guarded_ && guard_.move_adds(star_, foot.at)) return refuse(report.by_crossing);
+  if (guarding() && guard_.move_adds(star_, foot.at)) return refuse(report.by_crossing);
   mesh_.node(v).at = foot.at;
   if (guarded_) guard_.accept();
   info_[v].moved = true;

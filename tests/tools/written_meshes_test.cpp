@@ -418,11 +418,11 @@ std::string fault(const Command& command, const Input& in, const fs::path& out, 
 /// Faults of all commands on one input, a line each.
 std::string faults(const std::vector<Command>& all, const Input& in, const fs::path& folder,
                    std::size_t samples, const std::vector<std::string>& formats, Tally& tally) {
-  const char* only = std::getenv("TESSERA_TEST_COMMANDS");  // part of a name: to look at one
+  const char* only = std::getenv("TESSERA_TEST_COMMANDS");  // part of a name, with its format: "remesh.ply"
   std::string text;
   for (const Command& c : all)
     for (const std::string& format : formats) {
-      if (only != nullptr && c.name.find(only) == std::string::npos) continue;
+      if (only != nullptr && (c.name + format).find(only) == std::string::npos) continue;
       if (&format != &formats.front() && !c.as_it_is && !c.all_formats) continue;
       const std::string wrong = fault(c, in, folder / ("out" + format), samples, tally);
       if (!wrong.empty())

@@ -47,6 +47,7 @@ json to_json(const RemeshReport& r) {
           {"refused_by_fold", r.by_fold},
           {"refused_by_tolerance", r.by_tolerance},
           {"refused_by_crossing", r.by_crossing},
+          {"guards_spent", r.guard_spent ? 1 : 0},
           {"refused_by_room", r.by_capacity}};
 }
 

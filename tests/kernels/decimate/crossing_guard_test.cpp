@@ -41,7 +41,7 @@ TEST_CASE("crossing guard: tells what all pairs of faces tell, edit by edit", "[
   const MeshBlock block = rough_sheets(10, 3, 0.25, seed);
   CollapseMesh mesh(block, {0, 0, 0});
   CrossingGuard guard(mesh);
-  guard.build();
+  guard.build(GENERATE(FaceBoxes::Order::kGiven, FaceBoxes::Order::kMorton));
   Random random(seed);
   std::size_t added = 0, harmless = 0;
   Star star, other;

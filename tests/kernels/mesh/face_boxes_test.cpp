@@ -40,7 +40,7 @@ TEST_CASE("face boxes: all that meet are found, as they change and go", "[proper
     faces.push_back(some_face(random, 0.3));
     boxes.push_back(tree.box(faces.back()));
   }
-  tree.build(boxes);
+  tree.build(boxes, GENERATE(FaceBoxes::Order::kGiven, FaceBoxes::Order::kMorton));
   std::vector<bool> gone(count);
   std::size_t met = 0, missed = 0, extra = 0;
   for (int step = 0; step < 300; ++step) {
