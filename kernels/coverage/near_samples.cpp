@@ -7,6 +7,8 @@
 namespace tessera {
 namespace {
 
+using Byte3 = std::array<std::int8_t, 3>;
+
 constexpr int kMaxSampleCells = 32;  ///< along an axis
 constexpr double kCellDistances = 2.0;
 constexpr double kSampleMargin = 1e-9;  ///< of the distance, for rounding
@@ -87,25 +89,35 @@ void NearSamples::meet(std::size_t cell, const std::array<Double3, 3>& face) {
 void NearSamples::add(std::span<const Double3> position,
                       std::span<const std::array<std::uint32_t, 3>> faces) {
   if (samples_.empty()) return;
-  constexpr std::uint32_t kBeyond = 0xffffffffu;
-  std::vector<std::uint32_t> cell(position.size(), kBeyond);
+  static_assert(kMaxSampleCells < 0x7f);
+  constexpr Byte3 kBeyond = {0x7f, 0x7f, 0x7f};
+  std::vector<Byte3> cell(position.size(), kBeyond);
   for (std::size_t v = 0; v < position.size(); ++v) {
     bool inside = true;
     for (std::size_t a = 0; a < 3; ++a)
       inside = inside && position[v][a] >= low_[a] && position[v][a] <= high_[a];
     if (!inside) continue;
     const Int3 at = cells(position[v], position[v])[0];
-    cell[v] = static_cast<std::uint32_t>((at[2] * cells_[1] + at[1]) * cells_[0] + at[0]);
+    for (std::size_t a = 0; a < 3; ++a) cell[v][a] = static_cast<std::int8_t>(at[a]);
   }
   for (const auto& f : faces) {
-    const std::uint32_t c = cell[f[0]];
-    const bool one_cell = c != kBeyond && c == cell[f[1]] && c == cell[f[2]];
-    if (one_cell && start_[c] == end_[c]) continue;
-    const std::array<Double3, 3> face = {position[f[0]], position[f[1]], position[f[2]]};
-    if (one_cell)
-      meet(c, face);
-    else
-      add(face);
+    std::array<Int3, 2> range{};
+    bool beyond = false;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::int8_t p = cell[f[0]][a], q = cell[f[1]][a], r = cell[f[2]][a];
+      range[0][a] = std::min({p, q, r}), range[1][a] = std::max({p, q, r});
+      beyond = beyond || range[1][a] == kBeyond[a];
+    }
+    const auto face = [&] {
+      return std::array<Double3, 3>{position[f[0]], position[f[1]], position[f[2]]};
+    };
+    if (beyond) {
+      add(face());
+      continue;
+    }
+    for_cells(range, [&](std::size_t c) {
+      if (start_[c] != end_[c]) meet(c, face());
+    });
   }
 }
 

@@ -17,7 +17,9 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kNormalSampleKind = {"TSNSAMP1", "a sample of normals"};
+constexpr int kAroundBits = 2;  ///< cells an axis that share a class
+
+constexpr PackedKind kNormalSampleKind = {"TSNSAMP2", "a sample of normals"};
 
 std::uint64_t bits_of_double(double v) {
   return std::bit_cast<std::uint64_t>(v + 0.0);
@@ -25,10 +27,19 @@ std::uint64_t bits_of_double(double v) {
 
 }  // namespace
 
-void NormalSampler::enter(const std::array<std::int64_t, 3>& cell) {
+void NormalSampler::enter(const CellSampler::CellIndex& cell) {
   static_assert(kCell == 3.0 * kQuantaPerCell);
+  constexpr int kClassShift = 64 - CellSampler::kClassBits;
   last_cell_ = cell;
-  last_hash_ = CellSampler::hash_of(cell);
+  CellSampler::CellIndex around = cell;
+  for (std::int64_t& c : around) c >>= kAroundBits;
+  if (around != last_around_ || entries_.empty()) {
+    last_around_ = around;
+    last_class_ = CellSampler::class_of(CellSampler::hash_of(around));
+  }
+  last_hash_ = last_class_ > CellSampler::class_of(threshold_)
+                   ? ~std::uint64_t{0}
+                   : last_class_ << kClassShift | CellSampler::hash_of(cell) >> CellSampler::kClassBits;
 }
 
 void NormalSampler::push(const Double3& p, const Float3& n) {
@@ -40,13 +51,24 @@ void NormalSampler::push(const Double3& p, const Float3& n) {
 }
 
 void NormalSampler::shrink() {
-  std::sort(entries_.begin(), entries_.end(), [](const Entry& a, const Entry& b) {
+  const auto less = [](const Entry& a, const Entry& b) {
     return std::tie(a.cell, a.point, a.p, a.n) < std::tie(b.cell, b.point, b.p, b.n);
-  });
+  };
+  // What stays is among the first, but where cells hold many.
+  std::size_t sorted = std::min(entries_.size(), kLimit + kLimit / 4);
+  const auto rest = entries_.begin() + static_cast<std::ptrdiff_t>(sorted);
+  std::nth_element(entries_.begin(), rest, entries_.end(), less);
+  std::sort(entries_.begin(), rest, less);
   std::size_t out = 0;
   for (std::size_t i = 0, end = 0; i < entries_.size(); i = end) {
     const std::uint64_t cell = entries_[i].cell;
-    for (end = i; end < entries_.size() && entries_[end].cell == cell;) ++end;
+    for (end = i; end < entries_.size(); ++end) {
+      if (end == sorted) {
+        std::sort(rest, entries_.end(), less);
+        sorted = entries_.size();
+      }
+      if (entries_[end].cell != cell) break;
+    }
     const std::size_t take = std::min(end - i, kOfCell);
     if (cell > threshold_ || out + take > kLimit) {
       threshold_ = std::min(threshold_, cell - 1);

@@ -15,14 +15,17 @@
 
 namespace tessera {
 
-/// Cells of 3 h, turned so that no wall lies along them, with the smallest hashes of their places; of each the points with the smallest hashes, 64 at most.
+/// Cells of 3 h, turned so that no wall lies along them, with the smallest hashes of their places; of each the points with the
+/// smallest hashes, 64 at most. Cells have the class of the 4^3 around them (CellSampler), so that most points of a large scan
+/// are passed over by a look at that one.
 class NormalSampler {
  public:
   /// \param p  in quanta   \param n  not zero, finite
   void add(const Double3& p, const Float3& n) {
     const Double3 rotated = LayeredSampler::rotate(p);
-    std::array<std::int64_t, 3> cell{};
-    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(rotated[a] / kCell));
+    CellSampler::CellIndex cell{};
+    for (std::size_t a = 0; a < 3; ++a)
+      cell[a] = static_cast<std::int64_t>(std::floor(rotated[a] * (1.0 / kCell)));
     if (cell != last_cell_ || entries_.empty()) enter(cell);
     if (last_hash_ > threshold_) return;
     push(p, n);
@@ -45,11 +48,12 @@ class NormalSampler {
     Float3 n{};
     std::uint32_t unused = 0;  ///< no byte of the file is left to chance
   };
-  void enter(const std::array<std::int64_t, 3>& cell);
+  void enter(const CellSampler::CellIndex& cell);
   void push(const Double3& p, const Float3& n);
   void shrink();
 
-  std::array<std::int64_t, 3> last_cell_{};
+  CellSampler::CellIndex last_cell_{}, last_around_{};
+  std::uint64_t last_class_ = 0;  ///< of the cells around
   std::uint64_t last_hash_ = ~std::uint64_t{0};
   std::uint64_t threshold_ = ~std::uint64_t{0};
   std::vector<Entry> entries_;

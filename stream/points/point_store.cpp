@@ -203,9 +203,10 @@ void for_bricks(const Bricks& store, const CellBox& box, const Use& use) {
 
 }  // namespace
 
-PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int halo_cells, bool with_sensor,
-                            bool with_flags) const {
-  with_flags = with_flags || impl_->holds_samples;
+PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int halo_cells,
+                            const PointFields& fields) const {
+  const bool with_normals = fields.normals, with_sensor = fields.sensor,
+             with_flags = fields.flags || impl_->holds_samples;
   const CellBox box = cell_box_of(origin_cells, cells, halo_cells);
   std::vector<Segment> segments;
   for_bricks(impl_->bricks, box, [&](const BrickEntry& brick, const Int3& at, bool whole) {
@@ -220,8 +221,11 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
   PointBlock out;
   out.origin = origin_cells;
   out.cells = cells;
-  for (auto* v : {&out.x, &out.y, &out.z, &out.nx, &out.ny, &out.nz}) v->resize(bound);
-  out.rgba.resize(bound);
+  for (auto* v : {&out.x, &out.y, &out.z}) v->resize(bound);
+  if (with_normals) {
+    for (auto* v : {&out.nx, &out.ny, &out.nz}) v->resize(bound);
+    out.rgba.resize(bound);
+  }
   if (with_sensor) out.sensor.resize(bound);
   if (with_flags) out.flags.resize(bound);
   std::vector<PointRecord> buffer;
@@ -245,8 +249,10 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
         out.x[n] = static_cast<float>(q[0] - base[0]) * kToCells;
         out.y[n] = static_cast<float>(q[1] - base[1]) * kToCells;
         out.z[n] = static_cast<float>(q[2] - base[2]) * kToCells;
-        out.rgba[n] = p[i].rgba;
-        codes[n - start] = p[i].normal;
+        if (with_normals) {
+          out.rgba[n] = p[i].rgba;
+          codes[n - start] = p[i].normal;
+        }
         if (with_sensor) out.sensor[n] = p[i].sensor;
         if (with_flags) out.flags[n] = p[i].flags;
         const bool in_box = s.inside || (q[0] >= low[0] && q[0] < high[0] && q[1] >= low[1] &&
@@ -255,12 +261,15 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
         any_colour |= stays ? p[i].rgba : 0;
         n += stays ? 1 : 0;
       }
-      decode_normals(codes.data(), n - start, out.nx.data() + start, out.ny.data() + start,
-                     out.nz.data() + start);
+      if (with_normals)
+        decode_normals(codes.data(), n - start, out.nx.data() + start, out.ny.data() + start,
+                       out.nz.data() + start);
     });
   }
-  for (auto* v : {&out.x, &out.y, &out.z, &out.nx, &out.ny, &out.nz}) v->resize(n);
-  out.rgba.resize(any_colour ? n : 0);
+  for (auto* v : {&out.x, &out.y, &out.z}) v->resize(n);
+  if (with_normals)
+    for (auto* v : {&out.nx, &out.ny, &out.nz}) v->resize(n);
+  out.rgba.resize(with_normals && any_colour ? n : 0);
   if (with_sensor) out.sensor.resize(n);
   if (with_flags) out.flags.resize(n);
   return out;

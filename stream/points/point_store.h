@@ -55,6 +55,12 @@ class PointFileWriter {
   std::vector<BrickEntry> table_;
 };
 
+/// What is loaded of points beside their positions.
+struct PointFields {
+  bool normals = true;  ///< and colours
+  bool sensor = false, flags = false;
+};
+
 /// Every ordered point of a job. Thread-safe for reading; holds the brick table only (48 bytes a brick).
 class PointStore {
  public:
@@ -78,11 +84,11 @@ class PointStore {
   /// All points of a brick as the overlay has them, outliers too.
   std::vector<PointRecord> records(std::size_t brick) const;
   /// Points of the box [origin - halo, origin + cells + halo), cells, canonical order, outliers skipped.
-  /// \param with_sensor, with_flags  fill PointBlock::sensor, flags; flags also where samples of the top surface are among them
+  /// \param fields  of PointBlock to be filled; flags also where samples of the top surface are among them
   /// \pre cells + 2 halo below 2^14 per axis, so that positions are exact floats
   /// \cost about 40 bytes a point of memory, the result included
-  PointBlock load(const Int3& origin_cells, const Int3& cells, int halo_cells, bool with_sensor = false,
-                  bool with_flags = false) const;
+  PointBlock load(const Int3& origin_cells, const Int3& cells, int halo_cells,
+                  const PointFields& fields = {}) const;
   /// Starts fetching what load() of this box will read, whole bricks at a time: halo shells are many small reads,
   /// and a disk serves them one by one.
   void prefetch(const Int3& origin_cells, const Int3& cells, int halo_cells) const;

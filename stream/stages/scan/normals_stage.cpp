@@ -78,7 +78,7 @@ class NormalsStage : public Stage {
       prefetch(task, b);
       const PointBlock block =
           store_.load(origin, {kBrickCells, kBrickCells, kBrickCells}, normal_halo_cells(shape_),
-                      mode_.estimate && mode_.by_sensor, mode_.airborne);
+                      {.sensor = mode_.estimate && mode_.by_sensor, .flags = mode_.airborne});
       const std::vector<PointShape> shapes = estimate_shapes(block, shape_);
       process_brick(brick, origin, block, shapes, writer, counts, histogram);
       context.count_read(block.size() * sizeof(PointRecord));

@@ -131,7 +131,7 @@ class TopStage : public Stage {
     for (const std::size_t b : bricks) {
       const Int3 at = brick_of_key(store_->bricks()[b].key);
       const PointBlock block = store_->load({at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells},
-                                            {kBrickCells, kBrickCells, kBrickCells}, 0, false, true);
+                                            {kBrickCells, kBrickCells, kBrickCells}, 0, {.flags = true});
       const std::array<const std::vector<float>*, 3> position = {&block.x, &block.y, &block.z};
       const std::array<const std::vector<float>*, 3> normal = {&block.nx, &block.ny, &block.nz};
       const std::vector<float>&pu = *position[axes_.u], &pv = *position[axes_.v], &pt = *position[axes_.up];

@@ -84,7 +84,7 @@ TEST_CASE("point store: a box holds exactly its points, in canonical order", "[u
   const Int3 cells = GENERATE(Int3{64, 64, 64}, Int3{128, 128, 128});
   const int halo = GENERATE(0, 4, 7);
   CAPTURE(origin, cells, halo);
-  const PointBlock block = store.load(origin, cells, halo, true, true);
+  const PointBlock block = store.load(origin, cells, halo, {.sensor = true, .flags = true});
   std::size_t n = 0;
   bool same = true;
   std::uint64_t bound = 0;
@@ -112,6 +112,9 @@ TEST_CASE("point store: a box holds exactly its points, in canonical order", "[u
   CHECK(store.count_bound(origin, cells, halo) >= bound);
   CHECK(block.nz.size() == n);
   CHECK(store.load(origin, cells, halo).flags.empty());
+  const PointBlock positions = store.load(origin, cells, halo, {.normals = false});
+  CHECK((positions.x == block.x && positions.y == block.y && positions.z == block.z));
+  CHECK((positions.nx.empty() && positions.rgba.empty()));
 }
 
 TEST_CASE("point store: bricks come back whole", "[unit]") {
