@@ -16,6 +16,7 @@ cli::Command convert_command();
 cli::Command csg_command();
 cli::Command decimate_command();
 cli::Command deform_command();
+cli::Command deviate_command();
 cli::Command doctor_command();
 cli::Command field_command();
 cli::Command info_command();

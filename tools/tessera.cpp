@@ -40,6 +40,7 @@ int main(int argc, char** argv) {
       contours_command(),
       section_command(),
       classify_command(),
+      deviate_command(),
       info_command(),
       convert_command(),
       parameterize_command(),

@@ -71,23 +71,13 @@ Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOption
   return all;
 }
 
-double las_scale(const Survey& all) {
-  double extent = 0;
-  for (std::size_t a = 0; a < 3; ++a) extent = std::max(extent, all.max[a] - all.min[a]);
-  // Literals, not products: a step of exactly 0.001 is what other programs write.
-  for (const double scale : {1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0}) {
-    if (extent / scale < 1 << 30) return scale;
-  }
-  throw UsageError("the points lie too far apart for LAS (more than 1e9 units); write PLY or XYZ instead");
-}
-
 PointFileHeader header_for(const std::filesystem::path& output, const ConvertOptions& options,
                            const Survey& all, ConvertReport& report) {
   PointFileHeader header;
   header.attributes = all.attributes;
   header.double_positions = options.force_double || !all.exact_in_float;
   if (is_las(lower_extension(output))) {
-    header.las_scale = options.las_scale > 0 ? options.las_scale : las_scale(all);
+    header.las_scale = options.las_scale > 0 ? options.las_scale : fitting_las_scale(all.min, all.max);
     for (std::size_t a = 0; a < 3; ++a) header.las_offset[a] = std::floor(all.min[a]);
     if (header.attributes.normals) report.notes.push_back("normals are left out: LAS cannot hold them");
     header.attributes.normals = false;
@@ -102,15 +92,6 @@ PointFileHeader header_for(const std::filesystem::path& output, const ConvertOpt
   header.attributes.intensity = false;
   header.attributes.sensor = false;
   return header;
-}
-
-/// Gives the chunk the arrays that the output has and its file has not: unknown normals, no colour, one return.
-void complete(PointChunk& chunk, const PointAttributes& attributes) {
-  const std::size_t n = chunk.size();
-  if (attributes.normals && chunk.nx.empty()) chunk.nx.resize(n), chunk.ny.resize(n), chunk.nz.resize(n);
-  if (attributes.colour && chunk.rgba.empty()) chunk.rgba.resize(n);
-  if (attributes.intensity_16 && chunk.intensity.empty()) chunk.intensity.resize(n);
-  if (attributes.echo && chunk.echo.empty()) chunk.echo.resize(n, Echo{1, 1, 1});
 }
 
 std::uint64_t left_out(const ReadCounts& counts) {
@@ -193,7 +174,7 @@ class Output {
   };
   void encode(const PointChunk& chunk, EncodedPoints& encoded) const {
     PointChunk full = chunk;
-    complete(full, kept_);
+    fill_missing(full, kept_);
     encoder_->encode(full, {}, encoded);
   }
   void append(const EncodedPoints& encoded) {

@@ -98,6 +98,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/smooth_command.cpp", "tools/commands.h"},
       {"tools/survey/classify_command.cpp", "tools/commands.h"},
       {"tools/survey/contours_command.cpp", "tools/commands.h"},
+      {"tools/survey/deviate_command.cpp", "tools/commands.h"},
       {"tools/survey/raster_command.cpp", "tools/commands.h"},
       {"tools/survey/section_command.cpp", "tools/commands.h"},
       {"tools/survey/volume_command.cpp", "tools/commands.h"},

@@ -31,6 +31,11 @@ bool has_user(const char* head, std::string_view user) {
          (user.size() == kUserIdBytes || head[2 + user.size()] == '\0');
 }
 
+bool is_extra_record(const char* head) {
+  return has_user(head, LasExtraField::kUserId) &&
+         load_scalar<std::uint16_t>(head + 18) == LasExtraField::kRecordId;
+}
+
 }  // namespace
 
 bool LasCopy::is_compressed(const std::filesystem::path& to) {
@@ -44,14 +49,17 @@ std::uint64_t LasCopy::bytes(const LasRecords& from, bool compressed, int thread
   const std::uint64_t plain = OutputFile::kBufferBytes + kCopyBytes;
   if (!compressed) return plain;
   const std::uint64_t group = std::min<std::uint64_t>(static_cast<std::uint64_t>(threads), kMaxGroup);
-  // Records, their code, and the models and layers of those at work.
-  return plain + group * (2 * kChunkRecords * from.record_bytes() + (std::uint64_t{4} << 20));
+  // Records, perhaps longer by a number, their code, and the models and layers of those at work.
+  return plain +
+         group * (2 * kChunkRecords * (from.record_bytes() + sizeof(double)) + (std::uint64_t{4} << 20));
 }
 
-LasCopy::LasCopy(const LasRecords& from, const std::filesystem::path& to, int threads)
+LasCopy::LasCopy(const LasRecords& from, const std::filesystem::path& to, int threads, std::string scalar)
     : from_(from),
+      scalar_(std::move(scalar)),
+      record_bytes_(from.record_bytes() + (scalar_.empty() ? 0 : sizeof(double))),
       compressed_(is_compressed(to)),
-      verbatim_(!compressed_ && !from.header().compressed),
+      verbatim_(!compressed_ && !from.header().compressed && scalar_.empty()),
       file_(to),
       group_(std::min<std::size_t>(static_cast<std::size_t>(threads), kMaxGroup)) {
   const ReadFile file = from.file().open();
@@ -62,14 +70,14 @@ LasCopy::LasCopy(const LasRecords& from, const std::filesystem::path& to, int th
   if (compressed_) {
     const int format = from.header().point_format;
     const std::size_t bare = laz::schema_for(format, 0, kChunkRecords).record_bytes();
-    schema_ = laz::schema_for(format, from.record_bytes() - bare, kChunkRecords);
+    schema_ = laz::schema_for(format, record_bytes_ - bare, kChunkRecords);
     const std::vector<char> record = laz::schema_record(schema_);
     try {
-      laz::parse_schema({record.data(), record.size()}, format, from.record_bytes());
+      laz::parse_schema({record.data(), record.size()}, format, record_bytes_);
     } catch (const laz::Damage& e) {
       throw UsageError(to.string() + ": LAZ cannot hold these points: it " + e.what() + "; write .las");
     }
-    pending_.reserve(group_ * kChunkRecords * from.record_bytes());
+    pending_.reserve(group_ * kChunkRecords * record_bytes_);
   }
   write_head(file);
 }
@@ -86,7 +94,59 @@ void LasCopy::copy(const ReadFile& file, Segment bytes) {
   }
 }
 
-/// All records between header and points but those of LAZ and COPC, and last what else stands there. \param count  of the
+/// Whether a record between header and points is not copied: it goes, or is written anew.
+bool LasCopy::is_left_out(const char* record) const {
+  return has_user(record, laz::Schema::kUserId) || has_user(record, "copc") ||
+         (!scalar_.empty() && is_extra_record(record));
+}
+
+/// Of all extra bytes, those of the source first; of what it does not describe that nothing is known.
+std::string LasCopy::extra_descriptions(const ReadFile& file) const {
+  const LasHeader& header = from_.header();
+  std::string text;
+  std::uint64_t at = header_end(header);
+  for (std::uint32_t i = 0; i < header.record_count && at + kVlrHead <= header.begin; ++i) {
+    char head[kVlrHead];
+    file.read_at(at, head, sizeof head);
+    const std::uint64_t end = std::min(at + kVlrHead + load_scalar<std::uint16_t>(head + 20), header.begin);
+    if (is_extra_record(head)) {
+      const std::size_t old = text.size(), bytes = static_cast<std::size_t>(end - at - kVlrHead);
+      text.resize(old + bytes - bytes % LasExtraField::kBytes);
+      file.read_at(at + kVlrHead, text.data() + old, text.size() - old);
+    }
+    at = end;
+  }
+  const auto added = las_extra_double(scalar_);
+  std::size_t known = 0;
+  for (std::size_t k = 0; k < text.size(); k += LasExtraField::kBytes) {
+    known += las_extra_size(text.data() + k);
+    if (std::memcmp(text.data() + k + 4, added.data() + 4, 32) == 0)
+      throw UsageError(from_.file().path().string() + ": its points have extra bytes '" + scalar_ +
+                       "' already; measure the scan that it was made of");
+  }
+  const std::size_t bare = laz::schema_for(header.point_format, 0, kChunkRecords).record_bytes();
+  for (std::size_t unknown = from_.record_bytes() - bare; unknown > known;) {
+    const std::size_t part = std::min<std::size_t>(unknown - known, 255);
+    const auto description = las_extra_unknown(part);
+    text.append(description.data(), description.size());
+    known += part;
+  }
+  return text.append(added.data(), added.size());
+}
+
+void LasCopy::append_record(std::string_view user, std::uint16_t id, std::string_view data) {
+  if (data.size() > 0xffff)
+    throw UsageError(file_.path().string() + ": its extra bytes have too many descriptions for a record");
+  std::array<char, kVlrHead> front{};
+  std::memcpy(&front[2], user.data(), user.size());
+  const auto length = static_cast<std::uint16_t>(data.size());
+  std::memcpy(&front[18], &id, 2);
+  std::memcpy(&front[20], &length, 2);
+  file_.append(front.data(), front.size());
+  file_.append(data);
+}
+
+/// All records between header and points but those left out, and last what else stands there. \param count  of the
 /// records kept
 std::vector<LasCopy::Segment> LasCopy::kept_records(const ReadFile& file, std::uint32_t& count) const {
   const LasHeader& header = from_.header();
@@ -97,7 +157,7 @@ std::vector<LasCopy::Segment> LasCopy::kept_records(const ReadFile& file, std::u
     char head[kVlrHead];
     file.read_at(at, head, sizeof head);
     const std::uint64_t end = std::min(at + kVlrHead + load_scalar<std::uint16_t>(head + 20), header.begin);
-    if (has_user(head, laz::Schema::kUserId) || has_user(head, "copc")) {
+    if (is_left_out(head)) {
       kept.push_back({begin, at});
       begin = end;
       --count;
@@ -147,15 +207,15 @@ void LasCopy::write_head(const ReadFile& file) {
   std::uint32_t count = 0;
   const std::vector<Segment> kept = kept_records(file, count);
   for (std::size_t i = 0; i + 1 < kept.size(); ++i) copy(file, kept[i]);
+  if (!scalar_.empty()) {
+    append_record(LasExtraField::kUserId, LasExtraField::kRecordId, extra_descriptions(file));
+    ++count;
+    const auto length = static_cast<std::uint16_t>(record_bytes_);
+    file_.patch(LasField::kRecordLength, &length, sizeof length);
+  }
   if (compressed_) {
     const std::vector<char> record = laz::schema_record(schema_);
-    std::array<char, kVlrHead> front{};
-    std::memcpy(&front[2], laz::Schema::kUserId.data(), laz::Schema::kUserId.size());
-    const auto length = static_cast<std::uint16_t>(record.size());
-    std::memcpy(&front[18], &laz::Schema::kRecordId, 2);
-    std::memcpy(&front[20], &length, 2);
-    file_.append(front.data(), front.size());
-    file_.append(record.data(), record.size());
+    append_record(laz::Schema::kUserId, laz::Schema::kRecordId, {record.data(), record.size()});
     ++count;
   }
   copy(file, kept.back());
@@ -170,12 +230,12 @@ void LasCopy::write_head(const ReadFile& file) {
 }
 
 void LasCopy::append(const char* records, std::size_t count) {
-  const std::size_t bytes = count * from_.record_bytes();
+  const std::size_t bytes = count * record_bytes_;
   if (!compressed_) {
     file_.append(records, bytes);
     return;
   }
-  const std::size_t full = group_ * kChunkRecords * from_.record_bytes();
+  const std::size_t full = group_ * kChunkRecords * record_bytes_;
   for (std::size_t at = 0; at < bytes;) {
     const std::size_t part = std::min(full - pending_.size(), bytes - at);
     pending_.append(records + at, part);
@@ -185,7 +245,7 @@ void LasCopy::append(const char* records, std::size_t count) {
 }
 
 void LasCopy::compress() {
-  const std::size_t chunk = kChunkRecords * from_.record_bytes();
+  const std::size_t chunk = kChunkRecords * record_bytes_;
   std::vector<std::vector<char>> coded((pending_.size() + chunk - 1) / chunk);
   parallel_for(coded.size(), [&](std::size_t i) {
     coded[i] = laz::encode_chunk(schema_, std::string_view(pending_).substr(i * chunk, chunk));

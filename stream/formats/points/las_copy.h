@@ -1,7 +1,8 @@
 /// \file las_copy.h
 /// A LAS or LAZ file with all that another one has: header, variable length records, points in their order, what follows
 /// them. Only records that the caller changed differ; LAZ made of LAS and the reverse differ by what says how points are
-/// coded and where they end. The octree of COPC is left out, as it would not fit any more.
+/// coded and where they end. The octree of COPC is left out, as it would not fit any more. Records may become longer by a
+/// number.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -21,9 +22,11 @@ class LasCopy {
  public:
   /// Writes what stands before the points. \param to  .las, or .laz for a compressed file
   /// \param threads  of the enclosing pool: so many chunks are compressed at a time
-  /// \pre  `from` outlives it  \throws UsageError as OutputFile, for another extension, and for a source whose records are
-  ///   longer than LAZ can have; ResourceError
-  LasCopy(const LasRecords& from, const std::filesystem::path& to, int threads);
+  /// \param scalar  of a double that every record has at its end, in extra bytes; empty = records are as long as those of `from`
+  /// \pre  `from` outlives it  \throws UsageError as OutputFile, for another extension, for a source whose records are
+  ///   longer than LAZ can have, and one that has extra bytes of that name; ResourceError
+  LasCopy(const LasRecords& from, const std::filesystem::path& to, int threads, std::string scalar = {});
+  std::size_t record_bytes() const { return record_bytes_; }
   /// Records, in the order of the source.
   void append(const char* records, std::size_t count);
   /// What follows the points, then the final name. Returns the size of the file. \pre  all records were appended
@@ -40,11 +43,16 @@ class LasCopy {
   };
   void copy(const ReadFile& file, Segment bytes);
   void write_head(const ReadFile& file);
+  bool is_left_out(const char* record) const;
+  std::string extra_descriptions(const ReadFile& file) const;
   std::vector<Segment> kept_records(const ReadFile& file, std::uint32_t& count) const;
   std::vector<Segment> kept_extended(const ReadFile& file, std::uint32_t& count) const;
+  void append_record(std::string_view user, std::uint16_t id, std::string_view data);
   void compress();
 
   const LasRecords& from_;
+  std::string scalar_;
+  std::size_t record_bytes_;
   bool compressed_;
   bool verbatim_;  ///< neither is compressed: all but the records as it is
   OutputFile file_;

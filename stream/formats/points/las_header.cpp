@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <vector>
 
 #include "octree/error.h"
@@ -25,7 +26,33 @@ constexpr std::array kPointFormats = {
     PointFormat{59, -1, 0x04}, PointFormat{67, 30, 0x04},
 };
 constexpr int kCompressedBit = 0x80;  ///< of the point format
+
+/// Places in a description of extra bytes (LAS Specification 1.4 R15, table 24), and a type.
+constexpr std::size_t kExtraType = 2, kExtraOptions = 3, kExtraName = 4;
+constexpr char kExtraDouble = 10;
+
 }  // namespace
+
+std::array<char, LasExtraField::kBytes> las_extra_double(std::string_view name) {
+  std::array<char, LasExtraField::kBytes> d{};
+  d[kExtraType] = kExtraDouble;
+  std::memcpy(&d[kExtraName], name.data(), name.size());
+  return d;
+}
+
+std::array<char, LasExtraField::kBytes> las_extra_unknown(std::size_t count) {
+  std::array<char, LasExtraField::kBytes> d{};
+  d[kExtraOptions] = static_cast<char>(count);
+  return d;
+}
+
+std::size_t las_extra_size(const char* description) {
+  constexpr std::array<std::size_t, 11> kBytes = {0, 1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
+  const auto type = static_cast<unsigned char>(description[kExtraType]);
+  if (type == 0) return static_cast<unsigned char>(description[kExtraOptions]);
+  // Up to 30: two or three numbers of one type, deprecated.
+  return type <= 30 ? kBytes[(type - 1) % 10 + 1] * ((type - 1) / 10 + 1) : 0;
+}
 
 template <class T>
 T LasHeader::field(std::size_t offset) const {

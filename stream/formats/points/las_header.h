@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 #include "stream/files/read_file.h"
 #include "stream/formats/points/point_records.h"
@@ -46,6 +47,19 @@ struct LasRecordField {
     kWideClass = 16,  ///< formats 6 to 10
   };
 };
+
+/// The record that tells what extra bytes of points are: descriptions of 192 bytes each.
+struct LasExtraField {
+  static constexpr std::string_view kUserId = "LASF_Spec";
+  static constexpr std::uint16_t kRecordId = 4;
+  static constexpr std::size_t kBytes = 192;
+};
+/// Description of a double. \pre name.size() < 32
+std::array<char, LasExtraField::kBytes> las_extra_double(std::string_view name);
+/// Of `count` bytes that nothing is known of, 1 to 255.
+std::array<char, LasExtraField::kBytes> las_extra_unknown(std::size_t count);
+/// Bytes of a point that a description stands for; 0 where it is none of the specification's.
+std::size_t las_extra_size(const char* description);
 
 struct LasHeader {
   PointFileInfo info;  ///< declared_points: the 64-bit count in 1.4, else (or if that is 0) the 32-bit one

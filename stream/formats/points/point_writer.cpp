@@ -12,6 +12,7 @@
 #include "stream/files/output_file.h"
 #include "stream/formats/laz/chunk_encoder.h"
 #include "stream/formats/laz/chunk_table.h"
+#include "stream/formats/points/las_header.h"
 #include "stream/runtime/parallel.h"
 
 namespace tessera {
@@ -80,12 +81,14 @@ class BaseWriter : public PointWriter {
 class PlyEncoder final : public PointEncoder {
  public:
   explicit PlyEncoder(const PointFileHeader& header) : header_(header) {}
-  void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
+  void encode(const PointChunk& chunk, const PtxScan&, std::span<const double> scalar,
+              EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool normals = header_.attributes.normals, colour = header_.attributes.colour;
     const bool intensity = header_.attributes.intensity_16, echo = header_.attributes.echo;
     const std::size_t record = (header_.double_positions ? 24u : 12u) + (normals ? 12u : 0u) +
-                               (colour ? 3u : 0u) + (intensity ? 2u : 0u) + (echo ? 3u : 0u);
+                               (colour ? 3u : 0u) + (intensity ? 2u : 0u) + (echo ? 3u : 0u) +
+                               (header_.scalar.empty() ? 0u : 8u);
     out.bytes.resize(out.points * record);
     char* at = out.bytes.data();
     for (std::size_t i = 0; i < chunk.size(); ++i) {
@@ -104,6 +107,7 @@ class PlyEncoder final : public PointEncoder {
       if (echo)
         for (const std::uint8_t v : {chunk.echo[i].kind, chunk.echo[i].number, chunk.echo[i].of})
           at = put(at, v);
+      if (!header_.scalar.empty()) at = put(at, scalar[i]);
     }
   }
 
@@ -135,6 +139,7 @@ class PlyPointWriter final : public BaseWriter {
     if (header_.attributes.echo)
       text +=
           "property uchar classification\nproperty uchar return_number\nproperty uchar number_of_returns\n";
+    if (!header_.scalar.empty()) text += "property double " + header_.scalar + "\n";
     return text + "end_header\n";
   }
   void complete_header() override {
@@ -145,14 +150,22 @@ class PlyPointWriter final : public BaseWriter {
 
 // ------------------------------------------------------------------------------------------------ LAS
 
-std::size_t las_record_bytes(const PointFileHeader& header) {
+/// Of what a point format has.
+std::size_t las_format_bytes(const PointFileHeader& header) {
   return header.attributes.colour ? 36 : 30;
+}
+std::size_t las_extra_bytes(const PointFileHeader& header) {
+  return header.scalar.empty() ? 0 : sizeof(double);
+}
+std::size_t las_record_bytes(const PointFileHeader& header) {
+  return las_format_bytes(header) + las_extra_bytes(header);
 }
 
 class LasEncoder final : public PointEncoder {
  public:
   explicit LasEncoder(const PointFileHeader& header) : header_(header) {}
-  void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
+  void encode(const PointChunk& chunk, const PtxScan&, std::span<const double> scalar,
+              EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool colour = header_.attributes.colour;
     out.bytes.assign(out.points * las_record_bytes(header_), 0);
@@ -183,6 +196,7 @@ class LasEncoder final : public PointEncoder {
           put(record + 30 + 2 * c, static_cast<std::uint16_t>(v * 257u));
         }
       }
+      if (!header_.scalar.empty()) put(record + las_format_bytes(header_), scalar[i]);
       record += las_record_bytes(header_);
     }
   }
@@ -198,14 +212,28 @@ class LasPointWriter : public BaseWriter {
       : BaseWriter(path, header) {
     const std::array<char, kHeaderBytes> blank{};
     file_.append(blank.data(), blank.size());
+    if (header.scalar.empty()) return;
+    const auto extra = las_extra_double(header.scalar);
+    append_record(LasExtraField::kUserId, LasExtraField::kRecordId, {extra.data(), extra.size()});
   }
 
  protected:
   static constexpr std::size_t kHeaderBytes = 375;
   int point_format() const { return header_.attributes.colour ? 7 : 6; }
-  void complete_header() override { write_header(kHeaderBytes, 0, 0); }
-  /// \param begin  of the points  \param records  between header and points  \param format_bits  beside the format
-  void write_header(std::size_t begin, std::uint32_t records, int format_bits) {
+  void complete_header() override { write_header(0); }
+  /// A variable length record; all of them come before the points.
+  void append_record(std::string_view user, std::uint16_t id, std::string_view data) {
+    std::array<char, 54> head{};
+    std::memcpy(&head[2], user.data(), user.size());
+    put(&head[18], id);
+    put(&head[20], static_cast<std::uint16_t>(data.size()));
+    file_.append(head.data(), head.size());
+    file_.append(data);
+    begin_ = file_.size();
+    ++records_;
+  }
+  /// \param format_bits  beside the format
+  void write_header(int format_bits) {
     std::array<char, kHeaderBytes> h{};
     std::memcpy(h.data(), "LASF", 4);
     put(&h[6], std::uint16_t{1 << 4});  // global encoding: coordinate system as WKT, required by formats 6-10
@@ -216,8 +244,8 @@ class LasPointWriter : public BaseWriter {
     put(&h[90], std::uint16_t{1});  // creation day and year: fixed, the same bytes every time
     put(&h[92], std::uint16_t{2026});
     put(&h[94], std::uint16_t{kHeaderBytes});
-    put(&h[96], static_cast<std::uint32_t>(begin));
-    put(&h[100], records);
+    put(&h[96], static_cast<std::uint32_t>(begin_));
+    put(&h[100], records_);
     h[104] = static_cast<char>(point_format() | format_bits);
     put(&h[105], static_cast<std::uint16_t>(las_record_bytes(header_)));
     for (std::size_t a = 0; a < 3; ++a) {
@@ -231,12 +259,16 @@ class LasPointWriter : public BaseWriter {
     file_.patch(0, h.data(), h.size());
   }
 
+  std::uint64_t begin_ = kHeaderBytes;  ///< of the points
+
  private:
   /// The coordinate as a reader will see it, so that the bounds hold exactly.
   double stored(double v, std::size_t axis) const {
     const double steps = std::floor((v - header_.las_offset[axis]) / header_.las_scale + 0.5);
     return steps * header_.las_scale + header_.las_offset[axis];
   }
+
+  std::uint32_t records_ = 0;  ///< between header and points
 };
 
 // ------------------------------------------------------------------------------------------------ LAZ
@@ -245,15 +277,10 @@ class LasPointWriter : public BaseWriter {
 class LazPointWriter final : public LasPointWriter {
  public:
   LazPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
-      : LasPointWriter(path, header), schema_(laz::schema_for(point_format(), 0, kChunkPoints)) {
+      : LasPointWriter(path, header),
+        schema_(laz::schema_for(point_format(), las_extra_bytes(header), kChunkPoints)) {
     const std::vector<char> record = laz::schema_record(schema_);
-    std::array<char, 54> head{};
-    std::memcpy(&head[2], laz::Schema::kUserId.data(), laz::Schema::kUserId.size());
-    put(&head[18], laz::Schema::kRecordId);
-    put(&head[20], static_cast<std::uint16_t>(record.size()));
-    file_.append(head.data(), head.size());
-    file_.append(record.data(), record.size());
-    begin_ = file_.size();
+    append_record(laz::Schema::kUserId, laz::Schema::kRecordId, {record.data(), record.size()});
     file_.append(std::string_view("\0\0\0\0\0\0\0\0", 8));  // where the chunk table begins, known in the end
   }
 
@@ -291,12 +318,11 @@ class LazPointWriter final : public LasPointWriter {
     const std::vector<char> table = laz::chunk_table(table_, false);
     file_.append(table.data(), table.size());
     file_.patch(begin_, &table_begin, sizeof table_begin);
-    write_header(begin_, 1, kCompressedBit);
+    write_header(kCompressedBit);
   }
 
   laz::Schema schema_;
-  std::uint64_t begin_ = 0;  ///< of the points
-  std::string pending_;      ///< records not yet compressed
+  std::string pending_;  ///< records not yet compressed
   std::vector<laz::ChunkSize> table_;
 };
 
@@ -327,7 +353,8 @@ void put_colour(std::vector<char>& out, std::uint32_t rgba) {
 class XyzEncoder final : public PointEncoder {
  public:
   explicit XyzEncoder(const PointFileHeader& header) : header_(header) {}
-  void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
+  void encode(const PointChunk& chunk, const PtxScan&, std::span<const double>,
+              EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool normals = header_.attributes.normals, colour = header_.attributes.colour;
     out.bytes.clear();
@@ -352,7 +379,8 @@ class XyzEncoder final : public PointEncoder {
 class PtxEncoder final : public PointEncoder {
  public:
   explicit PtxEncoder(const PointFileHeader& header) : header_(header) {}
-  void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const override {
+  void encode(const PointChunk& chunk, const PtxScan& scan, std::span<const double>,
+              EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool colour = header_.attributes.colour;
     out.bytes.clear();
@@ -401,6 +429,8 @@ Format format_for(const std::filesystem::path& path, const PointFileHeader& head
                      " cannot hold normals; write .ply or .xyz, or leave them out");
   };
   if (extension == ".ply") return Format::kPly;
+  if (!header.scalar.empty() && extension != ".las" && extension != ".laz")
+    throw UsageError(path.string() + ": only .ply, .las and .laz hold a '" + header.scalar + "' of points");
   if (extension == ".xyz" || extension == ".txt") return Format::kXyz;
   if (extension == ".las") return without_normals(Format::kLas, "LAS");
   if (extension == ".laz") return without_normals(Format::kLaz, "LAZ");
@@ -440,6 +470,24 @@ std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path
     default:
       return std::make_unique<BaseWriter>(path, header);
   }
+}
+
+void fill_missing(PointChunk& chunk, const PointAttributes& attributes) {
+  const std::size_t n = chunk.size();
+  if (attributes.normals && chunk.nx.empty()) chunk.nx.resize(n), chunk.ny.resize(n), chunk.nz.resize(n);
+  if (attributes.colour && chunk.rgba.empty()) chunk.rgba.resize(n);
+  if (attributes.intensity_16 && chunk.intensity.empty()) chunk.intensity.resize(n);
+  if (attributes.echo && chunk.echo.empty()) chunk.echo.resize(n, Echo{1, 1, 1});
+}
+
+double fitting_las_scale(const Double3& min, const Double3& max) {
+  double extent = 0;
+  for (std::size_t a = 0; a < 3; ++a) extent = std::max(extent, max[a] - min[a]);
+  // Literals, not products: a step of exactly 0.001 is what other programs write.
+  for (const double scale : {1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0}) {
+    if (extent / scale < 1 << 30) return scale;
+  }
+  throw UsageError("the points lie too far apart for LAS (more than 1e9 units); write PLY or XYZ instead");
 }
 
 }  // namespace tessera

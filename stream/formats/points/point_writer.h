@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,8 @@ struct PointFileHeader {
   Double3 las_offset = {0, 0, 0};
   double las_scale = 0.001;           ///< step of LAS coordinates, scan units
   std::vector<std::string> comments;  ///< one line each, where the format has comments
+  /// Of a number that every point has besides, a double: property in PLY, extra bytes in LAS and LAZ; empty = none.
+  std::string scalar;
 };
 
 /// One grid of a PTX file, written before its points. A point with a NaN coordinate stands for "no return".
@@ -42,7 +45,12 @@ class PointEncoder {
  public:
   virtual ~PointEncoder() = default;
   /// `scan` matters to PTX only: coordinates are stored relative to its origin.
-  virtual void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const = 0;
+  /// \param scalar  one for each point of the chunk where the header names it, else none
+  virtual void encode(const PointChunk& chunk, const PtxScan& scan, std::span<const double> scalar,
+                      EncodedPoints& out) const = 0;
+  void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const {
+    encode(chunk, scan, {}, out);
+  }
 };
 
 /// Writes to a file beside `path` and gives it its name in finish(); the destructor removes what is
@@ -60,11 +68,18 @@ class PointWriter {
 
 /// By extension: .ply, .las, .laz, .ptx, .xyz (also .txt).
 /// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS, LAZ
-/// and PTX)
+/// and PTX; a scalar in text)
 std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path,
                                                  const PointFileHeader& header);
 /// Same rules; creates the file.
 std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path,
                                                const PointFileHeader& header);
+
+/// Gives the chunk the arrays that the output has and its file has not: unknown normals, no colour, one return.
+void fill_missing(PointChunk& chunk, const PointAttributes& attributes);
+
+/// The finest power of ten that holds coordinates over such an extent as whole numbers of 32 bits.
+/// \throws UsageError where none does
+double fitting_las_scale(const Double3& min, const Double3& max);
 
 }  // namespace tessera

@@ -1,0 +1,151 @@
+#include "stream/survey/measured_points.h"
+
+#include <limits>
+
+#include "octree/error.h"
+#include "stream/points/file_notices.h"
+#include "stream/runtime/stop.h"
+#include "stream/survey/lowest_heights.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint64_t kSliceBytes = std::uint64_t{4} << 20;
+constexpr std::size_t kChunkPoints = 16384;
+constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
+
+/// \throws InputError
+void require_lengths(const std::filesystem::path& file, const Crs& crs) {
+  if (crs.geographic)
+    throw InputError(file.string() + ": its coordinates are degrees, " + crs.name +
+                     "; deviations are lengths: project the scan first, to its UTM zone for example");
+}
+
+class MeasuredScans : public MeasuredPoints {
+ public:
+  MeasuredScans(const std::vector<std::filesystem::path>& paths, const std::vector<std::string>& columns) {
+    ReadOptions options;
+    options.columns = columns;
+    options.chunk_points = kChunkPoints;
+    options.intensities = true;
+    attributes.intensity_16 = attributes.echo = false;
+    for (const std::filesystem::path& path : paths) {
+      files_.push_back(open_point_file(path, options));
+      const PointFileInfo& info = files_.back()->info();
+      require_lengths(path, info.crs);
+      if (info.crs.known() && crs.known() && !may_be_same(info.crs, crs))
+        throw InputError(path.string() + ": is in " + info.crs.name + ", a scan before it in " + crs.name +
+                         "; scans are measured together in one system");
+      if (!crs.known()) crs = info.crs;
+      attributes.normals = attributes.normals || info.attributes.normals;
+      attributes.colour = attributes.colour || info.attributes.colour;
+      attributes.intensity_16 = attributes.intensity_16 || info.attributes.intensity_16;
+      attributes.echo = attributes.echo || info.attributes.echo;
+    }
+  }
+
+  void read(const std::function<void(const PointChunk&)>& sink) override {
+    FileNotices notices;
+    left_out = 0;
+    for (const std::unique_ptr<PointFile>& file : files_) {
+      ReadCounts total;
+      for (const InputSlice& slice : file->slices(0, kSliceBytes)) {
+        const ReadCounts counts = file->read(slice, [&](const PointChunk& chunk) {
+          throw_if_stopped();
+          sink(chunk);
+        });
+        total.points += counts.points, total.withheld += counts.withheld, total.empty += counts.empty;
+        total.missing += counts.missing;
+        for (const std::string& w : counts.warnings) notices.add(file->info().path, w);
+      }
+      notices.add(file->info());
+      left_out += total.withheld + total.empty + missing_points(file->info(), total);
+    }
+    notices_ = notices.lines();
+  }
+  std::vector<std::string> notices() const override { return notices_; }
+
+ private:
+  std::vector<std::unique_ptr<PointFile>> files_;
+  std::vector<std::string> notices_;
+};
+
+class MeasuredRecords : public MeasuredPoints {
+ public:
+  explicit MeasuredRecords(const LasRecords& scan) : scan_(scan) {
+    require_lengths(scan.file().path(), scan.header().info.crs);
+    crs = scan.header().info.crs;
+  }
+  void read(const std::function<void(const PointChunk&)>& sink) override {
+    PointChunk chunk;
+    left_out = 0;
+    scan_.read(
+        kSlots, [](LasBatch&) {},
+        [&](LasBatch& batch) {
+          throw_if_stopped();
+          chunk.clear();
+          for (std::size_t i = 0; i < batch.count; ++i) {
+            const Double3 p = measured_position(scan_, batch.records.data() + i * scan_.record_bytes());
+            left_out += p[0] == p[0] ? 0 : 1;
+            chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
+          }
+          sink(chunk);
+        });
+  }
+
+ private:
+  static constexpr std::size_t kSlots = 2;
+  const LasRecords& scan_;
+};
+
+class MeasuredVertices : public MeasuredPoints {
+ public:
+  explicit MeasuredVertices(MeshReader& mesh) : mesh_(mesh) {
+    shift = mesh.header().shift;
+    attributes.colour = mesh.header().colour;
+  }
+  void read(const std::function<void(const PointChunk&)>& sink) override {
+    PointChunk chunk;
+    mesh_.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
+      throw_if_stopped();
+      for (std::size_t begin = 0; begin < positions.size(); begin += kChunkPoints) {
+        const std::size_t end = std::min(positions.size(), begin + kChunkPoints);
+        chunk.clear();
+        for (std::size_t i = begin; i < end; ++i) {
+          const Double3& p = positions[i];
+          chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
+          if (!rgba.empty()) chunk.rgba.push_back(rgba[i]);
+        }
+        sink(chunk);
+      }
+    });
+  }
+  std::vector<std::string> notices() const override { return mesh_.warnings(); }
+
+ private:
+  MeshReader& mesh_;
+};
+
+}  // namespace
+
+Double3 measured_position(const LasRecords& scan, const char* record) {
+  constexpr unsigned kWithheld = 0x80, kWideWithheld = 0x04;
+  const unsigned flags = static_cast<std::uint8_t>(record[LasRecordField::kFlags]);
+  if ((flags & (scan.wide() ? kWideWithheld : kWithheld)) != 0) return {kNoNumber, kNoNumber, kNoNumber};
+  return record_position(scan, record);
+}
+
+std::unique_ptr<MeasuredPoints> open_measured_scans(const std::vector<std::filesystem::path>& files,
+                                                    const std::vector<std::string>& columns) {
+  return std::make_unique<MeasuredScans>(files, columns);
+}
+
+std::unique_ptr<MeasuredPoints> open_measured_records(const LasRecords& scan) {
+  return std::make_unique<MeasuredRecords>(scan);
+}
+
+std::unique_ptr<MeasuredPoints> open_measured_vertices(MeshReader& mesh) {
+  return std::make_unique<MeasuredVertices>(mesh);
+}
+
+}  // namespace tessera

@@ -1,0 +1,44 @@
+/// \file measured_points.h
+/// The points whose deviation is asked for, in their order, as often as they are needed: scans of any format, a LAS or LAZ
+/// file record by record, or the vertices of a mesh.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/points/las_records.h"
+#include "stream/formats/points/point_source.h"
+
+namespace tessera {
+
+class MeasuredPoints {
+ public:
+  virtual ~MeasuredPoints() = default;
+  /// All points in order; those that take no part have a coordinate that is no number. Each pass gives the same.
+  /// \throws as the readers do; StoppedError
+  virtual void read(const std::function<void(const PointChunk&)>& sink) = 0;
+  /// Sentences for the user; complete after the first pass.
+  virtual std::vector<std::string> notices() const { return {}; }
+
+  PointAttributes attributes;  ///< arrays of chunks that an output may hold
+  Crs crs;                     ///< unknown where none is named
+  Double3 shift = {0, 0, 0};   ///< to be added to positions
+  std::uint64_t left_out = 0;  ///< marked withheld, placeholders, missing; after the first pass
+};
+
+/// \throws InputError as open_point_file(), for degrees, and for scans of different systems
+std::unique_ptr<MeasuredPoints> open_measured_scans(const std::vector<std::filesystem::path>& files,
+                                                    const std::vector<std::string>& columns);
+/// Every record is a point, those marked withheld too, which take no part. \pre `scan` outlives it
+std::unique_ptr<MeasuredPoints> open_measured_records(const LasRecords& scan);
+/// Its vertices. \pre `mesh` outlives it
+std::unique_ptr<MeasuredPoints> open_measured_vertices(MeshReader& mesh);
+
+/// Position of a record; no number where it is marked withheld.
+Double3 measured_position(const LasRecords& scan, const char* record);
+
+}  // namespace tessera

@@ -1,0 +1,234 @@
+#include "stream/survey/point_distances.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "kernels/mesh/signed_distance.h"
+#include "stream/runtime/stop.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kNoDistance = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t kSlicePoints =
+    1024;  ///< points that one thread measures at a time, a hint between them
+constexpr std::size_t kFarPoints = 1u << 16;
+constexpr std::uint64_t kLeastGroup = 1u << 18, kMostGroups = 2048;
+constexpr std::size_t kResultChunk = 16384;
+/// Of a cell at work, beside its faces: a batch of points and what is found for them.
+constexpr std::uint64_t kBatchBytes = std::uint64_t{1} << 20;
+/// Widens boxes so that rounding of a foot, at most 2^-50 of the coordinates, drops no face around it.
+constexpr double kFootMargin = 0x1p-40;
+
+/// Where buffers of so many buckets take about a share of the memory.
+std::size_t chunk_bytes(std::uint64_t memory_bytes, std::size_t buckets) {
+  return static_cast<std::size_t>(
+      std::clamp<std::uint64_t>(memory_bytes / std::max<std::size_t>(1, buckets), 4096, 262144));
+}
+
+/// Calls use(begin, end) for slices of [0, count) on the threads of the pool.
+template <class Use>
+void for_slices(std::size_t count, const Use& use) {
+  parallel_for((count + kSlicePoints - 1) / kSlicePoints, [&](std::size_t slice) {
+    use(slice * kSlicePoints, std::min(count, (slice + 1) * kSlicePoints));
+  });
+}
+
+double square_to_box(const Double3& p, const MeshBox& box) {
+  double sum = 0.0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double d = std::max({box.low[a] - p[a], 0.0, p[a] - box.high[a]});
+    sum += d * d;
+  }
+  return sum;
+}
+
+double square_between(const MeshBox& a, const MeshBox& b) {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double d = std::max({a.low[k] - b.high[k], 0.0, b.low[k] - a.high[k]});
+    sum += d * d;
+  }
+  return sum;
+}
+
+bool holds_point(const MeshBox& box, const Double3& p) {
+  for (std::size_t a = 0; a < 3; ++a)
+    if (!(p[a] >= box.low[a] && p[a] <= box.high[a])) return false;
+  return true;
+}
+
+/// By how much a foot may be displaced in this box.
+double foot_margin(const MeshBox& box, double reach) {
+  double largest = reach;
+  for (std::size_t a = 0; a < 3; ++a)
+    largest = std::max({largest, std::abs(box.low[a]), std::abs(box.high[a])});
+  return kFootMargin * largest;
+}
+
+PointDistance distance_of(const Double3& p, const SignedDistance::Foot& foot) {
+  return {SignedDistance::signed_distance(p, foot) + 0.0, foot.border};  // no negative zero
+}
+
+}  // namespace
+
+PointDistances::PointDistances(const MeshStore& mesh, double max_distance, const std::filesystem::path& temp,
+                               std::uint64_t memory_bytes)
+    : mesh_(mesh),
+      max_distance_(max_distance),
+      memory_bytes_(memory_bytes),
+      cells_(mesh, max_distance),
+      point_pool_(temp, memory_bytes / 4),
+      result_pool_(temp, memory_bytes / 4) {
+  const std::size_t cells = cells_.cells().size();
+  points_.emplace(point_pool_, cells, chunk_bytes(memory_bytes / 4, cells));
+}
+
+std::uint64_t PointDistances::fullest_bytes() const {
+  std::uint64_t most = 0;
+  for (const DistanceCell& c : cells_.cells()) most = std::max(most, c.bytes + kBatchBytes);
+  return most;
+}
+
+void PointDistances::add(const Double3& p) {
+  const std::size_t cell = cells_.find(p);
+  if (cell != DistanceCells::kNone) points_->add(cell, {p, count_});
+  ++count_;
+}
+
+void PointDistances::keep(std::span<const Placed> points, std::span<const PointDistance> distances) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (std::isnan(distances[i].value)) continue;
+    const std::uint64_t index = points[i].index;
+    results_->add(static_cast<std::size_t>(index / group_points_),
+                  {distances[i].value, static_cast<std::uint32_t>(index % group_points_),
+                   distances[i].border ? 1u : 0u});
+  }
+}
+
+/// Within the reach of its cell a foot has all faces around it loaded, as their boxes hold it.
+void PointDistances::measure_cell(std::size_t cell) {
+  throw_if_stopped();
+  const DistanceCell& c = cells_.cells()[cell];
+  const Double3 origin = c.box.low;
+  const SignedDistance surface(mesh_.load_box(grown(c.box, c.reach + foot_margin(c.box, c.reach))), origin);
+  std::vector<PointDistance> distances;
+  points_->for_each(cell, [&](std::span<const Placed> batch) {
+    throw_if_stopped();
+    distances.assign(batch.size(), {kNoDistance, false});
+    if (!surface.empty())
+      for_slices(batch.size(), [&](std::size_t begin, std::size_t end) {
+        std::uint32_t hint = SignedDistance::kNone;
+        for (std::size_t i = begin; i < end; ++i) {
+          const Double3 p = batch[i].position - origin;
+          const SignedDistance::Foot foot = surface.closest(p, c.reach * c.reach, hint);
+          if (foot.face == SignedDistance::kNone) continue;
+          hint = foot.slot;
+          distances[i] = distance_of(p, foot);
+        }
+      });
+    const std::lock_guard lock(mutex_);
+    keep(batch, distances);
+    if (c.reach >= max_distance_) return;
+    for (std::size_t i = 0; i < batch.size(); ++i)
+      if (std::isnan(distances[i].value)) unsettled_->add(cell, batch[i]);
+  });
+}
+
+/// Points of one cell that have no face within its reach: one patch after the other, the nearest first, while it may hold a
+/// face that is nearer than what was found. A foot counts where it lies in the box of the patch at hand: all faces around
+/// it are loaded there, and every other foot is that of another patch.
+void PointDistances::measure_far(std::span<const Placed> points, MemoryBudget& budget) {
+  MeshBox around = {points.front().position, points.front().position};
+  for (const Placed& p : points)
+    for (std::size_t a = 0; a < 3; ++a) {
+      around.low[a] = std::min(around.low[a], p.position[a]);
+      around.high[a] = std::max(around.high[a], p.position[a]);
+    }
+  const Double3 origin = around.low;
+  struct Candidate {
+    double square = 0.0;
+    std::size_t patch = 0;
+  };
+  std::vector<Candidate> candidates;
+  for (const std::size_t p : mesh_.select(grown(around, max_distance_)))
+    candidates.push_back({square_between(around, mesh_.patches()[p].box), p});
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& l, const Candidate& r) {
+    return l.square != r.square ? l.square < r.square : l.patch < r.patch;
+  });
+  std::vector<PointDistance> distances(points.size(), {kNoDistance, false});
+  std::vector<double> best(points.size(), max_distance_ * max_distance_);
+  std::vector<std::uint32_t> active;
+  for (const Candidate& c : candidates) {
+    throw_if_stopped();
+    if (c.square > *std::max_element(best.begin(), best.end())) break;
+    const MeshBox& box = mesh_.patches()[c.patch].box;
+    active.clear();
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (square_to_box(points[i].position, box) < best[i]) active.push_back(static_cast<std::uint32_t>(i));
+    if (active.empty()) continue;
+    const double margin = foot_margin(box, max_distance_);
+    const MeshBox accepted = grown(box, margin), loaded = grown(box, 2.0 * margin);
+    budget.require(DistanceCells::load_bytes(mesh_, mesh_.select(loaded)), "deviate");
+    const SignedDistance surface(mesh_.load_box(loaded), origin);
+    for_slices(active.size(), [&](std::size_t begin, std::size_t end) {
+      std::uint32_t hint = SignedDistance::kNone;
+      for (std::size_t k = begin; k < end; ++k) {
+        const std::uint32_t i = active[k];
+        const Double3 p = points[i].position - origin;
+        const SignedDistance::Foot foot = surface.closest(p, best[i], hint);
+        if (foot.face == SignedDistance::kNone) continue;
+        hint = foot.slot;
+        if (!holds_point(accepted, foot.at + origin)) continue;
+        best[i] = foot.square;
+        distances[i] = distance_of(p, foot);
+      }
+    });
+  }
+  keep(points, distances);
+}
+
+void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
+  group_points_ = std::max(kLeastGroup, std::bit_ceil(count_ / kMostGroups + 1));
+  results_.emplace(result_pool_, static_cast<std::size_t>(count_ / group_points_ + 1), kResultChunk);
+  const std::size_t cells = cells_.cells().size();
+  unsettled_.emplace(point_pool_, cells, chunk_bytes(memory_bytes_ / 4, cells));
+  std::vector<std::size_t> full;
+  for (std::size_t k = 0; k < cells; ++k)
+    if (points_->count(k) > 0) full.push_back(k);
+  pool.run_tasks(
+      full.size(), [&](std::size_t k) { return cells_.cells()[full[k]].bytes + kBatchBytes; }, budget,
+      [&](std::size_t k) { measure_cell(full[k]); });
+  points_.reset();
+  pool.run_here([&] {
+    std::vector<Placed> batch;
+    for (std::size_t k = 0; k < cells; ++k) {
+      searched_ += unsettled_->count(k);
+      unsettled_->for_each(k, [&](std::span<const Placed> some) {
+        for (const Placed& p : some) {
+          batch.push_back(p);
+          if (batch.size() == kFarPoints) measure_far(batch, budget), batch.clear();
+        }
+      });
+      if (!batch.empty()) measure_far(batch, budget), batch.clear();
+    }
+  });
+  unsettled_.reset();
+}
+
+void PointDistances::load_group() {
+  group_.assign(static_cast<std::size_t>(group_points_), {kNoDistance, false});
+  const auto group = static_cast<std::size_t>(next_ / group_points_);
+  results_->for_each(group, [&](std::span<const Measured> some) {
+    for (const Measured& m : some) group_[m.place] = {m.value, m.border != 0};
+  });
+}
+
+PointDistance PointDistances::next() {
+  if (next_ % group_points_ == 0) load_group();
+  return group_[static_cast<std::size_t>(next_++ % group_points_)];
+}
+
+}  // namespace tessera

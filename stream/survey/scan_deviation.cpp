@@ -1,0 +1,299 @@
+#include "stream/survey/scan_deviation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/commands/convert_mesh.h"
+#include "stream/files/file_extension.h"
+#include "stream/files/scratch_folder.h"
+#include "stream/formats/points/las_copy.h"
+#include "stream/import/crs_sidecar.h"
+#include "stream/import/import_mesh.h"
+#include "stream/meshes/mesh_weld.h"
+#include "stream/render/render_scene.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
+#include "stream/survey/deviation_files.h"
+#include "stream/survey/measured_points.h"
+#include "stream/survey/point_distances.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kReachPerDiagonal = 0.1;
+constexpr std::uint64_t kWorkShare = 4;  ///< a part in so many of the memory is for points on their way
+constexpr std::uint64_t kPassBytes = std::uint64_t{24}
+                                     << 20;  ///< of reading points, and a file being written
+constexpr const char* kWho = "deviate";
+
+bool is_las_name(const std::filesystem::path& path) {
+  const std::string extension = lower_extension(path);
+  return extension == ".las" || extension == ".laz";
+}
+
+bool is_finite(const Double3& p) {
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+}
+
+/// What the first pass finds.
+struct Extent {
+  Double3 min{}, max{};
+  std::uint64_t finite = 0;
+  bool exact_in_float = true;
+  void add(const Double3& p) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      min[a] = finite == 0 ? p[a] : std::min(min[a], p[a]);
+      max[a] = finite == 0 ? p[a] : std::max(max[a], p[a]);
+      exact_in_float = exact_in_float && static_cast<double>(static_cast<float>(p[a])) == p[a];
+    }
+    ++finite;
+  }
+};
+
+/// One call of measure_deviation().
+class DeviationJob {
+ public:
+  DeviationJob(const std::vector<std::filesystem::path>& inputs, const std::filesystem::path& reference,
+               const ScanDeviationOptions& options, const std::filesystem::path& output)
+      : inputs_(inputs),
+        reference_path_(reference),
+        options_(options),
+        output_(output),
+        scratch_(options.temp, "deviate") {
+    run_.memory_bytes = options.memory_bytes;
+    run_.threads = options.threads > 0 ? options.threads : core_count();
+  }
+
+  ScanDeviationReport run() {
+    open_inputs();
+    const MeshStore reference =
+        import_mesh(reference_path_, scratch_.path(), "reference", run_, throw_if_stopped);
+    report_.reference_faces = reference.face_count();
+    if (reference.face_count() == 0)
+      throw InputError(reference_path_.string() + ": has no faces to measure deviations from");
+    report_.max_distance =
+        options_.max_distance > 0.0 ? options_.max_distance : kReachPerDiagonal * reference.diagonal();
+    if (!(report_.max_distance > 0.0))
+      throw InputError(reference_path_.string() + ": has no extent; give --max-distance");
+    if (options_.tolerance > report_.max_distance)
+      throw UsageError(
+          fmt::format("--tolerance {:g}: deviations are told up to {:g} alone; raise --max-distance",
+                      options_.tolerance, report_.max_distance));
+    to_reference_ = points_->shift - reference.info().shift;
+    const std::uint64_t base = resident_bytes();
+    const auto share = [&](std::uint64_t cap) { return MemoryBudget(cap, base).capacity() / kWorkShare; };
+    const std::uint64_t work = share(run_.memory_bytes);
+    PointDistances distances(reference, report_.max_distance, scratch_.path(), work);
+    // Points on their way and the fullest cell are there at one time.
+    const std::uint64_t cell = distances.fullest_bytes();
+    const auto need = [&](std::uint64_t cap) { return std::max(cell, kPassBytes) + share(cap); };
+    MemoryBudget(run_.memory_bytes, base)
+        .require(need(run_.memory_bytes), kWho,
+                 MemoryBudget::smallest_fitting_cap(run_.memory_bytes, base, need));
+    WorkerPool pool(run_.threads);
+    pool.run_here([&] { deal(distances); });
+    MemoryBudget budget(run_.memory_bytes, base + work);
+    distances.measure(pool, budget);
+    trim_allocator();
+    report_.searched = distances.searched();
+    // Distances wait in half of the share, sorting takes the other.
+    DeviationStatistics statistics(report_.max_distance, options_.tolerance, options_.areas, scratch_.path(),
+                                   std::max<std::uint64_t>(work / 2, 1u << 20));
+    pool.run_here([&] { write(distances, statistics); });
+    if (statistics.count() == 0)
+      throw EmptyError(
+          fmt::format("{}: no point lies within {:g} of {}; are both in one system? else raise "
+                      "--max-distance",
+                      inputs_.front().string(), report_.max_distance, reference_path_.string()));
+    report_.table = statistics.finish();
+    report_.notices = points_->notices();
+    if (file_) report_.bytes = file_->finish();
+    if (copy_) report_.bytes = copy_->finish();
+    return std::move(report_);
+  }
+
+ private:
+  void open_inputs() {
+    if (measures_vertices(inputs_.front())) {
+      if (inputs_.size() > 1)
+        throw UsageError(inputs_.front().string() + " is a mesh: meshes are measured one at a time");
+      mesh_ = open_mesh_file(inputs_.front(), {.temp = scratch_.path()});
+      if (!mesh_->shared_vertices())
+        welded_ = std::make_unique<WeldedMesh>(
+            *mesh_, WeldOptions{run_.memory_bytes / kWorkShare, scratch_.path(), throw_if_stopped});
+      points_ = open_measured_vertices(welded_ ? *welded_ : *mesh_);
+      points_->crs = crs_of_wkt(crs_of_mesh(inputs_.front()));
+    } else if (inputs_.size() == 1 && is_las_name(inputs_.front()) && is_las_name(output_) &&
+               options_.colour_scale == 0.0) {
+      records_.emplace(inputs_.front());
+      points_ = open_measured_records(*records_);
+      // What the output refuses it shall refuse before the work.
+      const LasCopy probe(*records_, output_, 1, kDeviationName);
+    } else {
+      points_ = open_measured_scans(inputs_, options_.columns);
+    }
+    const Crs other = crs_of_wkt(crs_of_mesh(reference_path_));
+    if (other.geographic)
+      throw InputError(reference_path_.string() + ": its coordinates are degrees, " + other.name +
+                       "; deviations are lengths");
+    if (points_->crs.known() && other.known() && !may_be_same(points_->crs, other))
+      throw InputError(reference_path_.string() + ": is in " + other.name + ", the points are in " +
+                       points_->crs.name + "; deviations are measured in one system");
+  }
+
+  static Double3 position(const PointChunk& chunk, std::size_t i) {
+    return {chunk.x[i], chunk.y[i], chunk.z[i]};
+  }
+
+  void deal(PointDistances& distances) {
+    points_->read([&](const PointChunk& chunk) {
+      for (std::size_t i = 0; i < chunk.size(); ++i) {
+        const Double3 p = position(chunk, i);
+        distances.add(p + to_reference_);
+        if (is_finite(p)) extent_.add(p);
+      }
+    });
+    report_.points = distances.count();
+    report_.left_out = points_->left_out;
+    if (!records_) report_.left_out += report_.points - extent_.finite;
+    if (extent_.finite == 0)
+      throw EmptyError(inputs_.front().string() + (inputs_.size() > 1 ? " and the others" : "") +
+                       ": there is no point to measure");
+  }
+
+  /// The second pass: every point with its distance.
+  void write(PointDistances& distances, DeviationStatistics& statistics) {
+    if (records_ && !output_.empty()) return write_records(distances, statistics);
+    if (!output_.empty()) file_ = create_file();
+    std::vector<double> values;
+    PointChunk coloured;
+    points_->read([&](const PointChunk& chunk) {
+      values.clear();
+      for (std::size_t i = 0; i < chunk.size(); ++i)
+        values.push_back(next_value(position(chunk, i), distances, statistics));
+      if (!file_) return;
+      if (options_.colour_scale > 0.0) {
+        coloured = chunk;
+        coloured.rgba.clear();
+        for (const double v : values) coloured.rgba.push_back(colour_of(v));
+      }
+      file_->add(options_.colour_scale > 0.0 ? coloured : chunk, values);
+    });
+    require_all(distances);
+  }
+
+  void write_records(PointDistances& distances, DeviationStatistics& statistics) {
+    copy_.emplace(*records_, output_, std::min(run_.threads, 2), kDeviationName);
+    const std::size_t old_bytes = records_->record_bytes(), new_bytes = copy_->record_bytes();
+    std::vector<char> longer;
+    constexpr std::size_t kSlots = 2;
+    records_->read(
+        kSlots, [](LasBatch&) {},
+        [&](LasBatch& batch) {
+          longer.resize(batch.count * new_bytes);
+          for (std::size_t i = 0; i < batch.count; ++i) {
+            const char* record = batch.records.data() + i * old_bytes;
+            const double value = next_value(measured_position(*records_, record), distances, statistics);
+            char* to = longer.data() + i * new_bytes;
+            std::copy_n(record, old_bytes, to);
+            std::copy_n(reinterpret_cast<const char*>(&value), sizeof value, to + old_bytes);
+          }
+          copy_->append(longer.data(), batch.count);
+        });
+    require_all(distances);
+  }
+
+  double next_value(const Double3& p, PointDistances& distances, DeviationStatistics& statistics) {
+    if (given_ == distances.count()) throw_changed();
+    ++given_;
+    const PointDistance distance = distances.next();
+    if (is_finite(p)) statistics.add(p, distance);
+    return distance.value;
+  }
+  void require_all(const PointDistances& distances) const {
+    if (given_ != distances.count()) throw_changed();
+  }
+  [[noreturn]] static void throw_changed() {
+    throw InputError("an input changed while it was read; run the command again");
+  }
+
+  /// Grey where there is no deviation.
+  std::uint32_t colour_of(double value) const {
+    constexpr std::uint32_t kGrey = 0xff606060u;
+    return std::isnan(value) ? kGrey : deviation_colour(value, options_.colour_scale, true);
+  }
+
+  std::unique_ptr<DeviationFile> create_file() {
+    const std::string extension = lower_extension(output_);
+    if (extension == ".csv") return create_deviation_csv(output_);
+    const bool colour = points_->attributes.colour || options_.colour_scale > 0.0;
+    MeshReader* const mesh = welded_ ? welded_.get() : mesh_.get();
+    if (mesh != nullptr && extension == ".ply") return create_deviation_mesh(output_, *mesh, colour);
+    PointFileHeader header;
+    header.attributes = points_->attributes;
+    header.attributes.colour = colour;
+    header.double_positions = !extent_.exact_in_float;
+    if (is_las_name(output_)) {
+      header.attributes.normals = false;
+      header.las_scale = fitting_las_scale(extent_.min, extent_.max);
+      for (std::size_t a = 0; a < 3; ++a) header.las_offset[a] = std::floor(extent_.min[a]);
+    }
+    return create_deviation_points(output_, header);
+  }
+
+  std::vector<std::filesystem::path> inputs_;
+  std::filesystem::path reference_path_;
+  ScanDeviationOptions options_;
+  std::filesystem::path output_;
+  ScratchFolder scratch_;
+  RunOptions run_;
+  ScanDeviationReport report_;
+
+  std::unique_ptr<MeshReader> mesh_;
+  std::unique_ptr<WeldedMesh> welded_;
+  std::optional<LasRecords> records_;  ///< of a file that is copied with a number more
+  std::unique_ptr<MeasuredPoints> points_;
+  Double3 to_reference_{};  ///< added to positions: frames of meshes may be shifted
+  Extent extent_;
+  std::uint64_t given_ = 0;
+  std::unique_ptr<DeviationFile> file_;
+  std::optional<LasCopy> copy_;
+};
+
+}  // namespace
+
+bool measures_vertices(const std::filesystem::path& input) {
+  return converts_as_mesh(input, "mesh.ply");
+}
+
+void require_deviation_output(const std::filesystem::path& output) {
+  const std::string extension = lower_extension(output);
+  if (extension != ".las" && extension != ".laz" && extension != ".ply" && extension != ".csv")
+    throw UsageError(output.string() + ": unknown extension '" + extension +
+                     "' for deviations; use .las, .laz, .ply or .csv");
+}
+
+ScanDeviationReport measure_deviation(const std::vector<std::filesystem::path>& inputs,
+                                      const std::filesystem::path& reference,
+                                      const ScanDeviationOptions& options,
+                                      const std::filesystem::path& output) {
+  return DeviationJob(inputs, reference, options, output).run();
+}
+
+nlohmann::json to_json(const ScanDeviationReport& report, double tolerance) {
+  nlohmann::json out = to_json(report.table, tolerance);
+  out["points"] = report.points;
+  out["left_out"] = report.left_out;
+  out["max_distance"] = report.max_distance;
+  out["reference_faces"] = report.reference_faces;
+  if (tolerance >= 0.0) out["tolerance"] = tolerance;
+  return out;
+}
+
+}  // namespace tessera

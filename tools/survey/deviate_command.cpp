@@ -1,0 +1,144 @@
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/files/json_text.h"
+#include "stream/files/output_file.h"
+#include "stream/files/path_text.h"
+#include "stream/points/reconstruct_options.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/survey/scan_deviation.h"
+#include "tools/commands.h"
+#include "tools/frame/cli.h"
+
+namespace tessera {
+namespace {
+
+struct DeviateCommand {
+  std::vector<std::string> inputs;
+  std::filesystem::path reference, output, report, csv, histogram;
+  ScanDeviationOptions options;
+  double share = 1.0;
+  bool force = false;
+};
+
+void write_file(const std::filesystem::path& path, const std::string& text) {
+  if (path.empty()) return;
+  OutputFile file(path);
+  file.append(text);
+  file.finish();
+}
+
+/// \throws ValidationError
+void require_within(const DeviateCommand& command, const DeviationSummary& all) {
+  if (command.options.tolerance < 0.0) return;
+  const double share = static_cast<double>(all.within) / static_cast<double>(all.count);
+  if (share >= command.share) return;
+  throw ValidationError(fmt::format(
+      "{} of {} measured points deviate by more than {:g}: {:.6g} % lie within, {:.6g} % are asked for",
+      all.count - all.within, all.count, command.options.tolerance, 100.0 * share, 100.0 * command.share));
+}
+
+void run_deviate(const DeviateCommand& command) {
+  const auto start = std::chrono::steady_clock::now();
+  cli::require_inputs(command.inputs);
+  if (command.reference.empty())
+    throw UsageError("--to is missing: the mesh from which deviations are measured");
+  if (command.output.empty() && command.report.empty() && command.csv.empty() && command.histogram.empty() &&
+      command.options.tolerance < 0.0)
+    throw UsageError(
+        "no output: give -o FILE (.las, .laz, .ply, .csv), --report, --csv, --histogram or --tolerance");
+  if (!command.output.empty()) require_deviation_output(command.output);
+  if (command.share < 1.0 && command.options.tolerance < 0.0)
+    throw UsageError("--share has a meaning with --tolerance alone");
+  const std::vector<std::filesystem::path> inputs = cli::expand_and_tell(command.inputs);
+  std::vector<std::filesystem::path> reads = cli::also_read(command.inputs);
+  reads.insert(reads.end(), inputs.begin(), inputs.end());
+  reads.push_back(command.reference);
+  reads.push_back(command.options.areas);
+  const PlannedWrite::Existing existing = existing_by(command.force);
+  cli::check_line_writes(reads, {{command.output, "-o", existing},
+                                 {command.report, "--report", existing},
+                                 {command.csv, "--csv", existing},
+                                 {command.histogram, "--histogram", existing}});
+  ScanDeviationOptions options = command.options;
+  if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
+  if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
+  const ScanDeviationReport report = measure_deviation(inputs, command.reference, options, command.output);
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  for (const std::string& notice : report.notices) fmt::print(stderr, "note: {}\n", notice);
+  fmt::print("{}", describe(report.table, options.tolerance));
+  fmt::print("{} points to {} faces, up to {:g}; left out: {}; {:.1f} s, peak {}\n", report.points,
+             report.reference_faces, report.max_distance, report.left_out, seconds,
+             format_bytes(peak_resident_bytes()));
+  std::cout << std::flush;
+  write_file(command.csv, to_csv(report.table, options.tolerance));
+  write_file(command.histogram, histogram_csv(report.table));
+  if (!command.report.empty()) {
+    nlohmann::json json = to_json(report, options.tolerance);
+    json["inputs"] = nlohmann::json::array();
+    for (const std::filesystem::path& input : inputs) json["inputs"].push_back(json_text(input));
+    json["reference"] = json_text(command.reference);
+    if (!command.output.empty()) json["output"] = json_text(command.output);
+    json["seconds"] = seconds, json["peak_bytes"] = peak_resident_bytes();
+    write_file(command.report, dump_json(json, 2) + "\n");
+  }
+  require_within(command, report.table.rows.front());
+}
+
+}  // namespace
+
+cli::Command deviate_command() {
+  auto shared = std::make_shared<DeviateCommand>();
+  DeviateCommand& c = *shared;
+  OptionTable t;
+  cli::add_inputs(t, c.inputs);
+  cli::add_output(
+      t, c.output,
+      "file with a scalar 'deviation': points .las, .laz, .ply or a table .csv; a mesh .ply, whose "
+      "vertices are measured");
+  ScanDeviationOptions& o = c.options;
+  t.add("to", &c.reference, "the reference, a mesh: PLY, OBJ, STL, OFF or GLB").shown_as("FILE");
+  t.add("max-distance", &o.max_distance,
+        "what lies farther off is counted as far and has no deviation, scan units; 0 = a tenth of the "
+        "reference's diagonal")
+      .at_least(0);
+  t.add("tolerance", &o.tolerance,
+        "measured points must deviate by no more than this, either way, else the exit code is 6; default: "
+        "any may; "
+        "-1 = the same")
+      .at_least(-1);
+  t.add("share", &c.share, "with --tolerance: so large a share of the measured points must, 0 to 1")
+      .at_least(0);
+  t.add(
+      "within", &o.areas,
+      "polygons (GeoJSON, in the coordinates of the scan), a row of figures each beside that of all points");
+  t.add("colours", &o.colour_scale,
+        "colours by deviation instead of those there were: red in front of the reference, blue behind, full "
+        "at this "
+        "deviation, magenta beyond; 0 = those there were")
+      .at_least(0);
+  t.add("csv", &c.csv, "also write the rows of figures to this file");
+  t.add("histogram", &c.histogram, "also write a histogram of deviations to this file (CSV)");
+  t.add("report,json", &c.report, "also write the figures to this file");
+  add_columns(t, o.columns);
+  cli::add_force(t, c.force);
+  cli::add_threads(t, o.threads, "threads; never changes the result");
+  t.add("memory", &o.memory_bytes, "cap on memory; larger scans and meshes go through --temp").bytes();
+  t.add("temp", &o.temp, "folder for scratch files; default: the system's");
+  return {"deviate",
+          "How far scans, or the vertices of a mesh, lie from a reference mesh: signed distances as a scalar "
+          "of every "
+          "point, figures and a verdict. Example: tessera deviate scan.laz --to design.stl -o deviation.laz "
+          "--tolerance 0.02",
+          t, [shared] { run_deviate(*shared); }};
+}
+
+}  // namespace tessera
