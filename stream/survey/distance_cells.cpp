@@ -11,11 +11,13 @@ namespace {
 constexpr std::uint64_t kLeastCellFaces = 1u << 16;
 /// Every open cell costs a buffer of points: huge meshes get larger cells, not more of them.
 constexpr std::uint64_t kMostCells = 4096;
-/// While this many times the faces of a cell are near, a wider reach is tried: it settles more points at once.
+/// A cell beside the mesh may hold little of it and touch much.
+constexpr std::uint64_t kNearFaces = 4;
+/// While no more than so many times the faces of a cell are near, a wider reach settles more points at once.
 constexpr std::uint64_t kReachFaces = 2;
-constexpr int kMostLevels = 20;
-/// Smaller cells would mostly load what their neighbours load.
-constexpr double kReachesPerCell = 2.0;
+/// What is loaded around a cell at least, in edges of patches: most points of a scan lie far nearer to its mesh than
+/// this, and the ring costs little beside the cell.
+constexpr double kLeastReach = 1.0 / 8;
 
 }  // namespace
 
@@ -25,11 +27,16 @@ DistanceCells::DistanceCells(const MeshStore& mesh, double max_distance)
       patch_edge_(mesh.info().lattice.h * kBrickCells),
       cell_faces_(std::max(kLeastCellFaces, mesh.face_count() / kMostCells)),
       reached_(grown(mesh.box(), max_distance)) {
-  least_reach_ = std::min(max_distance, patch_edge_);
-  corner_ = reached_.low;
-  for (std::size_t a = 0; a < 3; ++a) edge_ = std::max(edge_, reached_.high[a] - reached_.low[a]);
-  // Far from zero a sum of small lengths is rounded: no point of the box may lie beyond the cube.
-  edge_ *= 1.0 + 0x1p-30;
+  least_reach_ = std::min(max_distance, kLeastReach * patch_edge_);
+  // Cells meet where patches meet. Each shares its planes with its neighbours bit by bit: corner + edge * (an exact fraction).
+  double extent = 0.0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    corner_[a] = std::floor(reached_.low[a] / patch_edge_) * patch_edge_;
+    while (corner_[a] > reached_.low[a]) corner_[a] -= patch_edge_;
+    extent = std::max(extent, reached_.high[a] - corner_[a]);
+  }
+  edge_ = patch_edge_;
+  while (edge_ < extent * (1.0 + 0x1p-30)) edge_ *= 2.0;
   std::vector<std::size_t> all(mesh.patches().size());
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
   nodes_.emplace_back();
@@ -43,6 +50,21 @@ double DistanceCells::plane(std::size_t axis, std::uint64_t at, int level) const
 std::uint64_t DistanceCells::faces_of(std::span<const std::size_t> patches) const {
   std::uint64_t faces = 0;
   for (const std::size_t p : patches) faces += mesh_.patches()[p].faces;
+  return faces;
+}
+
+/// Of the patches whose middle lies in the box.
+std::uint64_t DistanceCells::faces_inside(std::span<const std::size_t> patches, const MeshBox& box) const {
+  std::uint64_t faces = 0;
+  for (const std::size_t p : patches) {
+    const MeshPatchEntry& e = mesh_.patches()[p];
+    bool inside = true;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double middle = 0.5 * (e.box.low[a] + e.box.high[a]);
+      inside = inside && middle >= box.low[a] && middle < box.high[a];
+    }
+    if (inside) faces += e.faces;
+  }
   return faces;
 }
 
@@ -60,7 +82,15 @@ DistanceCell DistanceCells::make_cell(const MeshBox& box) const {
     cell.reach = std::max(least_reach_, 0.5 * cell.reach);
     near = mesh_.select(grown(box, cell.reach));
   }
-  cell.bytes = load_bytes(mesh_, near);
+  cell.bytes = cell.wide_bytes = load_bytes(mesh_, near);
+  cell.wide_reach = cell.reach;
+  while (cell.wide_reach < max_distance_) {
+    const double wider = std::min(max_distance_, 2.0 * cell.wide_reach);
+    near = mesh_.select(grown(box, wider));
+    if (faces_of(near) > kNearFaces * cell_faces_) break;
+    cell.wide_reach = wider;
+    cell.wide_bytes = load_bytes(mesh_, near);
+  }
   return cell;
 }
 
@@ -72,8 +102,8 @@ void DistanceCells::split(std::size_t node, const std::array<std::uint64_t, 3>& 
   std::vector<std::size_t> near;
   for (const std::size_t p : patches)
     if (overlap(mesh_.patches()[p].box, grown(box, least_reach_))) near.push_back(p);
-  const double size = std::ldexp(edge_, -level);
-  if (faces_of(near) <= cell_faces_ || level == kMostLevels || size < kReachesPerCell * least_reach_) {
+  const bool small = faces_inside(near, box) <= cell_faces_ && faces_of(near) <= kNearFaces * cell_faces_;
+  if (small || std::ldexp(edge_, -level) <= patch_edge_) {
     nodes_[node].cell = cells_.size();
     cells_.push_back(make_cell(box));
     return;

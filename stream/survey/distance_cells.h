@@ -17,6 +17,8 @@ struct DistanceCell {
   MeshBox box;
   double reach = 0.0;       ///< faces are loaded up to here around the box, > 0
   std::uint64_t bytes = 0;  ///< to load them, with a SignedDistance
+  double wide_reach = 0.0;  ///< for points that have none so near: at least `reach`
+  std::uint64_t wide_bytes = 0;
 };
 
 class DistanceCells {
@@ -43,6 +45,7 @@ class DistanceCells {
   DistanceCell make_cell(const MeshBox& box) const;
   double plane(std::size_t axis, std::uint64_t at, int level) const;
   std::uint64_t faces_of(std::span<const std::size_t> patches) const;
+  std::uint64_t faces_inside(std::span<const std::size_t> patches, const MeshBox& box) const;
 
   const MeshStore& mesh_;
   double max_distance_, least_reach_, patch_edge_;

@@ -19,6 +19,7 @@ constexpr std::uint64_t kLeastGroup = 1u << 18, kMostGroups = 2048;
 constexpr std::size_t kResultChunk = 16384;
 /// Of a cell at work, beside its faces: a batch of points and what is found for them.
 constexpr std::uint64_t kBatchBytes = std::uint64_t{1} << 20;
+constexpr std::uint64_t kWideBytes = kFarPoints * 64;
 /// Widens boxes so that rounding of a foot, at most 2^-50 of the coordinates, drops no face around it.
 constexpr double kFootMargin = 0x1p-40;
 
@@ -72,6 +73,34 @@ PointDistance distance_of(const Double3& p, const SignedDistance::Foot& foot) {
   return {SignedDistance::signed_distance(p, foot) + 0.0, foot.border};  // no negative zero
 }
 
+template <class Placed>
+MeshBox box_around(std::span<const Placed> points) {
+  MeshBox box = {points.front().position, points.front().position};
+  for (const Placed& p : points)
+    for (std::size_t a = 0; a < 3; ++a) {
+      box.low[a] = std::min(box.low[a], p.position[a]);
+      box.high[a] = std::max(box.high[a], p.position[a]);
+    }
+  return box;
+}
+
+/// Distances of points that have a face within the reach. \pre all such faces are in the surface
+template <class Placed>
+void measure_by(const SignedDistance& surface, double reach, std::span<const Placed> points,
+                std::vector<PointDistance>& distances) {
+  if (surface.empty()) return;
+  for_slices(points.size(), [&](std::size_t begin, std::size_t end) {
+    std::uint32_t hint = SignedDistance::kNone;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Double3 p = points[i].position - surface.origin();
+      const SignedDistance::Foot foot = surface.closest(p, reach * reach, hint);
+      if (foot.face == SignedDistance::kNone) continue;
+      hint = foot.slot;
+      distances[i] = distance_of(p, foot);
+    }
+  });
+}
+
 }  // namespace
 
 PointDistances::PointDistances(const MeshStore& mesh, double max_distance, const std::filesystem::path& temp,
@@ -88,7 +117,8 @@ PointDistances::PointDistances(const MeshStore& mesh, double max_distance, const
 
 std::uint64_t PointDistances::fullest_bytes() const {
   std::uint64_t most = 0;
-  for (const DistanceCell& c : cells_.cells()) most = std::max(most, c.bytes + kBatchBytes);
+  for (const DistanceCell& c : cells_.cells())
+    most = std::max({most, c.bytes + kBatchBytes, c.wide_bytes + kWideBytes});
   return most;
 }
 
@@ -108,27 +138,25 @@ void PointDistances::keep(std::span<const Placed> points, std::span<const PointD
   }
 }
 
-/// Within the reach of its cell a foot has all faces around it loaded, as their boxes hold it.
+std::vector<PointDistance> PointDistances::measure_within(const MeshBox& box, double reach,
+                                                          std::span<const Placed> points) const {
+  std::vector<PointDistance> distances(points.size(), {kNoDistance, false});
+  // Within the reach of the box a foot has all faces around it loaded, as their boxes hold it.
+  const SignedDistance surface(mesh_.load_box(grown(box, reach + foot_margin(box, reach))), box.low);
+  measure_by(surface, reach, points, distances);
+  return distances;
+}
+
 void PointDistances::measure_cell(std::size_t cell) {
   throw_if_stopped();
   const DistanceCell& c = cells_.cells()[cell];
-  const Double3 origin = c.box.low;
-  const SignedDistance surface(mesh_.load_box(grown(c.box, c.reach + foot_margin(c.box, c.reach))), origin);
+  const SignedDistance surface(mesh_.load_box(grown(c.box, c.reach + foot_margin(c.box, c.reach))),
+                               c.box.low);
   std::vector<PointDistance> distances;
   points_->for_each(cell, [&](std::span<const Placed> batch) {
     throw_if_stopped();
     distances.assign(batch.size(), {kNoDistance, false});
-    if (!surface.empty())
-      for_slices(batch.size(), [&](std::size_t begin, std::size_t end) {
-        std::uint32_t hint = SignedDistance::kNone;
-        for (std::size_t i = begin; i < end; ++i) {
-          const Double3 p = batch[i].position - origin;
-          const SignedDistance::Foot foot = surface.closest(p, c.reach * c.reach, hint);
-          if (foot.face == SignedDistance::kNone) continue;
-          hint = foot.slot;
-          distances[i] = distance_of(p, foot);
-        }
-      });
+    measure_by(surface, c.reach, batch, distances);
     const std::lock_guard lock(mutex_);
     keep(batch, distances);
     if (c.reach >= max_distance_) return;
@@ -137,16 +165,44 @@ void PointDistances::measure_cell(std::size_t cell) {
   });
 }
 
-/// Points of one cell that have no face within its reach: one patch after the other, the nearest first, while it may hold a
+/// Points without a face within the reach of their cell, in circles twice as wide each time: few points lie far off, and
+/// those that do lie together.
+void PointDistances::measure_wide(std::size_t cell, std::vector<Placed>& points) {
+  const DistanceCell& c = cells_.cells()[cell];
+  for (double reach = c.reach; reach < c.wide_reach && !points.empty();) {
+    throw_if_stopped();
+    reach = std::min(c.wide_reach, 2.0 * reach);
+    const std::vector<PointDistance> distances =
+        measure_within(box_around(std::span<const Placed>(points)), reach, points);
+    std::size_t left = 0;
+    const std::lock_guard lock(mutex_);
+    keep(points, distances);
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (std::isnan(distances[i].value)) points[left++] = points[i];
+    points.resize(left);
+  }
+  if (c.wide_reach >= max_distance_) return;
+  const std::lock_guard lock(mutex_);
+  for (const Placed& p : points) far_->add(cell, p);
+}
+
+void PointDistances::measure_wide(std::size_t cell) {
+  std::vector<Placed> points;
+  points.reserve(std::min<std::uint64_t>(kFarPoints, unsettled_->count(cell)));
+  unsettled_->for_each(cell, [&](std::span<const Placed> some) {
+    for (const Placed& p : some) {
+      points.push_back(p);
+      if (points.size() == kFarPoints) measure_wide(cell, points), points.clear();
+    }
+  });
+  if (!points.empty()) measure_wide(cell, points);
+}
+
+/// Points of one cell that have no face within its wide reach: one patch after the other, the nearest first, while it may hold a
 /// face that is nearer than what was found. A foot counts where it lies in the box of the patch at hand: all faces around
 /// it are loaded there, and every other foot is that of another patch.
 void PointDistances::measure_far(std::span<const Placed> points, MemoryBudget& budget) {
-  MeshBox around = {points.front().position, points.front().position};
-  for (const Placed& p : points)
-    for (std::size_t a = 0; a < 3; ++a) {
-      around.low[a] = std::min(around.low[a], p.position[a]);
-      around.high[a] = std::max(around.high[a], p.position[a]);
-    }
+  const MeshBox around = box_around(points);
   const Double3 origin = around.low;
   struct Candidate {
     double square = 0.0;
@@ -194,19 +250,30 @@ void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
   group_points_ = std::max(kLeastGroup, std::bit_ceil(count_ / kMostGroups + 1));
   results_.emplace(result_pool_, static_cast<std::size_t>(count_ / group_points_ + 1), kResultChunk);
   const std::size_t cells = cells_.cells().size();
-  unsettled_.emplace(point_pool_, cells, chunk_bytes(memory_bytes_ / 4, cells));
-  std::vector<std::size_t> full;
-  for (std::size_t k = 0; k < cells; ++k)
-    if (points_->count(k) > 0) full.push_back(k);
+  const std::size_t buffer = chunk_bytes(memory_bytes_ / 4, cells);
+  unsettled_.emplace(point_pool_, cells, buffer);
+  const auto with_points = [&](const SpillBuckets<Placed>& buckets) {
+    std::vector<std::size_t> some;
+    for (std::size_t k = 0; k < cells; ++k)
+      if (buckets.count(k) > 0) some.push_back(k);
+    return some;
+  };
+  const std::vector<std::size_t> full = with_points(*points_);
   pool.run_tasks(
       full.size(), [&](std::size_t k) { return cells_.cells()[full[k]].bytes + kBatchBytes; }, budget,
       [&](std::size_t k) { measure_cell(full[k]); });
   points_.reset();
+  far_.emplace(point_pool_, cells, buffer);
+  const std::vector<std::size_t> wide = with_points(*unsettled_);
+  pool.run_tasks(
+      wide.size(), [&](std::size_t k) { return cells_.cells()[wide[k]].wide_bytes + kWideBytes; }, budget,
+      [&](std::size_t k) { measure_wide(wide[k]); });
+  unsettled_.reset();
   pool.run_here([&] {
     std::vector<Placed> batch;
-    for (std::size_t k = 0; k < cells; ++k) {
-      searched_ += unsettled_->count(k);
-      unsettled_->for_each(k, [&](std::span<const Placed> some) {
+    for (const std::size_t k : with_points(*far_)) {
+      searched_ += far_->count(k);
+      far_->for_each(k, [&](std::span<const Placed> some) {
         for (const Placed& p : some) {
           batch.push_back(p);
           if (batch.size() == kFarPoints) measure_far(batch, budget), batch.clear();
@@ -215,7 +282,7 @@ void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
       if (!batch.empty()) measure_far(batch, budget), batch.clear();
     }
   });
-  unsettled_.reset();
+  far_.reset();
 }
 
 void PointDistances::load_group() {

@@ -37,7 +37,7 @@ class PointDistances {
   void measure(WorkerPool& pool, MemoryBudget& budget);
   /// The distance of the next point, in the order of add(). \pre measure(), not more often than points were added
   PointDistance next();
-  /// How many points no cell settled, whose faces were looked for patch by patch.
+  /// How many points were left for the last step: faces were looked for patch by patch.
   std::uint64_t searched() const { return searched_; }
 
  private:
@@ -51,7 +51,11 @@ class PointDistances {
     std::uint32_t border = 0;
   };
   void measure_cell(std::size_t cell);
+  void measure_wide(std::size_t cell);
+  void measure_wide(std::size_t cell, std::vector<Placed>& points);
   void measure_far(std::span<const Placed> points, MemoryBudget& budget);
+  std::vector<PointDistance> measure_within(const MeshBox& box, double reach,
+                                            std::span<const Placed> points) const;
   void keep(std::span<const Placed> points, std::span<const PointDistance> distances);
   void load_group();
 
@@ -61,10 +65,10 @@ class PointDistances {
   DistanceCells cells_;
   std::uint64_t count_ = 0, searched_ = 0;
   SpillPool point_pool_, result_pool_;
-  std::optional<SpillBuckets<Placed>> points_, unsettled_;
+  std::optional<SpillBuckets<Placed>> points_, unsettled_, far_;
   std::optional<SpillBuckets<Measured>> results_;
   std::uint64_t group_points_ = 1;  ///< consecutive points whose distances are read together
-  std::mutex mutex_;                ///< of results_ and unsettled_
+  std::mutex mutex_;                ///< of results_, unsettled_ and far_
 
   std::uint64_t next_ = 0;
   std::vector<PointDistance> group_;

@@ -290,6 +290,7 @@ nlohmann::json to_json(const ScanDeviationReport& report, double tolerance) {
   nlohmann::json out = to_json(report.table, tolerance);
   out["points"] = report.points;
   out["left_out"] = report.left_out;
+  out["searched"] = report.searched;
   out["max_distance"] = report.max_distance;
   out["reference_faces"] = report.reference_faces;
   if (tolerance >= 0.0) out["tolerance"] = tolerance;
