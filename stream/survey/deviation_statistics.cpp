@@ -175,7 +175,7 @@ std::string describe(const DeviationTable& table, double tolerance) {
                         100.0 * static_cast<double>(all.within) / static_cast<double>(all.count));
   if (table.rows.size() < 2) return text;
   text += fmt::format("{:<10} {:>12} {:>10} {:>12} {:>12} {:>12} {:>12} {:>12} {:>12} {:>9}\n", "area",
-                      "points", "far", "mean", "rms", "deviation", "median", "min", "max", "within %");
+                      "points", "far", "mean", "rms", "st.dev.", "median", "min", "max", "within %");
   for (const DeviationSummary& r : table.rows) {
     const std::string within =
         tolerance >= 0.0 && r.count > 0

@@ -27,7 +27,8 @@ namespace tessera {
 namespace {
 
 constexpr double kReachPerDiagonal = 0.1;
-constexpr std::uint64_t kWorkShare = 4;  ///< a part in so many of the memory is for points on their way
+constexpr double kMostDiagonals = 1000.0;  ///< sums of squares have digits for no more
+constexpr std::uint64_t kWorkShare = 4;    ///< a part in so many of the memory is for points on their way
 constexpr std::uint64_t kPassBytes = std::uint64_t{24}
                                      << 20;  ///< of reading points, and a file being written
 constexpr const char* kWho = "deviate";
@@ -81,6 +82,10 @@ class DeviationJob {
         options_.max_distance > 0.0 ? options_.max_distance : kReachPerDiagonal * reference.diagonal();
     if (!(report_.max_distance > 0.0))
       throw InputError(reference_path_.string() + ": has no extent; give --max-distance");
+    if (report_.max_distance > kMostDiagonals * reference.diagonal())
+      throw UsageError(fmt::format("--max-distance {:g}: is more than {:g} times the diagonal of {}, {:g}",
+                                   report_.max_distance, kMostDiagonals, reference_path_.string(),
+                                   reference.diagonal()));
     if (options_.tolerance > report_.max_distance)
       throw UsageError(
           fmt::format("--tolerance {:g}: deviations are told up to {:g} alone; raise --max-distance",

@@ -372,6 +372,7 @@ TEST_CASE("deviate: what cannot be measured is refused, and leaves no file", "[p
   refused({away.string(), "--to", to, "-o", out.string()}, 5, "no point lies within");
   refused({from, "--to", to, "-o", out.string(), "--tolerance", "3", "--max-distance", "2"}, 2,
           "raise --max-distance");
+  refused({from, "--to", to, "-o", out.string(), "--tolerance", "1", "--share", "95"}, 2, "from 0 to 1");
   refused({box.string(), from, "--to", to, "-o", out.string()}, 2, "one at a time");
 }
 

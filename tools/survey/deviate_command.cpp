@@ -21,11 +21,13 @@
 namespace tessera {
 namespace {
 
+constexpr double kNoTolerance = -1.0;
+
 struct DeviateCommand {
   std::vector<std::string> inputs;
   std::filesystem::path reference, output, report, csv, histogram;
   ScanDeviationOptions options;
-  double share = 1.0;
+  double share = 1.0;  ///< of the measured points
   bool force = false;
 };
 
@@ -56,6 +58,8 @@ void run_deviate(const DeviateCommand& command) {
     throw UsageError(
         "no output: give -o FILE (.las, .laz, .ply, .csv), --report, --csv, --histogram or --tolerance");
   if (!command.output.empty()) require_deviation_output(command.output);
+  if (command.share > 1.0)
+    throw UsageError(fmt::format("--share {:g}: is a share, from 0 to 1", command.share));
   if (command.share < 1.0 && command.options.tolerance < 0.0)
     throw UsageError("--share has a meaning with --tolerance alone");
   const std::vector<std::filesystem::path> inputs = cli::expand_and_tell(command.inputs);
@@ -111,10 +115,10 @@ cli::Command deviate_command() {
         "reference's diagonal")
       .at_least(0);
   t.add("tolerance", &o.tolerance,
-        "measured points must deviate by no more than this, either way, else the exit code is 6; default: "
-        "any may; "
-        "-1 = the same")
-      .at_least(-1);
+        "measured points must deviate by no more than this, either way, else the exit code is 6; any = no "
+        "verdict")
+      .at_least(0)
+      .or_word("any", kNoTolerance);
   t.add("share", &c.share, "with --tolerance: so large a share of the measured points must, 0 to 1")
       .at_least(0);
   t.add(
