@@ -4,6 +4,7 @@
 
 #include "octree/error.h"
 #include "stream/points/file_notices.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
 #include "stream/survey/lowest_heights.h"
 
@@ -23,12 +24,13 @@ void require_lengths(const std::filesystem::path& file, const Crs& crs) {
 
 class MeasuredScans : public MeasuredPoints {
  public:
-  MeasuredScans(const std::vector<std::filesystem::path>& paths, const std::vector<std::string>& columns) {
+  MeasuredScans(const std::vector<std::filesystem::path>& paths, const std::vector<std::string>& columns,
+                std::size_t window)
+      : window_(window) {
     ReadOptions options;
     options.columns = columns;
     options.chunk_points = kChunkPoints;
     options.intensities = true;
-    attributes.intensity_16 = attributes.echo = false;
     for (const std::filesystem::path& path : paths) {
       files_.push_back(open_point_file(path, options));
       const PointFileInfo& info = files_.back()->info();
@@ -48,17 +50,9 @@ class MeasuredScans : public MeasuredPoints {
     FileNotices notices;
     left_out = 0;
     for (const std::unique_ptr<PointFile>& file : files_) {
-      ReadCounts total;
-      for (const InputSlice& slice : file->slices(0, kSliceBytes)) {
-        const ReadCounts counts = file->read(slice, [&](const PointChunk& chunk) {
-          throw_if_stopped();
-          sink(chunk);
-        });
-        total.points += counts.points, total.withheld += counts.withheld, total.empty += counts.empty;
-        total.missing += counts.missing;
-        for (const std::string& w : counts.warnings) notices.add(file->info().path, w);
-      }
+      const ReadCounts total = read_file(*file, sink);
       notices.add(file->info());
+      for (const std::string& w : total.warnings) notices.add(file->info().path, w);
       left_out += total.withheld + total.empty + missing_points(file->info(), total);
     }
     notices_ = notices.lines();
@@ -66,7 +60,43 @@ class MeasuredScans : public MeasuredPoints {
   std::vector<std::string> notices() const override { return notices_; }
 
  private:
+  /// Slices are read side by side and handed on in order.
+  ReadCounts read_file(const PointFile& file, const std::function<void(const PointChunk&)>& sink) const {
+    const std::vector<InputSlice> slices = file.slices(0, kSliceBytes);
+    ReadCounts total;
+    const auto add = [&](const ReadCounts& counts) {
+      total.points += counts.points, total.withheld += counts.withheld, total.empty += counts.empty;
+      total.missing += counts.missing;
+      total.warnings.insert(total.warnings.end(), counts.warnings.begin(), counts.warnings.end());
+    };
+    if (slices.size() == 1) {  // may be of any size: nothing of it waits in memory
+      add(file.read(slices.front(), [&](const PointChunk& chunk) {
+        throw_if_stopped();
+        sink(chunk);
+      }));
+      return total;
+    }
+    std::vector<std::vector<PointChunk>> ring(window_);
+    std::vector<ReadCounts> counts(window_);
+    parallel_in_order(
+        slices.size(), window_,
+        [&](std::size_t slice) {
+          std::vector<PointChunk>& chunks = ring[slice % window_];
+          chunks.clear();
+          counts[slice % window_] = file.read(slices[slice], [&](const PointChunk& chunk) {
+            throw_if_stopped();
+            chunks.push_back(chunk);
+          });
+        },
+        [&](std::size_t slice) {
+          for (const PointChunk& chunk : ring[slice % window_]) sink(chunk);
+          add(counts[slice % window_]);
+        });
+    return total;
+  }
+
   std::vector<std::unique_ptr<PointFile>> files_;
+  std::size_t window_;
   std::vector<std::string> notices_;
 };
 
@@ -136,8 +166,9 @@ Double3 measured_position(const LasRecords& scan, const char* record) {
 }
 
 std::unique_ptr<MeasuredPoints> open_measured_scans(const std::vector<std::filesystem::path>& files,
-                                                    const std::vector<std::string>& columns) {
-  return std::make_unique<MeasuredScans>(files, columns);
+                                                    const std::vector<std::string>& columns,
+                                                    std::size_t window) {
+  return std::make_unique<MeasuredScans>(files, columns, window);
 }
 
 std::unique_ptr<MeasuredPoints> open_measured_records(const LasRecords& scan) {

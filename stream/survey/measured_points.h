@@ -30,9 +30,13 @@ class MeasuredPoints {
   std::uint64_t left_out = 0;  ///< marked withheld, placeholders, missing; after the first pass
 };
 
+/// \param window  so many slices of a file wait in memory at most, kSliceMemory each; >= 1
 /// \throws InputError as open_point_file(), for degrees, and for scans of different systems
 std::unique_ptr<MeasuredPoints> open_measured_scans(const std::vector<std::filesystem::path>& files,
-                                                    const std::vector<std::string>& columns);
+                                                    const std::vector<std::string>& columns,
+                                                    std::size_t window);
+/// Of points read, and of a decoder at work.
+inline constexpr std::uint64_t kSliceMemory = std::uint64_t{16} << 20;
 /// Every record is a point, those marked withheld too, which take no part. \pre `scan` outlives it
 std::unique_ptr<MeasuredPoints> open_measured_records(const LasRecords& scan);
 /// Its vertices. \pre `mesh` outlives it

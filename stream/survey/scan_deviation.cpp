@@ -141,7 +141,7 @@ class DeviationJob {
       // What the output refuses it shall refuse before the work.
       const LasCopy probe(*records_, output_, 1, kDeviationName);
     } else {
-      points_ = open_measured_scans(inputs_, options_.columns);
+      points_ = open_measured_scans(inputs_, options_.columns, slice_window());
     }
     const Crs other = crs_of_wkt(crs_of_mesh(reference_path_));
     if (other.geographic)
@@ -150,6 +150,13 @@ class DeviationJob {
     if (points_->crs.known() && other.known() && !may_be_same(points_->crs, other))
       throw InputError(reference_path_.string() + ": is in " + other.name + ", the points are in " +
                        points_->crs.name + "; deviations are measured in one system");
+  }
+
+  /// Slices are read while neither cells nor their faces are there, beside points on their way, a file and what sorts.
+  std::size_t slice_window() const {
+    const std::uint64_t free = MemoryBudget(run_.memory_bytes, resident_bytes()).capacity() / 2;
+    return std::clamp<std::size_t>(static_cast<std::size_t>(free / kSliceMemory), 1,
+                                   static_cast<std::size_t>(run_.threads) + 1);
   }
 
   static Double3 position(const PointChunk& chunk, std::size_t i) {

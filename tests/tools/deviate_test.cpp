@@ -339,6 +339,27 @@ TEST_CASE("deviate: the same bytes for any cap and any threads", "[pipeline]") {
   const std::string first = run("1G", "2");
   CHECK(run("160M", "1") == first);
   CHECK(run("256M", "3") == first);
+
+  // A cap that cannot work is refused with one that can; the import of the reference may ask first, and for less.
+  const auto out = folder / "capped.csv";
+  std::string cap = "8M";
+  for (int tries = 0; tries < 5; ++tries) {
+    const CommandResult r = tessera_command({"deviate", scan.string(), "--to", reference.string(), "-o",
+                                             out.string(), "--memory", cap, "-t", "2"});
+    INFO(r.errors);
+    if (r.code == 0) {
+      CHECK(tries > 0);
+      CHECK(r.peak_bytes <= std::stoull(cap) << 20);
+      break;
+    }
+    REQUIRE(r.code == 4);
+    CHECK_FALSE(std::filesystem::exists(out));
+    const std::string words = "would do is --memory ";
+    const std::size_t at = r.errors.find(words);
+    REQUIRE(at != std::string::npos);
+    cap = std::to_string(std::stoull(r.errors.substr(at + words.size()))) + "M";
+  }
+  CHECK(rows_of(out).size() == points.size());
 }
 
 TEST_CASE("deviate: what cannot be measured is refused, and leaves no file", "[pipeline]") {
