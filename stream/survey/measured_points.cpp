@@ -108,7 +108,6 @@ class MeasuredRecords : public MeasuredPoints {
   }
   void read(const std::function<void(const PointChunk&)>& sink) override {
     PointChunk chunk;
-    left_out = 0;
     scan_.read(
         kSlots, [](LasBatch&) {},
         [&](LasBatch& batch) {
@@ -116,7 +115,6 @@ class MeasuredRecords : public MeasuredPoints {
           chunk.clear();
           for (std::size_t i = 0; i < batch.count; ++i) {
             const Double3 p = measured_position(scan_, batch.records.data() + i * scan_.record_bytes());
-            left_out += p[0] == p[0] ? 0 : 1;
             chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
           }
           sink(chunk);

@@ -27,7 +27,7 @@ class MeasuredPoints {
   PointAttributes attributes;  ///< arrays of chunks that an output may hold
   Crs crs;                     ///< unknown where none is named
   Double3 shift = {0, 0, 0};   ///< to be added to positions
-  std::uint64_t left_out = 0;  ///< marked withheld, placeholders, missing; after the first pass
+  std::uint64_t left_out = 0;  ///< withheld, placeholders, missing; after the first pass
 };
 
 /// \param window  so many slices of a file wait in memory at most, kSliceMemory each; >= 1

@@ -16,7 +16,6 @@ constexpr std::size_t kSlicePoints =
     1024;  ///< points that one thread measures at a time, a hint between them
 constexpr std::size_t kFarPoints = 1u << 16;
 constexpr std::uint64_t kLeastGroup = 1u << 18, kMostGroups = 2048;
-constexpr std::size_t kResultChunk = 16384;
 /// Of a cell at work, beside its faces: a batch of points and what is found for them.
 constexpr std::uint64_t kBatchBytes = std::uint64_t{1} << 20;
 constexpr std::uint64_t kWideBytes = kFarPoints * 64;
@@ -248,7 +247,8 @@ void PointDistances::measure_far(std::span<const Placed> points, MemoryBudget& b
 
 void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
   group_points_ = std::max(kLeastGroup, std::bit_ceil(count_ / kMostGroups + 1));
-  results_.emplace(result_pool_, static_cast<std::size_t>(count_ / group_points_ + 1), kResultChunk);
+  const auto groups = static_cast<std::size_t>(count_ / group_points_ + 1);
+  results_.emplace(result_pool_, groups, chunk_bytes(memory_bytes_ / 4, groups));
   const std::size_t cells = cells_.cells().size();
   const std::size_t buffer = chunk_bytes(memory_bytes_ / 4, cells);
   unsettled_.emplace(point_pool_, cells, buffer);

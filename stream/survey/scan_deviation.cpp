@@ -29,8 +29,8 @@ namespace {
 constexpr double kReachPerDiagonal = 0.1;
 constexpr double kMostDiagonals = 1000.0;  ///< sums of squares have digits for no more
 constexpr std::uint64_t kWorkShare = 4;    ///< a part in so many of the memory is for points on their way
-constexpr std::uint64_t kPassBytes = std::uint64_t{24}
-                                     << 20;  ///< of reading points, and a file being written
+/// Of reading points, and a file being written.
+constexpr std::uint64_t kPassBytes = std::uint64_t{24} << 20;
 constexpr const char* kWho = "deviate";
 
 bool is_las_name(const std::filesystem::path& path) {
@@ -124,7 +124,9 @@ class DeviationJob {
   }
 
  private:
+  /// What the inputs are refused for they shall be refused for before the work.
   void open_inputs() {
+    if (!options_.areas.empty()) ClipPolygon::text_of_file(options_.areas);
     if (measures_vertices(inputs_.front())) {
       if (inputs_.size() > 1)
         throw UsageError(inputs_.front().string() + " is a mesh: meshes are measured one at a time");
@@ -138,7 +140,6 @@ class DeviationJob {
                options_.colour_scale == 0.0) {
       records_.emplace(inputs_.front());
       points_ = open_measured_records(*records_);
-      // What the output refuses it shall refuse before the work.
       const LasCopy probe(*records_, output_, 1, kDeviationName);
     } else {
       points_ = open_measured_scans(inputs_, options_.columns, slice_window());
@@ -171,9 +172,9 @@ class DeviationJob {
         if (is_finite(p)) extent_.add(p);
       }
     });
-    report_.points = distances.count();
-    report_.left_out = points_->left_out;
-    if (!records_) report_.left_out += report_.points - extent_.finite;
+    report_.points = extent_.finite;
+    // Records that are marked withheld come without a position.
+    report_.left_out = points_->left_out + distances.count() - extent_.finite;
     if (extent_.finite == 0)
       throw EmptyError(inputs_.front().string() + (inputs_.size() > 1 ? " and the others" : "") +
                        ": there is no point to measure");

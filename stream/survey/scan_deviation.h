@@ -30,8 +30,8 @@ struct ScanDeviationOptions {
 struct ScanDeviationReport {
   DeviationTable table;
   double max_distance = 0.0;
-  std::uint64_t points = 0;    ///< read
-  std::uint64_t left_out = 0;  ///< of these and beside them: not finite, withheld, placeholders, missing
+  std::uint64_t points = 0;    ///< measured and far
+  std::uint64_t left_out = 0;  ///< beside them: not finite, withheld, placeholders, missing
   std::uint64_t searched = 0;  ///< lay so far off that faces were looked for patch by patch
   std::uint64_t reference_faces = 0;
   std::uint64_t bytes = 0;  ///< of the output
