@@ -15,11 +15,15 @@ constexpr std::uint64_t kSliceBytes = std::uint64_t{4} << 20;
 constexpr std::size_t kChunkPoints = 16384;
 constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 
-/// \throws InputError
-void require_lengths(const std::filesystem::path& file, const Crs& crs) {
-  if (crs.geographic)
-    throw InputError(file.string() + ": its coordinates are degrees, " + crs.name +
+/// The system of scans so far, and that of one more. \throws InputError
+void join_crs(const std::filesystem::path& file, const Crs& its, Crs& all) {
+  if (its.geographic)
+    throw InputError(file.string() + ": its coordinates are degrees, " + its.name +
                      "; deviations are lengths: project the scan first, to its UTM zone for example");
+  if (its.known() && all.known() && !may_be_same(its, all))
+    throw InputError(file.string() + ": is in " + its.name + ", a scan before it in " + all.name +
+                     "; scans are measured together in one system");
+  if (!all.known()) all = its;
 }
 
 class MeasuredScans : public MeasuredPoints {
@@ -34,11 +38,7 @@ class MeasuredScans : public MeasuredPoints {
     for (const std::filesystem::path& path : paths) {
       files_.push_back(open_point_file(path, options));
       const PointFileInfo& info = files_.back()->info();
-      require_lengths(path, info.crs);
-      if (info.crs.known() && crs.known() && !may_be_same(info.crs, crs))
-        throw InputError(path.string() + ": is in " + info.crs.name + ", a scan before it in " + crs.name +
-                         "; scans are measured together in one system");
-      if (!crs.known()) crs = info.crs;
+      join_crs(path, info.crs, crs);
       attributes.normals = attributes.normals || info.attributes.normals;
       attributes.colour = attributes.colour || info.attributes.colour;
       attributes.intensity_16 = attributes.intensity_16 || info.attributes.intensity_16;
@@ -102,28 +102,28 @@ class MeasuredScans : public MeasuredPoints {
 
 class MeasuredRecords : public MeasuredPoints {
  public:
-  explicit MeasuredRecords(const LasRecords& scan) : scan_(scan) {
-    require_lengths(scan.file().path(), scan.header().info.crs);
-    crs = scan.header().info.crs;
+  explicit MeasuredRecords(std::span<const LasRecords> scans) : scans_(scans) {
+    for (const LasRecords& scan : scans) join_crs(scan.file().path(), scan.header().info.crs, crs);
   }
   void read(const std::function<void(const PointChunk&)>& sink) override {
     PointChunk chunk;
-    scan_.read(
-        kSlots, [](LasBatch&) {},
-        [&](LasBatch& batch) {
-          throw_if_stopped();
-          chunk.clear();
-          for (std::size_t i = 0; i < batch.count; ++i) {
-            const Double3 p = measured_position(scan_, batch.records.data() + i * scan_.record_bytes());
-            chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
-          }
-          sink(chunk);
-        });
+    for (const LasRecords& scan : scans_)
+      scan.read(
+          kSlots, [](LasBatch&) {},
+          [&](LasBatch& batch) {
+            throw_if_stopped();
+            chunk.clear();
+            for (std::size_t i = 0; i < batch.count; ++i) {
+              const Double3 p = measured_position(scan, batch.records.data() + i * scan.record_bytes());
+              chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
+            }
+            sink(chunk);
+          });
   }
 
  private:
   static constexpr std::size_t kSlots = 2;
-  const LasRecords& scan_;
+  std::span<const LasRecords> scans_;
 };
 
 class MeasuredVertices : public MeasuredPoints {
@@ -169,8 +169,8 @@ std::unique_ptr<MeasuredPoints> open_measured_scans(const std::vector<std::files
   return std::make_unique<MeasuredScans>(files, columns, window);
 }
 
-std::unique_ptr<MeasuredPoints> open_measured_records(const LasRecords& scan) {
-  return std::make_unique<MeasuredRecords>(scan);
+std::unique_ptr<MeasuredPoints> open_measured_records(std::span<const LasRecords> scans) {
+  return std::make_unique<MeasuredRecords>(scans);
 }
 
 std::unique_ptr<MeasuredPoints> open_measured_vertices(MeshReader& mesh) {

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -37,8 +38,9 @@ std::unique_ptr<MeasuredPoints> open_measured_scans(const std::vector<std::files
                                                     std::size_t window);
 /// Of points read, and of a decoder at work.
 inline constexpr std::uint64_t kSliceMemory = std::uint64_t{16} << 20;
-/// Every record is a point, those marked withheld too, which take no part. \pre `scan` outlives it
-std::unique_ptr<MeasuredPoints> open_measured_records(const LasRecords& scan);
+/// Every record is a point, those marked withheld too, which take no part. \pre `scans` outlive it
+/// \throws InputError for degrees, and for scans of different systems
+std::unique_ptr<MeasuredPoints> open_measured_records(std::span<const LasRecords> scans);
 /// Its vertices. \pre `mesh` outlives it
 std::unique_ptr<MeasuredPoints> open_measured_vertices(MeshReader& mesh);
 

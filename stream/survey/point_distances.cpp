@@ -131,6 +131,7 @@ void PointDistances::keep(std::span<const Placed> points, std::span<const PointD
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (std::isnan(distances[i].value)) continue;
     const std::uint64_t index = points[i].index;
+    ++measured_;
     results_->add(static_cast<std::size_t>(index / group_points_),
                   {distances[i].value, static_cast<std::uint32_t>(index % group_points_),
                    distances[i].border ? 1u : 0u});

@@ -37,6 +37,7 @@ class PointDistances {
   void measure(WorkerPool& pool, MemoryBudget& budget);
   /// The distance of the next point, in the order of add(). \pre measure(), not more often than points were added
   PointDistance next();
+  std::uint64_t measured() const { return measured_; }  ///< have a distance
   /// How many points were left for the last step: faces were looked for patch by patch.
   std::uint64_t searched() const { return searched_; }
 
@@ -63,7 +64,7 @@ class PointDistances {
   double max_distance_;
   std::uint64_t memory_bytes_;
   DistanceCells cells_;
-  std::uint64_t count_ = 0, searched_ = 0;
+  std::uint64_t count_ = 0, measured_ = 0, searched_ = 0;
   SpillPool point_pool_, result_pool_;
   std::optional<SpillBuckets<Placed>> points_, unsettled_, far_;
   std::optional<SpillBuckets<Measured>> results_;

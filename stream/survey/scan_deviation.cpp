@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -61,11 +60,11 @@ struct Extent {
 class DeviationJob {
  public:
   DeviationJob(const std::vector<std::filesystem::path>& inputs, const std::filesystem::path& reference,
-               const ScanDeviationOptions& options, const std::filesystem::path& output)
+               const ScanDeviationOptions& options, const std::vector<std::filesystem::path>& outputs)
       : inputs_(inputs),
         reference_path_(reference),
         options_(options),
-        output_(output),
+        outputs_(outputs),
         scratch_(options.temp, "deviate") {
     run_.memory_bytes = options.memory_bytes;
     run_.threads = options.threads > 0 ? options.threads : core_count();
@@ -107,23 +106,28 @@ class DeviationJob {
     distances.measure(pool, budget);
     trim_allocator();
     report_.searched = distances.searched();
-    // Distances wait in half of the share, sorting takes the other.
-    DeviationStatistics statistics(report_.max_distance, options_.tolerance, options_.areas, scratch_.path(),
-                                   std::max<std::uint64_t>(work / 2, 1u << 20));
-    pool.run_here([&] { write(distances, statistics); });
-    if (statistics.count() == 0)
+    if (distances.measured() == 0)
       throw EmptyError(
           fmt::format("{}: no point lies within {:g} of {}; are both in one system? else raise "
                       "--max-distance",
                       inputs_.front().string(), report_.max_distance, reference_path_.string()));
+    // Distances wait in half of the share, sorting takes the other.
+    DeviationStatistics statistics(report_.max_distance, options_.tolerance, options_.areas, scratch_.path(),
+                                   std::max<std::uint64_t>(work / 2, 1u << 20));
+    pool.run_here([&] { write(distances, statistics); });
     report_.table = statistics.finish();
     report_.notices = points_->notices();
-    if (file_) report_.bytes = file_->finish();
-    if (copy_) report_.bytes = copy_->finish();
+    if (file_) report_.bytes += file_->finish();
     return std::move(report_);
   }
 
  private:
+  bool copies_records() const {
+    return outputs_.size() == inputs_.size() && options_.colour_scale == 0.0 &&
+           std::all_of(inputs_.begin(), inputs_.end(), is_las_name) &&
+           std::all_of(outputs_.begin(), outputs_.end(), is_las_name);
+  }
+
   /// What the inputs are refused for they shall be refused for before the work.
   void open_inputs() {
     if (!options_.areas.empty()) ClipPolygon::text_of_file(options_.areas);
@@ -136,11 +140,13 @@ class DeviationJob {
             *mesh_, WeldOptions{run_.memory_bytes / kWorkShare, scratch_.path(), throw_if_stopped});
       points_ = open_measured_vertices(welded_ ? *welded_ : *mesh_);
       points_->crs = crs_of_wkt(crs_of_mesh(inputs_.front()));
-    } else if (inputs_.size() == 1 && is_las_name(inputs_.front()) && is_las_name(output_) &&
-               options_.colour_scale == 0.0) {
-      records_.emplace(inputs_.front());
-      points_ = open_measured_records(*records_);
-      const LasCopy probe(*records_, output_, 1, kDeviationName);
+    } else if (copies_records()) {
+      records_.reserve(inputs_.size());
+      for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        records_.emplace_back(inputs_[i]);
+        const LasCopy probe(records_.back(), outputs_[i], 1, kDeviationName);
+      }
+      points_ = open_measured_records(records_);
     } else {
       points_ = open_measured_scans(inputs_, options_.columns, slice_window());
     }
@@ -182,8 +188,12 @@ class DeviationJob {
 
   /// The second pass: every point with its distance.
   void write(PointDistances& distances, DeviationStatistics& statistics) {
-    if (records_ && !output_.empty()) return write_records(distances, statistics);
-    if (!output_.empty()) file_ = create_file();
+    if (!records_.empty()) {
+      for (std::size_t i = 0; i < records_.size(); ++i)
+        write_records(records_[i], outputs_[i], distances, statistics);
+      return require_all(distances);
+    }
+    if (!outputs_.empty()) file_ = create_file(outputs_.front());
     std::vector<double> values;
     PointChunk coloured;
     points_->read([&](const PointChunk& chunk) {
@@ -201,25 +211,26 @@ class DeviationJob {
     require_all(distances);
   }
 
-  void write_records(PointDistances& distances, DeviationStatistics& statistics) {
-    copy_.emplace(*records_, output_, std::min(run_.threads, 2), kDeviationName);
-    const std::size_t old_bytes = records_->record_bytes(), new_bytes = copy_->record_bytes();
+  void write_records(const LasRecords& scan, const std::filesystem::path& output, PointDistances& distances,
+                     DeviationStatistics& statistics) {
+    LasCopy copy(scan, output, std::min(run_.threads, 2), kDeviationName);
+    const std::size_t old_bytes = scan.record_bytes(), new_bytes = copy.record_bytes();
     std::vector<char> longer;
     constexpr std::size_t kSlots = 2;
-    records_->read(
+    scan.read(
         kSlots, [](LasBatch&) {},
         [&](LasBatch& batch) {
           longer.resize(batch.count * new_bytes);
           for (std::size_t i = 0; i < batch.count; ++i) {
             const char* record = batch.records.data() + i * old_bytes;
-            const double value = next_value(measured_position(*records_, record), distances, statistics);
+            const double value = next_value(measured_position(scan, record), distances, statistics);
             char* to = longer.data() + i * new_bytes;
             std::copy_n(record, old_bytes, to);
             std::copy_n(reinterpret_cast<const char*>(&value), sizeof value, to + old_bytes);
           }
-          copy_->append(longer.data(), batch.count);
+          copy.append(longer.data(), batch.count);
         });
-    require_all(distances);
+    report_.bytes += copy.finish();
   }
 
   double next_value(const Double3& p, PointDistances& distances, DeviationStatistics& statistics) {
@@ -242,41 +253,40 @@ class DeviationJob {
     return std::isnan(value) ? kGrey : deviation_colour(value, options_.colour_scale, true);
   }
 
-  std::unique_ptr<DeviationFile> create_file() {
-    const std::string extension = lower_extension(output_);
-    if (extension == ".csv") return create_deviation_csv(output_);
+  std::unique_ptr<DeviationFile> create_file(const std::filesystem::path& output) {
+    const std::string extension = lower_extension(output);
+    if (extension == ".csv") return create_deviation_csv(output);
     const bool colour = points_->attributes.colour || options_.colour_scale > 0.0;
     MeshReader* const mesh = welded_ ? welded_.get() : mesh_.get();
-    if (mesh != nullptr && extension == ".ply") return create_deviation_mesh(output_, *mesh, colour);
+    if (mesh != nullptr && extension == ".ply") return create_deviation_mesh(output, *mesh, colour);
     PointFileHeader header;
     header.attributes = points_->attributes;
     header.attributes.colour = colour;
     header.double_positions = !extent_.exact_in_float;
-    if (is_las_name(output_)) {
+    if (is_las_name(output)) {
       header.attributes.normals = false;
       header.las_scale = fitting_las_scale(extent_.min, extent_.max);
       for (std::size_t a = 0; a < 3; ++a) header.las_offset[a] = std::floor(extent_.min[a]);
     }
-    return create_deviation_points(output_, header);
+    return create_deviation_points(output, header);
   }
 
   std::vector<std::filesystem::path> inputs_;
   std::filesystem::path reference_path_;
   ScanDeviationOptions options_;
-  std::filesystem::path output_;
+  std::vector<std::filesystem::path> outputs_;
   ScratchFolder scratch_;
   RunOptions run_;
   ScanDeviationReport report_;
 
   std::unique_ptr<MeshReader> mesh_;
   std::unique_ptr<WeldedMesh> welded_;
-  std::optional<LasRecords> records_;  ///< of a file that is copied with a number more
+  std::vector<LasRecords> records_;  ///< of files that are copied with a number more
   std::unique_ptr<MeasuredPoints> points_;
   Double3 to_reference_{};  ///< added to positions: frames of meshes may be shifted
   Extent extent_;
   std::uint64_t given_ = 0;
   std::unique_ptr<DeviationFile> file_;
-  std::optional<LasCopy> copy_;
 };
 
 }  // namespace
@@ -295,8 +305,8 @@ void require_deviation_output(const std::filesystem::path& output) {
 ScanDeviationReport measure_deviation(const std::vector<std::filesystem::path>& inputs,
                                       const std::filesystem::path& reference,
                                       const ScanDeviationOptions& options,
-                                      const std::filesystem::path& output) {
-  return DeviationJob(inputs, reference, options, output).run();
+                                      const std::vector<std::filesystem::path>& outputs) {
+  return DeviationJob(inputs, reference, options, outputs).run();
 }
 
 nlohmann::json to_json(const ScanDeviationReport& report, double tolerance) {

@@ -45,13 +45,14 @@ void require_deviation_output(const std::filesystem::path& output);
 
 /// Writes points in the order of the inputs. A LAS or LAZ file that is written as .las or .laz keeps all that it has, and its
 /// records get extra bytes. Bytes and figures hang on inputs and options alone.
-/// \param inputs  one mesh, or scans \param output  .las, .laz, .ply or .csv; empty = none is written
+/// \param inputs  one mesh, or scans
+/// \param outputs  none; one for all points, .las, .laz, .ply or .csv; or one for each of several LAS and LAZ files
 /// \throws InputError; UsageError; EmptyError where no point is near the reference; ResourceError when cap or disk cannot
 ///   suffice; StoppedError
 ScanDeviationReport measure_deviation(const std::vector<std::filesystem::path>& inputs,
                                       const std::filesystem::path& reference,
                                       const ScanDeviationOptions& options,
-                                      const std::filesystem::path& output);
+                                      const std::vector<std::filesystem::path>& outputs);
 
 nlohmann::json to_json(const ScanDeviationReport& report, double tolerance);
 

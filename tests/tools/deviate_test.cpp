@@ -238,6 +238,18 @@ TEST_CASE("deviate: LAS gets extra bytes and keeps every other one, LAZ the same
   CHECK(deviate({(folder / "out.las").string(), "--to", box.string(), "-o", (folder / "twice.las").string()},
                 &errors) == 2);
   CHECK_FALSE(std::filesystem::exists(folder / "twice.las"));
+  // A folder gets a file for each, all measured as one.
+  const auto half = folder.write("half.las", las_of({points.begin(), points.begin() + 100}, file));
+  const std::string parts = (folder / "parts").string() + "/";
+  REQUIRE(deviate({half.string(), scan.string(), "--to", box.string(), "-o", parts, "--report",
+                   (folder / "parts.json").string()}) == 0);
+  CHECK(file_bytes(folder / "parts/scan.las") == written);
+  CHECK(LasRecords(folder / "parts/half.las").points() == 100);
+  const nlohmann::json parts_report = nlohmann::json::parse(file_bytes(folder / "parts.json"));
+  CHECK(parts_report.at("points") == 3100 - 62);
+  CHECK(parts_report.at("left_out") == 62);
+  CHECK(deviate({scan.string(), box.string(), "--to", box.string(), "-o", parts, "--force"}, &errors) == 3);
+  CHECK(deviate({scan.string(), "--to", box.string(), "-o", parts, "--colours", "1"}, &errors) == 2);
   // Other formats into LAS and LAZ, several scans into one file.
   const auto text = folder.write("more.xyz", "1 1 2.5\n1 2 1.75\n");
   for (const char* name : {"all.las", "all.laz"}) {

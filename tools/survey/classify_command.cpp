@@ -1,6 +1,5 @@
 #include <chrono>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,6 +16,7 @@
 #include "stream/survey/classify_scan.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/survey/scan_outputs.h"
 
 namespace tessera {
 namespace {
@@ -28,19 +28,6 @@ struct ClassifyCommand {
   ClassifyOptions options;
   bool force = false;
 };
-
-bool names_folder(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return !path.has_filename() || std::filesystem::is_directory(path, ignored);
-}
-
-/// The name of an input in a folder of outputs. The octree of a COPC file is not written.
-std::filesystem::path copied_name(const std::filesystem::path& input) {
-  std::filesystem::path name = input.filename();
-  if (lower_extension(name) == ".laz" && lower_extension(name.stem()) == ".copc")
-    return name.stem().stem().string() + ".laz";
-  return name;
-}
 
 std::vector<ScanToClassify> planned_scans(const std::vector<std::filesystem::path>& inputs,
                                           const ClassifyCommand& command) {
@@ -54,18 +41,9 @@ std::vector<ScanToClassify> planned_scans(const std::vector<std::filesystem::pat
       throw UsageError("-o " + command.output.string() + ": no octree is written; name it .laz or .las");
     return {{inputs.front(), command.output}};
   }
-  std::map<std::filesystem::path, std::filesystem::path> taken;
-  for (const std::filesystem::path& input : inputs) {
-    const std::filesystem::path output = command.output / copied_name(input);
-    const std::string extension = lower_extension(input);
-    if (extension != ".las" && extension != ".laz")
-      throw InputError(input.string() + ": is neither LAS nor LAZ, and only their points have classes");
-    const auto [at, fresh] = taken.emplace(output, input);
-    if (!fresh)
-      throw UsageError(output.string() + ": would be written for " + at->second.string() + " and for " +
-                       input.string() + "; classify them in two calls");
-    scans.push_back({input, output});
-  }
+  const std::vector<std::filesystem::path> outputs =
+      outputs_in_folder(inputs, command.output, "only their points have classes");
+  for (std::size_t i = 0; i < inputs.size(); ++i) scans.push_back({inputs[i], outputs[i]});
   return scans;
 }
 
@@ -91,11 +69,7 @@ void run_classify(const ClassifyCommand& command) {
   cli::require_output(command.output);
   const std::vector<std::filesystem::path> inputs = cli::expand_and_tell(command.inputs);
   const std::vector<ScanToClassify> scans = planned_scans(inputs, command);
-  if (names_folder(command.output)) {
-    std::error_code error;
-    std::filesystem::create_directories(command.output, error);
-    if (error) throw UsageError("-o " + command.output.string() + ": cannot be made: " + error.message());
-  }
+  if (names_folder(command.output)) make_output_folder(command.output);
   std::vector<std::filesystem::path> reads = cli::also_read(command.inputs);
   std::vector<PlannedWrite> writes = {{command.report, "--report", existing_by(command.force)}};
   for (const ScanToClassify& scan : scans) {

@@ -17,6 +17,7 @@
 #include "stream/survey/scan_deviation.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/survey/scan_outputs.h"
 
 namespace tessera {
 namespace {
@@ -38,6 +39,18 @@ void write_file(const std::filesystem::path& path, const std::string& text) {
   file.finish();
 }
 
+/// \throws UsageError, InputError
+std::vector<std::filesystem::path> planned_deviations(const std::vector<std::filesystem::path>& inputs,
+                                                      const DeviateCommand& command) {
+  if (command.output.empty()) return {};
+  if (!names_folder(command.output)) return {command.output};
+  if (command.options.colour_scale > 0.0)
+    throw UsageError("-o " + command.output.string() +
+                     ": with --colours scans are written anew, into one file; name it");
+  return outputs_in_folder(inputs, command.output,
+                           "only they can get a number more and keep all else; name a file");
+}
+
 /// \throws ValidationError
 void require_within(const DeviateCommand& command, const DeviationSummary& all) {
   if (command.options.tolerance < 0.0) return;
@@ -57,7 +70,7 @@ void run_deviate(const DeviateCommand& command) {
       command.options.tolerance < 0.0)
     throw UsageError(
         "no output: give -o FILE (.las, .laz, .ply, .csv), --report, --csv, --histogram or --tolerance");
-  if (!command.output.empty()) require_deviation_output(command.output);
+  if (!command.output.empty() && !names_folder(command.output)) require_deviation_output(command.output);
   if (command.share > 1.0)
     throw UsageError(fmt::format("--share {:g}: is a share, from 0 to 1", command.share));
   if (command.share < 1.0 && command.options.tolerance < 0.0)
@@ -68,14 +81,17 @@ void run_deviate(const DeviateCommand& command) {
   reads.push_back(command.reference);
   reads.push_back(command.options.areas);
   const PlannedWrite::Existing existing = existing_by(command.force);
-  cli::check_line_writes(reads, {{command.output, "-o", existing},
-                                 {command.report, "--report", existing},
-                                 {command.csv, "--csv", existing},
-                                 {command.histogram, "--histogram", existing}});
+  const std::vector<std::filesystem::path> outputs = planned_deviations(inputs, command);
+  if (names_folder(command.output) && !outputs.empty()) make_output_folder(command.output);
+  std::vector<PlannedWrite> writes = {{command.report, "--report", existing},
+                                      {command.csv, "--csv", existing},
+                                      {command.histogram, "--histogram", existing}};
+  for (const std::filesystem::path& output : outputs) writes.push_back({output, "-o", existing});
+  cli::check_line_writes(reads, writes);
   ScanDeviationOptions options = command.options;
   if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
   if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
-  const ScanDeviationReport report = measure_deviation(inputs, command.reference, options, command.output);
+  const ScanDeviationReport report = measure_deviation(inputs, command.reference, options, outputs);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   for (const std::string& notice : report.notices) fmt::print(stderr, "note: {}\n", notice);
   fmt::print("{}", describe(report.table, options.tolerance));
@@ -90,7 +106,8 @@ void run_deviate(const DeviateCommand& command) {
     json["inputs"] = nlohmann::json::array();
     for (const std::filesystem::path& input : inputs) json["inputs"].push_back(json_text(input));
     json["reference"] = json_text(command.reference);
-    if (!command.output.empty()) json["output"] = json_text(command.output);
+    json["outputs"] = nlohmann::json::array();
+    for (const std::filesystem::path& output : outputs) json["outputs"].push_back(json_text(output));
     json["seconds"] = seconds, json["peak_bytes"] = peak_resident_bytes();
     write_file(command.report, dump_json(json, 2) + "\n");
   }
@@ -107,7 +124,7 @@ cli::Command deviate_command() {
   cli::add_output(
       t, c.output,
       "file with a scalar 'deviation': points .las, .laz, .ply or a table .csv; a mesh .ply, whose "
-      "vertices are measured");
+      "vertices are measured; a folder (DIR/) gets a file for every LAS and LAZ file");
   ScanDeviationOptions& o = c.options;
   t.add("to", &c.reference, "the reference, a mesh: PLY, OBJ, STL, OFF or GLB").shown_as("FILE");
   t.add("max-distance", &o.max_distance,
