@@ -30,7 +30,7 @@ namespace {
 constexpr Double3 kSize = {4.0, 3.0, 2.0};
 
 /// A box from the origin on, outward faces.
-const char* const kBox =
+constexpr const char* kBox =
     "OFF 8 12 0\n0 0 0\n4 0 0\n0 3 0\n4 3 0\n0 0 2\n4 0 2\n0 3 2\n4 3 2\n"
     "3 0 2 1\n3 1 2 3\n3 4 5 6\n3 5 7 6\n3 0 1 4\n3 1 5 4\n3 2 6 3\n3 3 6 7\n3 0 4 2\n3 2 4 6\n3 1 3 5\n3 3 "
     "7 5\n";
