@@ -117,7 +117,9 @@ class FaceBoxes {
     return true;
   }
 
-  std::size_t slot_of(std::uint32_t face) const { return slot_of_.empty() ? face : slot_of_[face]; }
+  std::size_t slot_of(std::uint32_t face) const {
+    return slot_of_.empty() ? face : slot_of_[face];
+  }
   std::uint32_t face_at(std::size_t slot) const {
     return face_at_.empty() ? static_cast<std::uint32_t>(slot) : face_at_[slot];
   }

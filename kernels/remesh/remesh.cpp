@@ -6,6 +6,7 @@
 #include <string>
 
 #include "kernels/mesh/block_contacts.h"
+#include "kernels/mesh/flat_faces.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/remesher.h"
 #include "octree/error.h"
@@ -103,7 +104,9 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
     CollapseMesh mesh(block, origin);
     Remesher remesher(mesh, block, surface, options, pinned, guarded);
     remesher.run(r);
-    return to_block(mesh, remesher, block, reference, surface, origin, options.float_positions);
+    MeshBlock out = to_block(mesh, remesher, block, reference, surface, origin, options.float_positions);
+    mend_flat_faces(out);
+    return out;
   };
   // Few blocks come to cross themselves: to look at the result costs less than to ask at every step.
   const RemeshReport none = report;

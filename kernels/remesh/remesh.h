@@ -54,7 +54,8 @@ struct RemeshReport {
   std::size_t splits = 0, collapses = 0, flips = 0, moves = 0;
   /// Why operations were refused.
   std::size_t by_link = 0, by_fold = 0, by_tolerance = 0, by_crossing = 0, by_capacity = 0;
-  bool guard_spent = false;  ///< boxes of its needles tell too few apart: what makes faces meet was refused up to some step alone
+  bool guard_spent =
+      false;  ///< boxes of its needles tell too few apart: what makes faces meet was refused up to some step alone
 };
 
 /// Remeshes `block` in place.

@@ -270,8 +270,12 @@ void Remesher::split(const Edge& e) {
     const Double3 &p = mesh_.at(mesh_.vertex(d)), &q = mesh_.at(mesh_.vertex(next_corner(d))),
                   &r = mesh_.at(mesh_.vertex(prev_corner(d)));
     const Double3 old = triangle_normal(p, q, r);
-    if (!(dot(triangle_normal(p, q, at), old) > 0.0) || !(dot(triangle_normal(p, at, r), old) > 0.0))
-      at = middle;
+    const auto is_sound = [&](const Double3& second, const Double3& third) {
+      const FaceExtent extent = face_extent(p, second, third);
+      return extent.twice_area > kFlatRoom * kFlatAltitude * extent.longest2 &&
+             dot(triangle_normal(p, second, third), old) > 0.0;
+    };
+    if (!is_sound(q, at) || !is_sound(at, r)) at = middle;
   }
   set_target(info, at);
   const bool crease = mesh_.crease_edge(c);

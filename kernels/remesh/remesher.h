@@ -10,6 +10,9 @@
 
 namespace tessera {
 
+/// No step leaves a face flatter than so many times what counts as flat: room for the rounding of what is written.
+inline constexpr double kFlatRoom = 4.0;
+
 class Remesher {
  public:
   /// \param mesh     of `block`, creases marked \param surface  with the same origin

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/mesh/flat_faces.h"
 #include "kernels/mesh/triangle_foot.h"
 #include "kernels/remesh/remesher.h"
 
@@ -39,8 +40,9 @@ double Remesher::squared_mean_ratio(const Double3& a, const Double3& b, const Do
 /// \param n  normal of what the face takes the place of; zero: unknown
 bool Remesher::normal_fits(const NewFace& f, const Double3& n) const {
   const Double3 own = triangle_normal(f.at[0], f.at[1], f.at[2]);
+  const FaceExtent extent = face_extent(f.at[0], f.at[1], f.at[2]);
+  if (extent.twice_area <= kFlatRoom * kFlatAltitude * extent.longest2) return false;
   const double length = norm(own);
-  if (!(length > 0.0)) return false;
   bool known = false;
   for (const std::uint32_t v : f.vertex) {
     const Double3 foot = wide(info_[v].normal);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/mesh/flat_faces.h"
 #include "kernels/remesh/remesher.h"
 
 namespace tessera {
@@ -107,6 +108,8 @@ bool Remesher::move_vertex(std::uint32_t v, const Double3& to, RemeshReport& rep
     if (square_after < 0.04 * square_before ||
         (12.0 * square_after < kFlatFace * kFlatFace * sides * sides && !was_flat()))
       return refuse(report.by_fold);
+    const double flat = kFlatRoom * kFlatAltitude * sides;  // faces that are flat already come here too
+    if (square_after <= flat * flat) return refuse(report.by_fold);
     const bool last = !star_.closed && i + 1 == star_.faces;
     if (!within(face, last ? 5u : 1u)) return refuse(report.by_tolerance);
   }
