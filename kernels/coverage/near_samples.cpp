@@ -108,9 +108,7 @@ void NearSamples::add(std::span<const Double3> position,
       range[0][a] = std::min({p, q, r}), range[1][a] = std::max({p, q, r});
       beyond = beyond || range[1][a] == kBeyond[a];
     }
-    const auto face = [&] {
-      return std::array<Double3, 3>{position[f[0]], position[f[1]], position[f[2]]};
-    };
+    const auto face = [&] { return std::array<Double3, 3>{position[f[0]], position[f[1]], position[f[2]]}; };
     if (beyond) {
       add(face());
       continue;

@@ -116,7 +116,8 @@ class SeenSpacingStage : public SerialStage {
     const PointRecord p = points_.records(brick).at(index);
     Int3 origin{};
     for (std::size_t a = 0; a < 3; ++a) origin[a] = (p.q[a] >> (kQuantumBits + kLeafBits)) << kLeafBits;
-    const PointBlock block = points_.load(origin, {kLeafCells, kLeafCells, kLeafCells}, kSiteHalo, {.normals = false});
+    const PointBlock block =
+        points_.load(origin, {kLeafCells, kLeafCells, kLeafCells}, kSiteHalo, {.normals = false});
     Float3 at{};
     for (std::size_t a = 0; a < 3; ++a)
       at[a] = static_cast<float>(p.q[a] - (origin[a] << kQuantumBits)) / kQuantaPerCell;
@@ -160,7 +161,8 @@ class SeenStage : public Stage {
       const BrickEntry& brick = points_.bricks()[b];
       const Int3 corner = brick_corner(brick.key);
       const int halo = static_cast<int>(std::ceil(kConfirmingReach * seen_.spacing)) + 1;
-      const PointBlock block = points_.load(corner, {kBrickCells, kBrickCells, kBrickCells}, halo, {.normals = false});
+      const PointBlock block =
+          points_.load(corner, {kBrickCells, kBrickCells, kBrickCells}, halo, {.normals = false});
       std::vector<std::uint32_t> sample;
       for (std::uint32_t i = 0; i < block.size(); ++i) {
         if (!in_core(block, i)) continue;
