@@ -222,7 +222,8 @@ HoleFilling fill_hole(const HoleLoop& loop, double max_width, double min_cosine)
     return out;
   }
   const double area = area_of(loop, start.faces);
-  if (4.0 * area > max_width * boundary_length(loop)) {
+  out.width = 4.0 * area / boundary_length(loop);
+  if (out.width > max_width) {
     out.outcome = HoleOutcome::kWide;
     return out;
   }
@@ -242,8 +243,8 @@ HoleFilling fill_hole(const HoleLoop& loop, double max_width, double min_cosine)
     x.resize(all);
     mesh.positions() = std::move(x);
   }
-  if (min_cosine > -1.0 && sharpest(mesh, loop) < min_cosine) {
-    out = {};
+  out.min_cosine = sharpest(mesh, loop);
+  if (out.min_cosine < min_cosine) {
     out.outcome = HoleOutcome::kSharp;
     return out;
   }

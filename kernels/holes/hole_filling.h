@@ -51,6 +51,8 @@ inline constexpr std::size_t kHoleOutcomes = 5;
 
 struct HoleFilling {
   HoleOutcome outcome = HoleOutcome::kFilled;
+  double width = 0.0;       ///< 4 area / length of the rim: the diameter of a disk, twice the width of a slit
+  double min_cosine = 1.0;  ///< between the normals of faces that meet in the patch or at its rim
   /// false: the bending could not be minimised (a degenerate patch); it is a membrane then.
   bool fair = true;
   std::vector<Double3> position;    ///< new vertices, none on the rim
@@ -60,8 +62,7 @@ struct HoleFilling {
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
-/// \param max_width  4 area / length of the rim, at most: the diameter of a disk, twice the width of a slit
-/// \param min_cosine  between the normals of faces that meet in the patch or at its rim
+/// \param max_width, min_cosine  HoleFilling::width at most, HoleFilling::min_cosine at least
 /// \pre 3 <= n <= kMaxHoleEdges, no two neighbours of the loop at one place
 /// \post filled: the faces together are a disk bounded by the loop; no inner edge is in `taken`
 HoleFilling fill_hole(const HoleLoop& loop, double max_width = std::numeric_limits<double>::infinity(),

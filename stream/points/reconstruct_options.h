@@ -101,11 +101,11 @@ inline OptionTable option_table(ReconstructOptions& o) {
   t.add("min-component", &o.min_component,
         "faces; smaller islands are dropped; 0 = measured, and islands that are mostly border go too, 1 = "
         "keep all");
-  t.add(
-       "max-hole", &o.max_hole,
-       "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
-       "their faces marked (`synthetic` in PLY) and counted; 0 = none; auto: in noisy scans what is narrower "
-       "than the radius, slits too, none with a tolerance")
+  t.add("max-hole", &o.max_hole,
+        "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
+        "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "
+        "auto: in noisy scans what is narrower than the radius, slits too, from above 20 h with a rim of at "
+        "most 60 edges, none with a tolerance")
       .shown_as("auto|N");
   t.add("holes", &o.holes,
         "keep: the surface ends where the data does; close: an object gets no border at all, open terrain "

@@ -239,8 +239,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"close_stage", "closing_stages", "hole_files", "hole_limit", "holes_stage", "loops_stage",
         "multipole_stage", "output_frame", "rims_stage", "surface_stage", "tiling", "write_stage"});
     by("tools/uncross", "stream/stages/weld",
-       {"border_moves", "border_stage", "border_strip", "near_faces", "numbered_patches", "patch_positions",
-        "uncross_stage", "weld_stage"});
+       {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",
+        "patch_positions", "uncross_stage", "weld_stage"});
     by("tools/tiles", "stream/stages/tiles",
        {"folder_stage", "tile_levels", "tiles_job", "tiles_options", "tiles_stage", "tileset_stage"});
     return all;

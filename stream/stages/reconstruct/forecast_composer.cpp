@@ -37,6 +37,7 @@
 #include "stream/stages/surface/surface_stage.h"
 #include "stream/stages/surface/write_stage.h"
 #include "stream/stages/weld/border_stage.h"
+#include "stream/stages/weld/mesh_around.h"
 #include "stream/stages/weld/uncross_stage.h"
 #include "stream/stages/weld/weld_stage.h"
 
@@ -93,10 +94,7 @@ class Composer {
     const std::uint64_t smoothed = options_.smooths() ? times(faces_, 2 * kPatchBytes) : 0;
     options_.has_levels() ? level_surface(patches) : surface(fused, patches);
     forecast_.output_bytes = times(faces_, kOutputBytes);
-    if (fused)
-      islands();
-    else
-      weld(patches);
+    fused ? islands() : weld(patches);
     if (options_.decimates()) {
       if (!fused) import();
       if (options_.smooths()) smooth();
@@ -220,12 +218,13 @@ class Composer {
     for (const StageEntry& round : uncross_stages())  // only the first looks at all bricks
       add(round.name, groups, each(uncross_task_bytes), 0, groups,
           round.name == "uncross-1" ? faces_ * kUncrossTime : 0.0, 0.0);
-    if (const HoleLimit holes = hole_limit(options_, plan_); holes.edges > 0) {
-      const auto finish = [&](auto of) { return loops_finish_bytes(run_, holes.edges, of); };
-      const std::span<const PatchEntry> all = patches_.entries;
-      add("loops", groups, {patches_.most_of_tasks(loops_task_bytes), finish(all), finish(all.first(0))}, 0,
-          groups, 0.0, static_cast<double>(patches));
-      add("holes", groups, known(hole_task_bytes(holes.edges), 0), 0, groups, 0.0, 0.0);
+    if (const HoleLimit holes = hole_limit(options_, plan_, true); holes.edges > 0) {
+      Memory find = each(loops_task_bytes), fill = each(MeshAround::bytes);
+      find.finish = loops_finish_bytes(run_, holes.edges, patches_.entries);
+      find.sure = loops_finish_bytes(run_, holes.edges, {});
+      add("loops", groups, find, 0, groups, 0.0, static_cast<double>(patches));
+      fill.task += hole_task_bytes(holes.edges), fill.sure += hole_task_bytes(holes.edges);
+      add("holes", groups, fill, 0, groups, 0.0, 0.0);
     }
     if (options_.decimates()) add_write("raw", patch_write(), patches);
   }
@@ -319,7 +318,7 @@ class Composer {
     for (const TileGroup& group : groups_)
       for (const Tile& tile : group) use(tile);
   }
-  std::uint64_t filling_bytes() const { return hole_limit(options_, plan_).filling_bytes(); }
+  std::uint64_t filling_bytes() const { return hole_limit(options_, plan_, true).filling_bytes(); }
 
   const Plan& plan_;
   const RunOptions& run_;

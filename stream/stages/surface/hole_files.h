@@ -23,7 +23,14 @@ constexpr std::uint64_t loop_bytes(std::uint64_t n) {
 }
 
 /// Loops of so many edges every brick finds alone: half of one reaches no farther than the faces that it sees.
-inline constexpr std::uint32_t kMaxShortEdges = 40;
+inline constexpr std::uint32_t kMaxShortEdges = 60;
+/// How far from a brick short loops of so many edges go, in cells: half the way around, and a face.
+constexpr int short_halo(std::uint32_t edges) {
+  return static_cast<int>(edges * 7 / 8) + 5;
+}
+static_assert(short_halo(kMaxShortEdges) <= 60);  // StripReader::gather
+/// Of loops around what is narrower than the support of a sample.
+inline constexpr std::uint32_t kNarrowEdges = 40;
 /// A batch of loops ends when it may need so many new vertices.
 constexpr std::uint64_t batch_vertices(std::uint64_t max_hole) {
   return max_hole <= kMaxShortEdges ? 25'000 : 200'000;

@@ -2,9 +2,11 @@
 /// Which holes of the welded mesh are filled: `--max-hole` as the stages read it.
 #pragma once
 #include <cstdint>
+#include <filesystem>
 #include <limits>
 
 #include "stream/points/plan.h"
+#include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/hole_files.h"
 
@@ -18,13 +20,20 @@ struct HoleLimit {
   std::uint64_t filling_bytes() const { return edges > 0 ? batch_vertices(edges) * (24 + 48) : 0; }
 };
 
-/// auto: what is narrower than the support of a sample, in noisy scans, and where the filling folds no farther than a right
-/// angle: beyond, the shreds at a border stand against each other, and a filling makes a spike of a gap. An exact scan
-/// ends where it says.
-inline HoleLimit hole_limit(const ReconstructOptions& options, const Plan& plan) {
+/// auto, in noisy scans: in scenes from above, where most holes are gaps in steep faces, what is narrower than 20 cells and folds
+/// no farther than 143 degrees; elsewhere what is narrower than the support of a sample and folds no farther than a right
+/// angle, since shreds at a border stand against each other, and a filling makes a spike of a gap. An exact scan ends where
+/// it says. \param from_above  the top surface stands for some of the points
+inline HoleLimit hole_limit(const ReconstructOptions& options, const Plan& plan, bool from_above) {
   if (options.max_hole != "auto") return {options.max_hole_edges()};
   if (!options.smooths_border() || !(plan.noise_cells > 0.0)) return {};
-  return {kMaxShortEdges, plan.radius_cells, 0.0};
+  if (from_above) return {kMaxShortEdges, 20.0, -0.8};
+  return {kNarrowEdges, plan.radius_cells, 0.0};
+}
+
+inline HoleLimit hole_limit(const JobState& state, const Plan& plan) {
+  return hole_limit(reconstruct_options(state), plan,
+                    std::filesystem::exists(state.work / kSurfacePointFolder));
 }
 
 }  // namespace tessera

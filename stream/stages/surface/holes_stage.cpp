@@ -1,13 +1,18 @@
 #include "stream/stages/surface/holes_stage.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "kernels/mesh/block_contacts.h"
+#include "kernels/mesh/orientation_sign.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/hole_limit.h"
+#include "stream/stages/weld/mesh_around.h"
+#include "stream/stages/weld/weld_stage.h"
 
 namespace tessera {
 namespace {
@@ -19,21 +24,28 @@ constexpr std::uint64_t kFixedBytes = std::uint64_t{8} << 20;
 class HolesStage : public Stage {
  public:
   explicit HolesStage(const JobState& state)
-      : limit_(hole_limit(reconstruct_options(state), Plan::of_work(state.work))),
-        files_(list_loop_files(state.work)) {}
+      : work_(state.work),
+        plan_(Plan::of_work(state.work)),
+        limit_(hole_limit(state, plan_)),
+        files_(list_loop_files(state.work)),
+        store_(open_patches(state.work)),
+        numbering_(Numbering::load(state.work / kNumberingFile)) {}
 
   std::string name() const override { return "holes"; }
   std::size_t task_count() const override { return files_.size(); }
   std::uint64_t units() const override { return files_.size(); }
   std::string unit_name() const override { return "batches"; }
 
-  std::uint64_t task_bytes(std::size_t) const override { return hole_task_bytes(limit_.edges); }
+  std::uint64_t task_bytes(std::size_t) const override {
+    return hole_task_bytes(limit_.edges) + MeshAround::bytes(store_.patches());
+  }
 
   json run(std::size_t task, TaskContext& context) const override {
     const std::vector<NamedLoop> loops = load_loops(files_[task]);
     HoleFillings out;
     std::array<std::uint64_t, kHoleOutcomes> outcomes{};
-    std::uint64_t stiff = 0;
+    std::uint64_t stiff = 0, crossing = 0;
+    MeshAround around(work_, store_, numbering_);
     for (const NamedLoop& named : loops) {
       context.check_stop();
       // Near the origin the kernel's arithmetic is the same wherever the loop lies.
@@ -46,6 +58,10 @@ class HolesStage : public Stage {
       const HoleFilling filling = fill_hole(loop, limit_.width, limit_.min_cosine);
       ++outcomes[static_cast<std::size_t>(filling.outcome)];
       if (filling.outcome != HoleOutcome::kFilled) continue;
+      if (is_risky(filling) && crosses(named, loop, filling, corner, around)) {
+        ++crossing;
+        continue;
+      }
       stiff += !filling.fair;
       const std::uint64_t base = out.position.size();
       for (Double3 p : filling.position) {
@@ -65,11 +81,12 @@ class HolesStage : public Stage {
     context.advance(1);
     const auto count = [&](HoleOutcome o) { return outcomes[static_cast<std::size_t>(o)]; };
     return {{"loops", loops.size()},
-            {"filled", count(HoleOutcome::kFilled)},
+            {"filled", count(HoleOutcome::kFilled) - crossing},
             {"refused_taken", count(HoleOutcome::kTaken)},
             {"refused_outer", count(HoleOutcome::kOuter)},
             {"left_wide", count(HoleOutcome::kWide)},
             {"left_sharp", count(HoleOutcome::kSharp)},
+            {"left_crossing", crossing},
             {"not_fair", stiff},
             {"vertices", out.position.size()},
             {"faces", out.faces.size()}};
@@ -80,7 +97,7 @@ class HolesStage : public Stage {
   json finish(const std::vector<json>& summaries, TaskContext&) const override {
     json total = json::object();
     for (const char* key : {"loops", "filled", "refused_taken", "refused_outer", "left_wide", "left_sharp",
-                            "not_fair", "vertices", "faces"}) {
+                            "left_crossing", "not_fair", "vertices", "faces"}) {
       std::uint64_t sum = 0;
       for (const json& s : summaries) sum += s.at(key).get<std::uint64_t>();
       total[key] = sum;
@@ -93,8 +110,42 @@ class HolesStage : public Stage {
   }
 
  private:
+  /// Narrow fillings that fold no farther than a right angle stay clear of all but the rim.
+  bool is_risky(const HoleFilling& filling) const {
+    return filling.width > plan_.radius_cells || filling.min_cosine < 0.0;
+  }
+
+  /// Whether faces of a filling would meet each other, or the mesh, beyond what they share.
+  static bool crosses(const NamedLoop& named, const HoleLoop& loop, const HoleFilling& filling,
+                      const Double3& origin, MeshAround& around) {
+    const std::size_t n = named.vertex.size();
+    const auto at = [&](std::uint32_t v) { return v < n ? loop.position[v] : filling.position[v - n]; };
+    const auto number = [&](std::uint32_t v) {
+      return v < n ? named.vertex[v] : HoleFillings::kNew | (v - n);
+    };
+    Double3 low = loop.position[0], high = low;
+    std::vector<ContactFace> faces;
+    for (const auto& f : filling.faces) {
+      const ContactFace face = {{at(f[0]), at(f[1]), at(f[2])}, {number(f[0]), number(f[1]), number(f[2])}};
+      if (!collinear(face.corner[0], face.corner[1], face.corner[2])) faces.push_back(face);
+      for (const Double3& p : face.corner)
+        for (std::size_t a = 0; a < 3; ++a)
+          low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
+    }
+    const std::size_t own = faces.size();
+    around.gather(origin, low, high, faces);
+    bool found = false;
+    block_contacts(faces, kAllSpace,
+                   [&](std::uint32_t i, std::uint32_t, FaceContact) { found = found || i < own; });
+    return found;
+  }
+
+  std::filesystem::path work_;
+  Plan plan_;
   HoleLimit limit_;
   std::vector<std::filesystem::path> files_;
+  PatchStore store_;
+  Numbering numbering_;
 };
 
 }  // namespace

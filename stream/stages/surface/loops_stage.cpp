@@ -12,7 +12,6 @@
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/points/plan.h"
-#include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/hole_limit.h"
 #include "stream/stages/weld/border_strip.h"
@@ -27,8 +26,6 @@ constexpr std::uint64_t kShortBatchEdges = 4'000;  ///< while the strips around 
 /// The triangulation of a loop costs the cube of its edges: a batch ends at about a second of work.
 constexpr std::uint64_t kBatchCost = 1'000'000'000;
 constexpr std::size_t kClassCache = 64;  ///< patches whose vertex classes are held at once
-/// How far from a brick loops of kMaxShortEdges go, in cells.
-constexpr int kShortHalo = 40;
 constexpr std::uint64_t kLoopBytes = std::uint64_t{20} << 20;
 
 std::string edge_file_name(std::size_t task) {
@@ -44,7 +41,7 @@ class LoopsStage : public Stage {
   explicit LoopsStage(const JobState& state)
       : state_(state),
         plan_(Plan::of_work(state.work)),
-        max_edges_(hole_limit(reconstruct_options(state), plan_).edges),
+        max_edges_(hole_limit(state, plan_).edges),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}
 
@@ -108,17 +105,18 @@ class LoopsStage : public Stage {
     std::vector<StripFace> faces;
     std::vector<EdgeRecord> records;
     std::uint64_t torn = 0;
+    const int halo = short_halo(max_edges_);
     const auto [first, last] = store_.file_range(task);
     for (std::size_t p = first; p < last; ++p) {
       context.check_stop();
       context.advance(1);
       if (!reader.has_border(p)) continue;
-      if (!reader.gather(p, kShortHalo, faces)) {
+      if (!reader.gather(p, halo, faces)) {
         ++torn;
         continue;
       }
       records.clear();
-      for (const StripFace& f : faces) add_records(reader, reader.brick(p), f, records);
+      for (const StripFace& f : faces) add_records(reader, reader.brick(p), halo, f, records);
       std::sort(records.begin(), records.end());
       BoundaryMatcher boundaries;
       for (const EdgeRecord& r : records) boundaries.add(r);
@@ -133,10 +131,10 @@ class LoopsStage : public Stage {
   }
 
   /// Of the edges whose faces are all there: an end lies within the reach.
-  static void add_records(const StripReader& reader, const Int3& brick, const StripFace& f,
+  static void add_records(const StripReader& reader, const Int3& brick, int halo, const StripFace& f,
                           std::vector<EdgeRecord>& records) {
     std::array<bool, 3> near{};
-    for (std::size_t i = 0; i < 3; ++i) near[i] = reader.is_near(f, i, brick, kShortHalo);
+    for (std::size_t i = 0; i < 3; ++i) near[i] = reader.is_near(f, i, brick, halo);
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
       if ((f.border >> i & 1u) == 0 || (f.border >> j & 1u) == 0 || (!near[i] && !near[j])) continue;

@@ -1,0 +1,115 @@
+#include "stream/stages/weld/mesh_around.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/mesh/orientation_sign.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint64_t kAroundVertexBytes = std::uint64_t{4} << 20;
+constexpr std::uint64_t kAroundFaceBytes = std::uint64_t{8} << 20;
+constexpr double kFaceSpan = 10.0;  ///< cells; no face reaches farther out of its patch's brick
+
+template <class T>
+std::uint64_t bytes_of_list(const std::vector<T>& list) {
+  return list.size() * sizeof(T) + 128;
+}
+
+/// Drops the smallest bricks, which came first, until the cache is small.
+template <class T>
+void drop_first(std::map<std::size_t, std::vector<T>>& cache, std::uint64_t& bytes, std::uint64_t max) {
+  while (bytes > max && !cache.empty()) {
+    bytes -= bytes_of_list(cache.begin()->second);
+    cache.erase(cache.begin());
+  }
+}
+
+}  // namespace
+
+const std::vector<Float3>& MeshAround::vertices(std::size_t patch) {
+  const auto found = vertices_.find(patch);
+  if (found != vertices_.end()) return found->second;
+  drop_first(vertices_, vertex_bytes_, kAroundVertexBytes);
+  std::vector<Float3>& out = vertices_[patch];
+  std::vector<std::uint32_t> rgba;
+  numbered_.load_kept_vertices(patch, out, rgba);
+  vertex_bytes_ += bytes_of_list(out);
+  return out;
+}
+
+const std::vector<MeshAround::Face>& MeshAround::faces(std::size_t patch) {
+  const auto found = faces_.find(patch);
+  if (found != faces_.end()) return found->second;
+  drop_first(faces_, face_bytes_, kAroundFaceBytes);
+  numbered_.load_faces(patch, read_);
+  const Int3 brick = brick_of_key(store_.patches()[patch].key);
+  const std::size_t own = read_.index.size() - read_.foreign.size();
+  std::vector<Double3> position(read_.index.size());
+  for (std::size_t v = 0; v < position.size(); ++v) {
+    if (read_.index[v] == PatchFaces::kDropped) continue;
+    const std::size_t owner = v < own ? patch : read_.foreign[v - own].patch;
+    position[v] = wide(vertices(owner)[read_.index[v] - numbering_.patches[owner].first_vertex]);
+    const Int3 at = brick_of_key(store_.patches()[owner].key);
+    for (std::size_t a = 0; a < 3; ++a) position[v][a] += double{kBrickCells} * (at[a] - brick[a]);
+  }
+  std::vector<Face>& out = faces_[patch];
+  for (const PatchFace& f : read_.faces)
+    if (read_.kept(f))
+      out.push_back({{read_.index[f[0]], read_.index[f[1]], read_.index[f[2]]},
+                     {position[f[0]], position[f[1]], position[f[2]]}});
+  face_bytes_ += bytes_of_list(out);
+  return out;
+}
+
+void MeshAround::gather(const Double3& origin, const Double3& low, const Double3& high,
+                        std::vector<ContactFace>& out) {
+  Int3 first{}, last{};
+  for (std::size_t a = 0; a < 3; ++a) {
+    const auto brick = [&](double x) {
+      return static_cast<std::int32_t>(std::floor((origin[a] + x) / kBrickCells));
+    };
+    first[a] = std::max(0, brick(low[a] - kFaceSpan)), last[a] = brick(high[a] + kFaceSpan);
+  }
+  Int3 at = first;
+  const auto next = [&] {
+    for (std::size_t a = 0; a < 3; ++a) {
+      if (++at[a] <= last[a]) return true;
+      at[a] = first[a];
+    }
+    return false;
+  };
+  do {
+    const std::int64_t patch = store_.find(brick_key(at));
+    if (patch < 0 || numbering_.patches[static_cast<std::size_t>(patch)].kept_faces == 0) continue;
+    add_faces(static_cast<std::size_t>(patch), origin, low, high, out);
+  } while (next());
+}
+
+void MeshAround::add_faces(std::size_t patch, const Double3& origin, const Double3& low, const Double3& high,
+                           std::vector<ContactFace>& out) {
+  const Int3 brick = brick_of_key(store_.patches()[patch].key);
+  Double3 shift{};  // of what is relative to the brick
+  for (std::size_t a = 0; a < 3; ++a) shift[a] = double{kBrickCells} * brick[a] - origin[a];
+  for (const Face& f : faces(patch)) {
+    bool apart = false;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto [least, most] = std::minmax({f.corner[0][a], f.corner[1][a], f.corner[2][a]});
+      apart = apart || least + shift[a] > high[a] || most + shift[a] < low[a];
+    }
+    if (apart) continue;
+    const std::array<Double3, 3> at = {f.corner[0] + shift, f.corner[1] + shift, f.corner[2] + shift};
+    if (!collinear(at[0], at[1], at[2])) out.push_back({at, f.number});
+  }
+}
+
+std::uint64_t MeshAround::bytes(std::span<const PatchEntry> patches) {
+  std::uint64_t largest = 0;
+  for (const PatchEntry& e : patches)
+    largest =
+        std::max<std::uint64_t>(largest, 44ull * (e.vertices + e.foreign) + (sizeof(Face) + 13) * e.faces);
+  return largest + kAroundVertexBytes + kAroundFaceBytes + NumberedPatches::kCacheBytes;
+}
+
+}  // namespace tessera

@@ -1,0 +1,50 @@
+/// \file mesh_around.h
+/// Faces of the welded mesh near a place, with the positions that it is written with.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "kernels/mesh/face_contact.h"
+#include "stream/stages/weld/numbered_patches.h"
+
+namespace tessera {
+
+/// Reads the patches around, and keeps what it may need again. One thread's.
+class MeshAround {
+ public:
+  MeshAround(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering)
+      : store_(store), numbering_(numbering), numbered_(work, store, numbering) {}
+
+  /// Adds the faces whose boxes meet [low, high]: cells from `origin`, corners named by their numbers in the output. Faces
+  /// without area are left out.
+  /// \param origin  whole cells from the lattice origin
+  void gather(const Double3& origin, const Double3& low, const Double3& high, std::vector<ContactFace>& out);
+
+  /// Most that it holds over these patches.
+  static std::uint64_t bytes(std::span<const PatchEntry> patches);
+
+ private:
+  /// Kept faces of a patch: output numbers, and corners in cells from the min corner of its brick.
+  struct Face {
+    std::array<std::uint64_t, 3> number;
+    std::array<Double3, 3> corner;
+  };
+  const std::vector<Float3>& vertices(std::size_t patch);
+  const std::vector<Face>& faces(std::size_t patch);
+  void add_faces(std::size_t patch, const Double3& origin, const Double3& low, const Double3& high,
+                 std::vector<ContactFace>& out);
+
+  const PatchStore& store_;
+  const Numbering& numbering_;
+  NumberedPatches numbered_;
+  std::map<std::size_t, std::vector<Float3>> vertices_;
+  std::map<std::size_t, std::vector<Face>> faces_;
+  std::uint64_t vertex_bytes_ = 0, face_bytes_ = 0;
+  PatchFaces read_;
+};
+
+}  // namespace tessera
