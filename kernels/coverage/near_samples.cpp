@@ -7,7 +7,7 @@
 namespace tessera {
 namespace {
 
-using Byte3 = std::array<std::int8_t, 3>;
+using Byte3 = std::array<std::uint8_t, 3>;
 
 constexpr int kMaxSampleCells = 32;  ///< along an axis
 constexpr double kCellDistances = 2.0;
@@ -98,13 +98,13 @@ void NearSamples::add(std::span<const Double3> position,
       inside = inside && position[v][a] >= low_[a] && position[v][a] <= high_[a];
     if (!inside) continue;
     const Int3 at = cells(position[v], position[v])[0];
-    for (std::size_t a = 0; a < 3; ++a) cell[v][a] = static_cast<std::int8_t>(at[a]);
+    for (std::size_t a = 0; a < 3; ++a) cell[v][a] = static_cast<std::uint8_t>(at[a]);
   }
   for (const auto& f : faces) {
     std::array<Int3, 2> range{};
     bool beyond = false;
     for (std::size_t a = 0; a < 3; ++a) {
-      const std::int8_t p = cell[f[0]][a], q = cell[f[1]][a], r = cell[f[2]][a];
+      const std::uint8_t p = cell[f[0]][a], q = cell[f[1]][a], r = cell[f[2]][a];
       range[0][a] = std::min({p, q, r}), range[1][a] = std::max({p, q, r});
       beyond = beyond || range[1][a] == kBeyond[a];
     }
