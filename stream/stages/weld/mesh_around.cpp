@@ -10,18 +10,17 @@ namespace {
 
 constexpr std::uint64_t kAroundVertexBytes = std::uint64_t{4} << 20;
 constexpr std::uint64_t kAroundFaceBytes = std::uint64_t{8} << 20;
-constexpr double kFaceSpan = 10.0;  ///< cells; no face reaches farther out of its patch's brick
+constexpr double kFaceSpan = 4.0;  ///< cells that a face reaches out of its patch's brick, at most
 
-template <class T>
-std::uint64_t bytes_of_list(const std::vector<T>& list) {
-  return list.size() * sizeof(T) + 128;
+std::uint64_t vertex_list_bytes(const std::vector<Float3>& vertices) {
+  return vertices.size() * sizeof(Float3) + 128;
 }
 
 /// Drops the smallest bricks, which came first, until the cache is small.
-template <class T>
-void drop_first(std::map<std::size_t, std::vector<T>>& cache, std::uint64_t& bytes, std::uint64_t max) {
+template <class Cache, class Bytes>
+void drop_first(Cache& cache, std::uint64_t& bytes, std::uint64_t max, const Bytes& of) {
   while (bytes > max && !cache.empty()) {
-    bytes -= bytes_of_list(cache.begin()->second);
+    bytes -= of(cache.begin()->second);
     cache.erase(cache.begin());
   }
 }
@@ -31,18 +30,18 @@ void drop_first(std::map<std::size_t, std::vector<T>>& cache, std::uint64_t& byt
 const std::vector<Float3>& MeshAround::vertices(std::size_t patch) {
   const auto found = vertices_.find(patch);
   if (found != vertices_.end()) return found->second;
-  drop_first(vertices_, vertex_bytes_, kAroundVertexBytes);
+  drop_first(vertices_, vertex_bytes_, kAroundVertexBytes, vertex_list_bytes);
   std::vector<Float3>& out = vertices_[patch];
   std::vector<std::uint32_t> rgba;
   numbered_.load_kept_vertices(patch, out, rgba);
-  vertex_bytes_ += bytes_of_list(out);
+  vertex_bytes_ += vertex_list_bytes(out);
   return out;
 }
 
-const std::vector<MeshAround::Face>& MeshAround::faces(std::size_t patch) {
-  const auto found = faces_.find(patch);
-  if (found != faces_.end()) return found->second;
-  drop_first(faces_, face_bytes_, kAroundFaceBytes);
+const MeshAround::View& MeshAround::view(std::size_t patch) {
+  const auto found = views_.find(patch);
+  if (found != views_.end()) return found->second;
+  drop_first(views_, view_bytes_, kAroundFaceBytes, [](const View& v) { return v.bytes(); });
   numbered_.load_faces(patch, read_);
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
   const std::size_t own = read_.index.size() - read_.foreign.size();
@@ -54,12 +53,20 @@ const std::vector<MeshAround::Face>& MeshAround::faces(std::size_t patch) {
     const Int3 at = brick_of_key(store_.patches()[owner].key);
     for (std::size_t a = 0; a < 3; ++a) position[v][a] += double{kBrickCells} * (at[a] - brick[a]);
   }
-  std::vector<Face>& out = faces_[patch];
-  for (const PatchFace& f : read_.faces)
-    if (read_.kept(f))
-      out.push_back({{read_.index[f[0]], read_.index[f[1]], read_.index[f[2]]},
-                     {position[f[0]], position[f[1]], position[f[2]]}});
-  face_bytes_ += bytes_of_list(out);
+  View& out = views_[patch];
+  for (const PatchFace& f : read_.faces) {
+    if (!read_.kept(f)) continue;
+    const std::array<Double3, 3> corner = {position[f[0]], position[f[1]], position[f[2]]};
+    out.faces.push_back({{read_.index[f[0]], read_.index[f[1]], read_.index[f[2]]}, corner});
+    Box box{};
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto [low, high] = std::minmax({corner[0][a], corner[1][a], corner[2][a]});
+      box.low[a] = static_cast<std::int16_t>(std::floor(low));
+      box.high[a] = static_cast<std::int16_t>(std::ceil(high));
+    }
+    out.boxes.push_back(box);
+  }
+  view_bytes_ += out.bytes();
   return out;
 }
 
@@ -92,13 +99,18 @@ void MeshAround::add_faces(std::size_t patch, const Double3& origin, const Doubl
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
   Double3 shift{};  // of what is relative to the brick
   for (std::size_t a = 0; a < 3; ++a) shift[a] = double{kBrickCells} * brick[a] - origin[a];
-  for (const Face& f : faces(patch)) {
+  Int3 from{}, to{};  // the box in whole cells from the brick
+  for (std::size_t a = 0; a < 3; ++a) {
+    from[a] = static_cast<std::int32_t>(std::floor(low[a] - shift[a]));
+    to[a] = static_cast<std::int32_t>(std::ceil(high[a] - shift[a]));
+  }
+  const View& there = view(patch);
+  for (std::size_t i = 0; i < there.faces.size(); ++i) {
+    const Box& box = there.boxes[i];
     bool apart = false;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const auto [least, most] = std::minmax({f.corner[0][a], f.corner[1][a], f.corner[2][a]});
-      apart = apart || least + shift[a] > high[a] || most + shift[a] < low[a];
-    }
+    for (std::size_t a = 0; a < 3; ++a) apart = apart || box.low[a] > to[a] || from[a] > box.high[a];
     if (apart) continue;
+    const Face& f = there.faces[i];
     const std::array<Double3, 3> at = {f.corner[0] + shift, f.corner[1] + shift, f.corner[2] + shift};
     if (!collinear(at[0], at[1], at[2])) out.push_back({at, f.number});
   }
@@ -107,8 +119,8 @@ void MeshAround::add_faces(std::size_t patch, const Double3& origin, const Doubl
 std::uint64_t MeshAround::bytes(std::span<const PatchEntry> patches) {
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches)
-    largest =
-        std::max<std::uint64_t>(largest, 44ull * (e.vertices + e.foreign) + (sizeof(Face) + 13) * e.faces);
+    largest = std::max<std::uint64_t>(
+        largest, 44ull * (e.vertices + e.foreign) + (sizeof(Face) + sizeof(Box) + 13) * e.faces);
   return largest + kAroundVertexBytes + kAroundFaceBytes + NumberedPatches::kCacheBytes;
 }
 

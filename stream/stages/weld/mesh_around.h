@@ -19,7 +19,7 @@ class MeshAround {
   MeshAround(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering)
       : store_(store), numbering_(numbering), numbered_(work, store, numbering) {}
 
-  /// Adds the faces whose boxes meet [low, high]: cells from `origin`, corners named by their numbers in the output. Faces
+  /// Adds the faces whose boxes of whole cells meet that around [low, high]: cells from `origin`, corners named by their numbers in the output. Faces
   /// without area are left out.
   /// \param origin  whole cells from the lattice origin
   void gather(const Double3& origin, const Double3& low, const Double3& high, std::vector<ContactFace>& out);
@@ -33,8 +33,17 @@ class MeshAround {
     std::array<std::uint64_t, 3> number;
     std::array<Double3, 3> corner;
   };
+  /// Whole cells around a face, from the min corner of its patch's brick.
+  struct Box {
+    std::array<std::int16_t, 3> low, high;
+  };
+  struct View {
+    std::vector<Face> faces;
+    std::vector<Box> boxes;  ///< one a face: most are passed over by a look at these
+    std::uint64_t bytes() const { return faces.size() * (sizeof(Face) + sizeof(Box)) + 128; }
+  };
   const std::vector<Float3>& vertices(std::size_t patch);
-  const std::vector<Face>& faces(std::size_t patch);
+  const View& view(std::size_t patch);
   void add_faces(std::size_t patch, const Double3& origin, const Double3& low, const Double3& high,
                  std::vector<ContactFace>& out);
 
@@ -42,8 +51,8 @@ class MeshAround {
   const Numbering& numbering_;
   NumberedPatches numbered_;
   std::map<std::size_t, std::vector<Float3>> vertices_;
-  std::map<std::size_t, std::vector<Face>> faces_;
-  std::uint64_t vertex_bytes_ = 0, face_bytes_ = 0;
+  std::map<std::size_t, View> views_;
+  std::uint64_t vertex_bytes_ = 0, view_bytes_ = 0;
   PatchFaces read_;
 };
 
