@@ -56,7 +56,9 @@ class StoreWriteStage : public SerialStage {
       result["warnings"].push_back(
           std::to_string(report.flat_faces) +
           " of the faces written have no area, so tessera check --strict refuses the mesh: they are "
-          "those of the input that no flip takes away; tessera decimate drops lines");
+          "those of the input, or come of splitting its needles, and no flip takes them away; tessera "
+          "decimate "
+          "drops lines");
     return result;
   }
 
