@@ -4,6 +4,7 @@
 #include <bit>
 #include <limits>
 
+#include "kernels/mesh/flat_faces.h"
 #include "octree/lists.h"
 
 namespace tessera {
