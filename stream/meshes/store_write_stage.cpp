@@ -57,8 +57,7 @@ class StoreWriteStage : public SerialStage {
           std::to_string(report.flat_faces) +
           " of the faces written have no area, so tessera check --strict refuses the mesh: they are "
           "those of the input, or come of splitting its needles, and no flip takes them away; tessera "
-          "decimate "
-          "drops lines");
+          "decimate drops lines");
     return result;
   }
 

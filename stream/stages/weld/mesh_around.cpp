@@ -12,36 +12,23 @@ constexpr std::uint64_t kAroundVertexBytes = std::uint64_t{4} << 20;
 constexpr std::uint64_t kAroundFaceBytes = std::uint64_t{8} << 20;
 constexpr double kFaceSpan = 4.0;  ///< cells that a face reaches out of its patch's brick, at most
 
-std::uint64_t vertex_list_bytes(const std::vector<Float3>& vertices) {
-  return vertices.size() * sizeof(Float3) + 128;
-}
-
-/// Drops the smallest bricks, which came first, until the cache is small.
-template <class Cache, class Bytes>
-void drop_first(Cache& cache, std::uint64_t& bytes, std::uint64_t max, const Bytes& of) {
-  while (bytes > max && !cache.empty()) {
-    bytes -= of(cache.begin()->second);
-    cache.erase(cache.begin());
-  }
-}
-
 }  // namespace
 
 const std::vector<Float3>& MeshAround::vertices(std::size_t patch) {
   const auto found = vertices_.find(patch);
-  if (found != vertices_.end()) return found->second;
-  drop_first(vertices_, vertex_bytes_, kAroundVertexBytes, vertex_list_bytes);
-  std::vector<Float3>& out = vertices_[patch];
+  if (found != vertices_.end()) return found->second.position;
+  drop_first_patches(vertices_, vertex_bytes_, kAroundVertexBytes);
+  Vertices& out = vertices_[patch];
   std::vector<std::uint32_t> rgba;
-  numbered_.load_kept_vertices(patch, out, rgba);
-  vertex_bytes_ += vertex_list_bytes(out);
-  return out;
+  numbered_.load_kept_vertices(patch, out.position, rgba);
+  vertex_bytes_ += out.bytes();
+  return out.position;
 }
 
 const MeshAround::View& MeshAround::view(std::size_t patch) {
   const auto found = views_.find(patch);
   if (found != views_.end()) return found->second;
-  drop_first(views_, view_bytes_, kAroundFaceBytes, [](const View& v) { return v.bytes(); });
+  drop_first_patches(views_, view_bytes_, kAroundFaceBytes);
   numbered_.load_faces(patch, read_);
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
   const std::size_t own = read_.index.size() - read_.foreign.size();

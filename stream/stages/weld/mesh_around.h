@@ -19,8 +19,8 @@ class MeshAround {
   MeshAround(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering)
       : store_(store), numbering_(numbering), numbered_(work, store, numbering) {}
 
-  /// Adds the faces whose boxes of whole cells meet that around [low, high]: cells from `origin`, corners named by their numbers in the output. Faces
-  /// without area are left out.
+  /// Adds the faces whose boxes of whole cells meet that around [low, high], in cells from `origin`; corners are named by
+  /// their numbers in the output. Faces without area are left out.
   /// \param origin  whole cells from the lattice origin
   void gather(const Double3& origin, const Double3& low, const Double3& high, std::vector<ContactFace>& out);
 
@@ -42,6 +42,10 @@ class MeshAround {
     std::vector<Box> boxes;  ///< one a face: most are passed over by a look at these
     std::uint64_t bytes() const { return faces.size() * (sizeof(Face) + sizeof(Box)) + 128; }
   };
+  struct Vertices {
+    std::vector<Float3> position;
+    std::uint64_t bytes() const { return position.size() * sizeof(Float3) + 128; }
+  };
   const std::vector<Float3>& vertices(std::size_t patch);
   const View& view(std::size_t patch);
   void add_faces(std::size_t patch, const Double3& origin, const Double3& low, const Double3& high,
@@ -50,7 +54,7 @@ class MeshAround {
   const PatchStore& store_;
   const Numbering& numbering_;
   NumberedPatches numbered_;
-  std::map<std::size_t, std::vector<Float3>> vertices_;
+  std::map<std::size_t, Vertices> vertices_;
   std::map<std::size_t, View> views_;
   std::uint64_t vertex_bytes_ = 0, view_bytes_ = 0;
   PatchFaces read_;

@@ -16,15 +16,6 @@ Double3 seen_from(const Double3& at, const Int3& owner, const Int3& brick) {
   return p;
 }
 
-/// Drops the smallest bricks, which came first, until the cache is small.
-template <class Cache>
-void shrink(Cache& cache, std::uint64_t& bytes, std::uint64_t most) {
-  while (bytes > most && !cache.empty()) {
-    bytes -= cache.begin()->second.bytes();
-    cache.erase(cache.begin());
-  }
-}
-
 }  // namespace
 
 bool NearFaces::may_be_risky(std::size_t patch, const Int3& brick) {
@@ -42,7 +33,7 @@ bool NearFaces::may_be_risky(std::size_t patch, const Int3& brick) {
 const NearFaces::Vertices& NearFaces::vertices(std::size_t patch) {
   const auto found = vertices_.find(patch);
   if (found != vertices_.end()) return found->second;
-  shrink(vertices_, vertex_bytes_, kVertexCacheBytes);
+  drop_first_patches(vertices_, vertex_bytes_, kVertexCacheBytes);
   Vertices& out = vertices_[patch];
   std::vector<std::uint32_t> rgba;
   positions_.load(patch, out.position, rgba, &out.safe);
@@ -58,7 +49,7 @@ const NearFaces::Vertices& NearFaces::vertices(std::size_t patch) {
 const NearFaces::View& NearFaces::view(std::size_t patch) {
   const auto found = views_.find(patch);
   if (found != views_.end()) return found->second;
-  shrink(views_, view_bytes_, kViewCacheBytes);
+  drop_first_patches(views_, view_bytes_, kViewCacheBytes);
   View& out = views_[patch];
   numbered_.load_faces(patch, read_);
   out.foreign = read_.foreign;

@@ -16,6 +16,16 @@ namespace tessera {
 std::vector<std::size_t> kept_patches_around(const PatchStore& store, const Numbering& numbering,
                                              const Int3& brick);
 
+/// Drops patches of the smallest bricks, which came first, from a cache by patch until it is small.
+/// \param bytes  of what it holds, comes back so
+template <class Cache>
+void drop_first_patches(Cache& cache, std::uint64_t& bytes, std::uint64_t max) {
+  while (bytes > max && !cache.empty()) {
+    bytes -= cache.begin()->second.bytes();
+    cache.erase(cache.begin());
+  }
+}
+
 /// The faces of one patch, with what each of its vertices is called outside.
 struct PatchFaces {
   std::vector<PatchFace> faces;         ///< of the patch, dropped islands among them
