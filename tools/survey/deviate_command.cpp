@@ -32,13 +32,6 @@ struct DeviateCommand {
   bool force = false;
 };
 
-void write_file(const std::filesystem::path& path, const std::string& text) {
-  if (path.empty()) return;
-  OutputFile file(path);
-  file.append(text);
-  file.finish();
-}
-
 /// \throws UsageError, InputError
 std::vector<std::filesystem::path> planned_deviations(const std::vector<std::filesystem::path>& inputs,
                                                       const DeviateCommand& command) {
@@ -99,8 +92,8 @@ void run_deviate(const DeviateCommand& command) {
              report.reference_faces, report.max_distance, report.left_out, seconds,
              format_bytes(peak_resident_bytes()));
   std::cout << std::flush;
-  write_file(command.csv, to_csv(report.table, options.tolerance));
-  write_file(command.histogram, histogram_csv(report.table));
+  write_text_output(command.csv, to_csv(report.table, options.tolerance));
+  write_text_output(command.histogram, histogram_csv(report.table));
   if (!command.report.empty()) {
     nlohmann::json json = to_json(report, options.tolerance);
     json["inputs"] = nlohmann::json::array();
@@ -109,7 +102,7 @@ void run_deviate(const DeviateCommand& command) {
     json["outputs"] = nlohmann::json::array();
     for (const std::filesystem::path& output : outputs) json["outputs"].push_back(json_text(output));
     json["seconds"] = seconds, json["peak_bytes"] = peak_resident_bytes();
-    write_file(command.report, dump_json(json, 2) + "\n");
+    write_text_output(command.report, dump_json(json, 2) + "\n");
   }
   require_within(command, report.table.rows.front());
 }

@@ -4,6 +4,7 @@
 
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/output_file.h"
 
 namespace tessera {
 namespace {
@@ -45,6 +46,13 @@ void make_output_folder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) throw UsageError("-o " + folder.string() + ": cannot be made: " + error.message());
+}
+
+void write_text_output(const std::filesystem::path& path, const std::string& text) {
+  if (path.empty()) return;
+  OutputFile file(path);
+  file.append(text);
+  file.finish();
 }
 
 }  // namespace tessera

@@ -1,5 +1,5 @@
 /// \file scan_outputs.h
-/// Where commands write LAS and LAZ files that each get a copy.
+/// Where commands of surveys write: LAS and LAZ files that each get a copy, and texts.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -16,5 +16,7 @@ std::vector<std::filesystem::path> outputs_in_folder(const std::vector<std::file
                                                      const std::string& why);
 /// \throws UsageError when it cannot be made
 void make_output_folder(const std::filesystem::path& folder);
+/// Under its final name once all is written; nothing for an empty path. \throws UsageError, ResourceError as OutputFile
+void write_text_output(const std::filesystem::path& path, const std::string& text);
 
 }  // namespace tessera

@@ -14,6 +14,7 @@
 #include "stream/runtime/memory_budget.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/survey/scan_outputs.h"
 
 namespace tessera {
 namespace {
@@ -47,12 +48,6 @@ void read_base(const std::string& base, VolumeOptions& options) {
     throw UsageError("--base " + base + ": give plane:Z with a number, as plane:251.5, or a mesh");
 }
 
-void write_text(const std::filesystem::path& path, const std::string& text) {
-  OutputFile file(path);
-  file.append(text);
-  file.finish();
-}
-
 void run_volume(const VolumeCommand& command) {
   if (command.mesh.empty())
     throw UsageError("no mesh given; name one: tessera volume new.ply --base old.ply");
@@ -76,7 +71,7 @@ void run_volume(const VolumeCommand& command) {
         << "how far the volumes may be off is unknown: no report beside the meshes proves a distance; give "
            "--tolerance (and --base-tolerance)\n"
         << std::flush;
-  if (!command.csv.empty()) write_text(command.csv, to_csv(volumes));
+  write_text_output(command.csv, to_csv(volumes));
   if (command.json.empty()) return;
   nlohmann::json report = to_json(volumes);
   report["mesh"] = json_text(command.mesh);
@@ -85,7 +80,7 @@ void run_volume(const VolumeCommand& command) {
   if (options.tolerance >= 0.0) report["tolerance"] = options.tolerance;
   if (!options.base.empty() && options.base_tolerance >= 0.0)
     report["base_tolerance"] = options.base_tolerance;
-  write_text(command.json, dump_json(report, 2) + "\n");
+  write_text_output(command.json, dump_json(report, 2) + "\n");
 }
 
 }  // namespace
