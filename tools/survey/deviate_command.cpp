@@ -10,8 +10,8 @@
 
 #include "octree/error.h"
 #include "stream/files/json_text.h"
-#include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
+#include "stream/files/planned_writes.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/survey/scan_deviation.h"
