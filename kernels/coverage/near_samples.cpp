@@ -7,8 +7,6 @@
 namespace tessera {
 namespace {
 
-using Byte3 = std::array<std::uint8_t, 3>;
-
 constexpr int kMaxSampleCells = 32;  ///< along an axis
 constexpr double kCellDistances = 2.0;
 constexpr double kSampleMargin = 1e-9;  ///< of the distance, for rounding
@@ -89,33 +87,27 @@ void NearSamples::meet(std::size_t cell, const std::array<Double3, 3>& face) {
 void NearSamples::add(std::span<const Double3> position,
                       std::span<const std::array<std::uint32_t, 3>> faces) {
   if (samples_.empty()) return;
-  static_assert(kMaxSampleCells < 0x7f);
-  constexpr Byte3 kBeyond = {0x7f, 0x7f, 0x7f};
-  std::vector<Byte3> cell(position.size(), kBeyond);
-  for (std::size_t v = 0; v < position.size(); ++v) {
-    bool inside = true;
+  constexpr std::uint32_t kBeyond = ~std::uint32_t{0};
+  static_assert(kMaxSampleCells * kMaxSampleCells * kMaxSampleCells < kBeyond);
+  const auto cell_of = [&](const Double3& p) {
     for (std::size_t a = 0; a < 3; ++a)
-      inside = inside && position[v][a] >= low_[a] && position[v][a] <= high_[a];
-    if (!inside) continue;
-    const Int3 at = cells(position[v], position[v])[0];
-    for (std::size_t a = 0; a < 3; ++a) cell[v][a] = static_cast<std::uint8_t>(at[a]);
-  }
+      if (!(p[a] >= low_[a] && p[a] <= high_[a])) return kBeyond;
+    std::uint32_t cell = 0;
+    for (std::size_t a = 3; a-- > 0;) {
+      const int at = std::min(static_cast<int>((p[a] - low_[a]) * per_edge_), cells_[a] - 1);
+      cell = cell * static_cast<std::uint32_t>(cells_[a]) + static_cast<std::uint32_t>(at);
+    }
+    return cell;
+  };
+  std::vector<std::uint32_t> cell(position.size());
+  for (std::size_t v = 0; v < position.size(); ++v) cell[v] = cell_of(position[v]);
   for (const auto& f : faces) {
-    std::array<Int3, 2> range{};
-    bool beyond = false;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::uint8_t p = cell[f[0]][a], q = cell[f[1]][a], r = cell[f[2]][a];
-      range[0][a] = std::min({p, q, r}), range[1][a] = std::max({p, q, r});
-      beyond = beyond || range[1][a] == kBeyond[a];
-    }
+    const std::uint32_t c = cell[f[0]];
     const auto face = [&] { return std::array<Double3, 3>{position[f[0]], position[f[1]], position[f[2]]}; };
-    if (beyond) {
+    if (c != cell[f[1]] || c != cell[f[2]] || c == kBeyond)
       add(face());
-      continue;
-    }
-    for_cells(range, [&](std::size_t c) {
-      if (start_[c] != end_[c]) meet(c, face());
-    });
+    else if (start_[c] != end_[c])
+      meet(c, face());
   }
 }
 

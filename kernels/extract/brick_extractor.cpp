@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
+#include <span>
 
 namespace tessera {
 namespace {
@@ -155,7 +156,8 @@ void BrickExtractor::emit_edge_vertices() {
           const Float3 shift =
               (m.leaf->moving[axis][z] & bit) ? border_.of_vertex(node, axis, index) : Float3{0, 0, 0};
           const VertexClass kind = (m.border[axis][z] & bit) ? VertexClass::kBorder : VertexClass::kSmooth;
-          for (const std::uint32_t each : {vertex, second}) {
+          const std::array<std::uint32_t, 2> both = {vertex, second};
+          for (const std::uint32_t each : std::span(both).first(is_split ? 2 : 1)) {
             // Of two at one place each leans to its cells, or their faces would touch.
             Float3 at = p;
             if (is_split) at[v] += each == second ? kApart : -kApart;

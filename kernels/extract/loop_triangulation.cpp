@@ -25,7 +25,8 @@ void emit(const Split& split, std::uint8_t from, std::uint8_t to, LoopTriangles&
 
 }  // namespace
 
-void triangulate_loop(const LoopSamples& loop, LoopTriangles& out) {
+// Flattened: one in a large unit is otherwise left with calls in its innermost loops.
+[[gnu::flatten]] void triangulate_loop(const LoopSamples& loop, LoopTriangles& out) {
   out.count = 0;
   const auto size = static_cast<std::size_t>(loop.size);
   if (size == 3) {

@@ -20,12 +20,12 @@ namespace tessera {
 /// are passed over by a look at that one.
 class NormalSampler {
  public:
+  /// \param points  as in LayeredSampler
+  explicit NormalSampler(std::uint64_t points = 0)
+      : threshold_(CellSampler::threshold_of(max_sampled_share(kLimit, points))) {}
   /// \param p  in quanta   \param n  not zero, finite
   void add(const Double3& p, const Float3& n) {
-    const Double3 rotated = LayeredSampler::rotate(p);
-    CellSampler::CellIndex cell{};
-    for (std::size_t a = 0; a < 3; ++a)
-      cell[a] = static_cast<std::int64_t>(std::floor(rotated[a] * (1.0 / kCell)));
+    const CellSampler::CellIndex cell = cell_of(LayeredSampler::rotate(p), 1.0 / kCell);
     if (cell != last_cell_ || entries_.empty()) enter(cell);
     if (last_hash_ > threshold_) return;
     push(p, n);
@@ -55,7 +55,7 @@ class NormalSampler {
   CellSampler::CellIndex last_cell_{}, last_around_{};
   std::uint64_t last_class_ = 0;  ///< of the cells around
   std::uint64_t last_hash_ = ~std::uint64_t{0};
-  std::uint64_t threshold_ = ~std::uint64_t{0};
+  std::uint64_t threshold_;
   std::vector<Entry> entries_;
 };
 

@@ -20,6 +20,8 @@ bool before(const HashedPoint& a, const HashedPoint& b) {
   return std::tie(a.hash, a.p) < std::tie(b.hash, b.p);
 }
 
+constexpr double kAllHashes = 18446744073709551616.0;
+
 constexpr PackedKind kKind = {"TSSAMPL3", "a sample"};
 
 }  // namespace
@@ -32,9 +34,18 @@ void PointSampler::add(const Double3& p) {
 }
 
 void PointSampler::shrink() {
-  std::sort(points_.begin(), points_.end(), before);
+  // What stays is mostly among the first; the rest is looked at only where positions repeat.
+  const auto middle =
+      points_.begin() + static_cast<std::ptrdiff_t>(std::min(points_.size(), limit_ + limit_ / 4));
+  std::nth_element(points_.begin(), middle, points_.end(), before);
+  std::sort(points_.begin(), middle, before);
   const auto same = [](const HashedPoint& a, const HashedPoint& b) { return a.p == b.p; };
-  points_.erase(std::unique(points_.begin(), points_.end(), same), points_.end());
+  auto end = std::unique(points_.begin(), middle, same);
+  if (end - points_.begin() <= static_cast<std::ptrdiff_t>(limit_)) {
+    std::sort(middle, points_.end(), before);
+    end = std::unique(points_.begin(), std::move(middle, points_.end(), end), same);
+  }
+  points_.erase(end, points_.end());
   if (points_.size() <= limit_) return;
   points_.resize(limit_);
   threshold_ = points_.back().hash;
@@ -49,9 +60,17 @@ std::vector<Double3> PointSampler::take() {
   return points;
 }
 
-std::uint64_t CellSampler::hash_of(const CellIndex& cell) {
-  return mix(static_cast<std::uint64_t>(cell[0]) ^
-             mix(static_cast<std::uint64_t>(cell[1]) ^ mix(static_cast<std::uint64_t>(cell[2]))));
+CellSampler::CellSampler(double size, std::size_t limit, double max_share)
+    : size_(size), limit_(limit), threshold_(threshold_of(max_share)) {
+  points_.reserve(2 * limit);
+}
+
+std::uint64_t CellSampler::threshold_of(double share) {
+  return share < 1.0 ? static_cast<std::uint64_t>(share * kAllHashes) : ~std::uint64_t{0};
+}
+
+double CellSampler::share() const {
+  return (static_cast<double>(threshold_) + 1.0) / kAllHashes;
 }
 
 void CellSampler::shrink() {
@@ -123,11 +142,16 @@ void CellSampler::merge(const PackedFile& in, const Saved& saved) {
   if (points_.size() >= 2 * limit_) shrink();
 }
 
-LayeredSampler::LayeredSampler(double coarsest, const Limits& limits)
+double max_sampled_share(std::size_t limit, std::uint64_t points) {
+  constexpr double kRoom = 8.0;
+  return points > 0 ? std::min(1.0, kRoom * static_cast<double>(limit) / static_cast<double>(points)) : 1.0;
+}
+
+LayeredSampler::LayeredSampler(double coarsest, const Limits& limits, std::uint64_t points)
     : per_second_(double{1 << kRatioBits} / coarsest), per_finest_(per_second_) {
   for (std::size_t k = 0; k < kLayers; ++k) {
     const double size = std::ldexp(coarsest, -kRatioBits * static_cast<int>(k));
-    layers_.emplace_back(size, limits[k]);
+    layers_.emplace_back(size, limits[k], k == 0 ? 1.0 : max_sampled_share(limits[k], points));
     per_finest_ = 1.0 / size;
   }
   enter({0, 0, 0});

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
+#include "octree/portable_math.h"
 #include "stream/files/packed_file.h"
 
 namespace tessera {
@@ -20,6 +21,12 @@ struct HashedPoint {
   std::uint64_t hash = 0;
   Double3 p{};
 };
+
+/// The cell of a lattice through zero that a point lies in. \param per_unit  cells a unit
+inline std::array<std::int64_t, 3> cell_of(const Double3& p, double per_unit) {
+  const auto along = [&](std::size_t a) { return static_cast<std::int64_t>(std::floor(p[a] * per_unit)); };
+  return {along(0), along(1), along(2)};
+}
 
 /// The `limit` different points with the smallest hashes of their coordinates.
 class PointSampler {
@@ -42,11 +49,17 @@ class PointSampler {
 class CellSampler {
  public:
   using CellIndex = std::array<std::int64_t, 3>;
-  CellSampler(double size, std::size_t limit) : size_(size), limit_(limit) { points_.reserve(2 * limit); }
+  /// \param max_share  of all cells that may be sampled at most, in (0, 1]
+  CellSampler(double size, std::size_t limit, double max_share = 1.0);
 
   /// Classes of cells, by the first bits of their hashes: one after another is sampled until the limit is reached.
   static constexpr int kClassBits = 4;
-  static std::uint64_t hash_of(const CellIndex& cell);
+  static std::uint64_t hash_of(const CellIndex& cell) {
+    return mix(static_cast<std::uint64_t>(cell[0]) ^
+               mix(static_cast<std::uint64_t>(cell[1]) ^ mix(static_cast<std::uint64_t>(cell[2]))));
+  }
+  /// The last hash of so large a share of all cells.
+  static std::uint64_t threshold_of(double share);
   static std::uint64_t class_of(std::uint64_t hash) { return hash >> (64 - kClassBits); }
   /// The last class of which cells are sampled.
   std::uint64_t last_class() const { return class_of(threshold_); }
@@ -74,7 +87,7 @@ class CellSampler {
   std::vector<Cell> take();
   double size() const { return size_; }
   /// Of all cells, the share that is sampled: every one as likely as every other.
-  double share() const { return (static_cast<double>(threshold_) + 1.0) / 18446744073709551616.0; }
+  double share() const;
   bool any_crowded() const { return !crowded_.empty(); }
 
   /// What save leaves of a sampler in a file.
@@ -100,6 +113,10 @@ class CellSampler {
   std::unordered_set<std::uint64_t> crowded_;  ///< hashes of cells over the eighth; looked up, never walked
 };
 
+/// Of all cells, the share in which a sample of `limit` points is looked for where the whole stream has `points`, with room
+/// for cells that hold fewer than others; 1 where that is not known (0).
+double max_sampled_share(std::size_t limit, std::uint64_t points);
+
 /// Samples of cells of several sizes, each a quarter of the one before, in a turned frame, so that no wall lies along
 /// the cells: where one size is too crowded or too empty to tell anything, another is not. Fine cells have the class of
 /// the second layer's cell around them, so most points of a large scan are passed over by a look at that one.
@@ -110,7 +127,9 @@ class LayeredSampler {
   using Limits = std::array<std::size_t, kLayers>;
 
   /// \param coarsest  size of the first layer, a power of two   \param limits  points per layer
-  LayeredSampler(double coarsest, const Limits& limits);
+  /// \param points  of the whole stream, 0 where that is not known: cells that are most likely of no use are then passed
+  /// over from the beginning, in all layers but the first, whose cells are mostly too crowded to count
+  LayeredSampler(double coarsest, const Limits& limits, std::uint64_t points);
   /// \pre coordinates below 2^50 cells of the first layer
   void add(const Double3& p) {
     const Double3 rotated = rotate(p);
@@ -145,12 +164,6 @@ class LayeredSampler {
   }
 
  private:
-  static CellSampler::CellIndex cell_of(const Double3& rotated, double per_unit) {
-    CellSampler::CellIndex cell{};
-    for (std::size_t a = 0; a < 3; ++a)
-      cell[a] = static_cast<std::int64_t>(std::floor(rotated[a] * per_unit));
-    return cell;
-  }
   void enter(CellSampler::CellIndex around);
   std::vector<CellSampler> layers_;  ///< coarsest first
   double per_second_, per_finest_;   ///< cells a unit

@@ -65,7 +65,7 @@ inline ChainResult run_chain(const std::vector<TestPoint>& points, const ChainSe
   const JobState job = chain_job(work.path(), setup);
   const auto inputs = chain_inputs(points, setup);
   ChainResult r;
-  r.survey = run_stage(SurveyStage(job, inputs, setup.h, false), job.work, setup.backwards);
+  r.survey = run_stage(SurveyStage(job, inputs, setup.h, 0), job.work, setup.backwards);
   r.distribute = run_stage(DistributeStage(job, inputs), job.work, setup.backwards);
   r.order = run_stage(OrderStage(job), job.work, setup.backwards);
   r.plan = Plan::of_work(job.work);

@@ -221,7 +221,7 @@ class SpacingStage : public MeasuringStage {
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints);
+    LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints, probe_.at("points").get<std::uint64_t>());
     const double far = 1e15 * cell();
     inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
       for (std::size_t i = 0; i < chunk.size(); ++i) {
@@ -239,7 +239,7 @@ class SpacingStage : public MeasuringStage {
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (!needed()) return {{"skipped", "the resolution is given"}};
-    LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints);
+    LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints, probe_.at("points").get<std::uint64_t>());
     for (std::size_t k = 0; k < summaries.size(); ++k) sampler.merge(job_.work / cells_file(k));
     SampledLayers layers(sampler);
     const std::vector<SpacingProbe> probes = layers.probes();
@@ -282,6 +282,15 @@ ChosenSpacing chosen_resolution(const std::filesystem::path& work) {
     return {j.at("resolution").get<double>(), j.at("reason").get<std::string>()};
   } catch (const json::exception&) {
     throw InputError((work / kSpacingFile).string() + ": damaged; run again with --force");
+  }
+}
+
+std::uint64_t probed_points(const std::filesystem::path& work) {
+  const json j = load_json(work / kProbeFile);
+  try {
+    return j.at("points").get<std::uint64_t>();
+  } catch (const json::exception&) {
+    throw InputError((work / kProbeFile).string() + ": damaged; run again with --force");
   }
 }
 

@@ -23,5 +23,7 @@ std::uint64_t spacing_bytes();
 
 /// h that the spacing stage chose, and why. \throws InputError when it has not run
 ChosenSpacing chosen_resolution(const std::filesystem::path& work);
+/// How many points the probe counted. \throws InputError when it has not run
+std::uint64_t probed_points(const std::filesystem::path& work);
 
 }  // namespace tessera

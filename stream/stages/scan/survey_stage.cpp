@@ -147,12 +147,13 @@ std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points) {
 }
 
 SurveyStage::SurveyStage(const JobState& job, std::shared_ptr<const PointInputs> inputs, double h,
-                         bool auto_resolution)
+                         std::uint64_t probed)
     : job_(job),
       options_(reconstruct_options(job)),
       inputs_(std::move(inputs)),
       h_(h),
-      auto_resolution_(auto_resolution) {
+      probed_(probed),
+      auto_resolution_(probed > 0) {
   if (!(h_ > 0.0) || !std::isfinite(h_))
     throw UsageError("--resolution must be a positive number in the scan's units");
   if (options_.radius > 0.0 && !(options_.radius >= h_ && options_.radius <= 4.0 * h_))
@@ -179,8 +180,8 @@ std::uint64_t survey_finish_bytes(const RunOptions& run, std::uint64_t input_byt
 
 nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   BrickCounter counter(context.create(counts_file(task)), kCounterBricks);
-  LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints);
-  NormalSampler normals;
+  LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints, probed_);
+  NormalSampler normals(probed_);
   ChunkQuanta quanta;
   Tally tally;
   const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
@@ -224,7 +225,7 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
 
 PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
                                  const std::vector<BrickCount>& counts, Plan& plan) const {
-  LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints);
+  LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints, probed_);
   for (std::size_t k = 0; k < tasks; ++k) sampler.merge(job_.work / sample_file(k));
   const SampledLayers layers(sampler);
   // A surface of area A crosses about 1.5 A / e^2 cells of edge e and becomes about 3 A / h^2 triangles.
@@ -261,7 +262,7 @@ PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
 nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const {
   Tally tally;
   std::vector<std::filesystem::path> files;
-  NormalSampler normals;
+  NormalSampler normals(probed_);
   for (std::size_t k = 0; k < summaries.size(); ++k) {
     add_json(summaries[k], tally);
     if (summaries[k].at("with_normal") > 0) normals.merge(job_.work / normals_file(k));
@@ -336,7 +337,8 @@ std::unique_ptr<Stage> make_survey_stage(const JobState& job) {
   const double given = reconstruct_options(job).resolution;
   const bool auto_resolution = given == 0.0;
   const double h = auto_resolution ? chosen_resolution(job.work).h : given;
-  return std::make_unique<SurveyStage>(job, open_point_inputs(job, false), h, auto_resolution);
+  return std::make_unique<SurveyStage>(job, open_point_inputs(job, false), h,
+                                       auto_resolution ? probed_points(job.work) : 0);
 }
 
 }  // namespace tessera

@@ -19,8 +19,8 @@ std::uint64_t survey_finish_bytes(const RunOptions& run, std::uint64_t input_byt
 class SurveyStage : public Stage {
  public:
   /// \param h     lattice spacing: --resolution, or what the spacing stage measured
-  /// \param auto_resolution  it was measured
-  SurveyStage(const JobState& job, std::shared_ptr<const PointInputs> inputs, double h, bool auto_resolution);
+  /// \param probed  points that the probe counted where h was measured, else 0
+  SurveyStage(const JobState& job, std::shared_ptr<const PointInputs> inputs, double h, std::uint64_t probed);
 
   std::string name() const override { return "survey"; }
   std::size_t task_count() const override { return inputs_->task_count(); }
@@ -45,6 +45,7 @@ class SurveyStage : public Stage {
   ReconstructOptions options_;
   std::shared_ptr<const PointInputs> inputs_;
   double h_;
+  std::uint64_t probed_;
   bool auto_resolution_;
 };
 

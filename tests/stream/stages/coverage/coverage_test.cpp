@@ -77,7 +77,7 @@ Measured measure(const std::vector<TestPoint>& points, const ChainSetup& setup, 
   const TempFolder work;
   const JobState job = chain_job(work.path(), setup);
   const auto inputs = chain_inputs(points, setup);
-  run_stage(SurveyStage(job, inputs, setup.h, false), job.work, setup.backwards);
+  run_stage(SurveyStage(job, inputs, setup.h, 0), job.work, setup.backwards);
   run_stage(DistributeStage(job, inputs), job.work, setup.backwards);
   run_stage(OrderStage(job), job.work, setup.backwards);
   run_stage(*make_seen_spacing_stage(job), job.work, setup.backwards);

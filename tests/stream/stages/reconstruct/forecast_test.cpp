@@ -49,7 +49,7 @@ std::map<std::string, Reserved> run_all(const std::vector<TestPoint>& points, co
   JobState job = chain_job(work, setup);
   job.output = work / "mesh.ply";
   const auto inputs = chain_inputs(points, setup);
-  run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
+  run_stage(SurveyStage(job, inputs, setup.h, 0), job.work);
   forecasted = tell(job, *inputs);
   std::map<std::string, Reserved> reserved;
   bool after = false;
@@ -137,7 +137,7 @@ TEST_CASE("forecast: disk of the passes over points is what they write", "[unit]
   const auto points = sphere_points(50000, 60.0, {0, 0, 0});
   const JobState job = chain_job(work.path(), setup);
   const auto inputs = chain_inputs(points, setup);
-  run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
+  run_stage(SurveyStage(job, inputs, setup.h, 0), job.work);
   const Forecasted forecasted = tell(job, *inputs);
   run_stage(DistributeStage(job, inputs), job.work);
   run_stage(OrderStage(job), job.work);
@@ -297,7 +297,7 @@ TEST_CASE("forecast: too small a cap is refused once, with the smallest that wou
   }
   JobState job = chain_job(work.path(), setup);
   const auto inputs = chain_inputs(sphere_points(dense ? 400000 : 60000, 100.0, {256, 256, 256}), setup);
-  run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
+  run_stage(SurveyStage(job, inputs, setup.h, 0), job.work);
   const Forecasted forecasted = tell(job, *inputs);
   const std::uint64_t base = 20 * kMiB;
   const auto at_cap = under(forecasted, job);

@@ -78,7 +78,7 @@ TEST_CASE("distribute: an input that changes after the survey is refused", "[fau
   ChainSetup setup;
   auto points = sphere_points(5000, 100.0, {0, 0, 0});
   const JobState job = chain_job(work.path(), setup);
-  run_stage(SurveyStage(job, chain_inputs(points, setup), setup.h, false), job.work);
+  run_stage(SurveyStage(job, chain_inputs(points, setup), setup.h, 0), job.work);
   points.pop_back();
   CHECK_THROWS_WITH(run_stage(DistributeStage(job, chain_inputs(points, setup)), job.work),
                     Catch::Contains("changed"));

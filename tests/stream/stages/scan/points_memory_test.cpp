@@ -90,7 +90,7 @@ TEST_CASE("memory: passes over points stay within what they announce", "[memory]
   automatic.settings = to_settings(setup.options);
   check_stage(*make_probe_stage(automatic, inputs), job.work);
   check_stage(*make_spacing_stage(automatic, inputs), job.work);
-  check_stage(SurveyStage(job, inputs, setup.h, false), job.work);
+  check_stage(SurveyStage(job, inputs, setup.h, 0), job.work);
   check_stage(DistributeStage(job, inputs), job.work);
   check_stage(OrderStage(job), job.work);
 }

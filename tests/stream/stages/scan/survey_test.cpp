@@ -21,7 +21,7 @@ namespace {
 Plan survey(const std::vector<TestPoint>& points, const ChainSetup& setup = {}) {
   const TempFolder work;
   const JobState job = chain_job(work.path(), setup);
-  run_stage(SurveyStage(job, chain_inputs(points, setup), setup.h, false), job.work, setup.backwards);
+  run_stage(SurveyStage(job, chain_inputs(points, setup), setup.h, 0), job.work, setup.backwards);
   return Plan::of_work(job.work);
 }
 
@@ -364,7 +364,7 @@ TEST_CASE("survey: the agreement of given normals is measured, whatever the orde
   const auto agreement = [](const std::vector<TestPoint>& points, const ChainSetup& setup = {}) {
     const TempFolder work;
     const JobState job = chain_job(work.path(), setup);
-    run_stage(SurveyStage(job, chain_inputs(points, setup), setup.h, false), job.work, setup.backwards);
+    run_stage(SurveyStage(job, chain_inputs(points, setup), setup.h, 0), job.work, setup.backwards);
     return agreement_of_work(job.work);
   };
   auto points = random_plane(20000, 100.0, 0.02);

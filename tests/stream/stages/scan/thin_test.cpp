@@ -55,7 +55,7 @@ Thinned thinned(const std::vector<TestPoint>& points, std::size_t files, bool ba
   CHECK(report.at("kept") == t.points.size());
   std::erase_if(t.points, [](const auto& p) { return std::isnan(p.first[0]); });
   std::sort(t.points.begin(), t.points.end());
-  run_stage(SurveyStage(job, inputs, 1.0, false), job.work);
+  run_stage(SurveyStage(job, inputs, 1.0, 0), job.work);
   t.dispositions = Plan::of_work(job.work).dispositions;
   const auto distribute = run_stage(DistributeStage(job, inputs), job.work);
   CHECK(distribute.at("points") == t.dispositions.kept);

@@ -43,7 +43,7 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   const auto inputs = chain_inputs(points, setup);
   MeshResult result;
   const auto run = [&](const Stage& stage) { return run_stage(stage, job.work, setup.backwards); };
-  run(SurveyStage(job, inputs, setup.h, false));
+  run(SurveyStage(job, inputs, setup.h, 0));
   run(DistributeStage(job, inputs));
   run(OrderStage(job));
   run(*make_normals_stage(job));
