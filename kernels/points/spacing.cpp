@@ -56,21 +56,31 @@ class Surroundings {
   bool hold(double radius) const { return hold(radius, count_ < kFewAround ? kFewVariation : kMaxVariation); }
   /// The same of few: strewn ones lie about a plane by chance more easily.
   bool few_hold(double radius) const { return hold(radius, kFewVariation); }
+  /// Of the plane that they lie about. \pre some were added
+  Double3 normal() const { return axes().direction[0]; }
 
  private:
-  bool hold(double radius, double max_variation) const {
-    if (count_ < kMinAround) return false;
-    const Double3 mean = sum_ / count_;
+  struct PrincipalAxes {
+    Double3 mean{}, variance{};  ///< ascending
+    std::array<Double3, 3> direction{};
+  };
+  PrincipalAxes axes() const {
+    PrincipalAxes out;
+    out.mean = sum_ / count_;
     std::array<double, 6> cov = square_;
     for (double& c : cov) c /= count_;
-    cov[0] -= mean[0] * mean[0], cov[1] -= mean[0] * mean[1], cov[2] -= mean[0] * mean[2];
-    cov[3] -= mean[1] * mean[1], cov[4] -= mean[1] * mean[2], cov[5] -= mean[2] * mean[2];
-    Double3 values{};
-    std::array<Double3, 3> axes{};
-    symmetric_eigen3(cov, values, axes);
-    const double minimum = std::max(values[0], 0.0);
-    const double off = std::fabs(dot(mean, axes[0]));
-    return minimum <= max_variation * (minimum + values[1] + values[2]) &&
+    const Double3& m = out.mean;
+    cov[0] -= m[0] * m[0], cov[1] -= m[0] * m[1], cov[2] -= m[0] * m[2];
+    cov[3] -= m[1] * m[1], cov[4] -= m[1] * m[2], cov[5] -= m[2] * m[2];
+    symmetric_eigen3(cov, out.variance, out.direction);
+    return out;
+  }
+  bool hold(double radius, double max_variation) const {
+    if (count_ < kMinAround) return false;
+    const PrincipalAxes plane = axes();
+    const double minimum = std::max(plane.variance[0], 0.0);
+    const double off = std::fabs(dot(plane.mean, plane.direction[0]));
+    return minimum <= max_variation * (minimum + plane.variance[1] + plane.variance[2]) &&
            off <= kMaxOff * std::sqrt(minimum) + kRounding * radius;
   }
 
@@ -85,6 +95,43 @@ class Surroundings {
   std::array<double, 6> square_{};
 };
 
+/// Whether a probe lies far off what most of its neighbours lie about, by the median of their absolute deviations (the
+/// identifier of Hampel 1974), which up to half of them may be noise without changing.
+/// \param offset  of the neighbours from the probe   \param heights  room to work in
+bool off_most(std::span<const Double3> offset, const Double3& normal, double spacing,
+              std::vector<double>& heights) {
+  constexpr std::size_t kMinOffsets = 8;
+  constexpr double kDeviations = 5.0;  // 3.4 standard deviations of even noise
+  constexpr double kSpacings = 0.5;    // nearer than that a point does not look sparser than it is
+  if (offset.size() < kMinOffsets) return false;
+  heights.clear();
+  for (const Double3& d : offset) heights.push_back(dot(d, normal));
+  const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
+  std::nth_element(heights.begin(), middle, heights.end());
+  const double median = *middle;
+  for (double& h : heights) h = std::fabs(h - median);
+  std::nth_element(heights.begin(), middle, heights.end());
+  return std::fabs(median) > std::max(kDeviations * *middle, kSpacings * spacing);
+}
+
+double points_of(const SpacingProbe& p) {
+  return p.area / (p.spacing * p.spacing);
+}
+
+/// Leaves out the probes beside the surface where they are many. \returns the share of the points that they are
+double drop_beside_surface(std::vector<SpacingProbe>& probes) {
+  constexpr double kManyPoints = 0.04;  // 0.033 in hand-held scans of objects
+  constexpr double kManyArea = 0.08;    // 0.07 in a town with trees, from the air
+  double points = 0.0, area = 0.0, points_beside = 0.0, area_beside = 0.0;
+  for (const SpacingProbe& p : probes) {
+    points += points_of(p), area += p.area;
+    if (p.beside_surface) points_beside += points_of(p), area_beside += p.area;
+  }
+  if (!(points_beside > kManyPoints * points || area_beside > kManyArea * area)) return 0.0;
+  std::erase_if(probes, [](const SpacingProbe& p) { return p.beside_surface; });
+  return points_beside / points;
+}
+
 /// Where probes on no surface would decide, those alone that are about as dense as the surface; else all of them.
 /// \param outliers  SpacingSummary::strewn
 std::vector<SpacingProbe> without_outliers(std::vector<SpacingProbe> probes, double& outliers) {
@@ -97,7 +144,6 @@ std::vector<SpacingProbe> without_outliers(std::vector<SpacingProbe> probes, dou
   constexpr double kMostlyNearby = 0.75;
   constexpr double kDenseShare = 0.75;  // of the points on a surface are as dense as that,
   constexpr double kSlack = 1.5;        // or have so many times their spacing
-  const auto points_of = [](const SpacingProbe& p) { return p.area / (p.spacing * p.spacing); };
   std::sort(probes.begin(), probes.end(), [](const SpacingProbe& a, const SpacingProbe& b) {
     return std::tie(a.spacing, a.area, a.nearest, a.gap, a.on_surface, a.flat_nearby, a.in_range) <
            std::tie(b.spacing, b.area, b.nearest, b.gap, b.on_surface, b.flat_nearby, b.in_range);
@@ -220,14 +266,18 @@ void measure_spacing(const SampleCell& cell, double share, double minimum, doubl
   if (cell.points.size() < kMinForDistances) return;
   const double radius = cell.size / 4;
   const Probes probes = probes_of(cell);
+  std::vector<Double3> offset;
+  std::vector<double> heights;
   for (const std::size_t probe : probes.at) {
     std::array<std::pair<double, std::size_t>, kNearby> nearest;  // squared distance, which
     nearest.fill({radius * radius, probe});
     Surroundings around;
+    offset.clear();
     for (std::size_t i = 0; i < cell.points.size(); ++i) {
       const double d = squared_distance(cell.points[i], cell.points[probe]);
       if (i == probe || d >= radius * radius) continue;
-      around.add(cell.points[i] - cell.points[probe]);
+      offset.push_back(cell.points[i] - cell.points[probe]);
+      around.add(offset.back());
       if (d >= nearest.back().first) continue;
       std::size_t at = kNearby - 1;
       for (; at > 0 && nearest[at - 1].first > d; --at) nearest[at] = nearest[at - 1];
@@ -240,7 +290,8 @@ void measure_spacing(const SampleCell& cell, double share, double minimum, doubl
       if (i != probe) nearby.add(cell.points[i] - cell.points[probe]);
     out.push_back({spacing, std::sqrt(nearest.front().first), std::sqrt(nearest[kGapRank - 1].first),
                    spacing * spacing * probes.each / share, around.hold(radius), nearby.few_hold(radius),
-                   nearest[kSpacingRank - 1].second != probe});
+                   nearest[kSpacingRank - 1].second != probe,
+                   !offset.empty() && off_most(offset, around.normal(), spacing, heights)});
   }
 }
 
@@ -264,6 +315,7 @@ SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHi
   s.noise = residual.quantile(0.25);
   s.residual = residual.quantile(0.5);
   probes = without_outliers(std::move(probes), s.outliers);
+  s.outliers += (1.0 - s.outliers) * drop_beside_surface(probes);
   if (probes.empty()) return s;
   const auto quantile = [&](double SpacingProbe::*field, double share) {
     std::sort(probes.begin(), probes.end(), [&](const SpacingProbe& a, const SpacingProbe& b) {

@@ -51,6 +51,9 @@ struct SpacingProbe {
   bool flat_nearby = true;
   /// The 8th neighbour is in reach; else the spacing is only known to be above the one that is told.
   bool in_range = true;
+  /// Most of the neighbours lie about a plane that the probe is far off: strewn close to the surface, it sees that first and
+  /// looks sparser than it.
+  bool beside_surface = false;
 };
 
 /// Probes at points in the middle half of the cell whose spacing is above `minimum` and at most `maximum`. At most an eighth
@@ -68,7 +71,8 @@ void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& ou
 /// What is concluded, in the unit of the probes; quantiles by area. Zero: not measured.
 /// Strewn points are few but far apart, so by area they would outweigh the surface: where probes that are on none and much
 /// sparser than the median point claim a notable part of all area, and are most of what is so sparse, only probes count
-/// that are known to be about as dense as three of four points on a surface. Other scans lose none.
+/// that are known to be about as dense as three of four points on a surface. Probes beside the surface are left out where
+/// they are many, by points or by area. Other scans lose none.
 /// Spacings are those of the probes, or all of them larger in proportion where the median of the nearest neighbours says
 /// so: that is the spacing of a grid.
 struct SpacingSummary {

@@ -1,7 +1,11 @@
 // The lattice that follows from what was measured of a scan.
+#include <algorithm>
+#include <vector>
+
 #include <catch2/catch.hpp>
 
 #include "kernels/points/spacing.h"
+#include "tests/helpers/random.h"
 
 namespace spacing_test {
 
@@ -17,6 +21,22 @@ SpacingSummary even_scan(double noise) {
 }
 
 }  // namespace
+
+TEST_CASE("spacing: a point off the plane of most around it is beside a surface", "[unit]") {
+  test::Random random(11);
+  for (const double height : {0.0, 0.3, 1.0, 2.0, 3.5}) {
+    std::vector<Double3> points = {{8.0, 8.0, 8.0 + height}};
+    for (int i = 0; i < 16; ++i)
+      for (int j = 0; j < 16; ++j)
+        points.push_back({i + random.unit(), j + random.unit(), 8.0 + 0.05 * random.gaussian()});
+    std::vector<SpacingProbe> probes;
+    measure_spacing({{0, 0, 0}, 16.0, points}, 1.0, 0.0, 2.0, probes);
+    const auto beside =
+        std::count_if(probes.begin(), probes.end(), [](const SpacingProbe& p) { return p.beside_surface; });
+    CAPTURE(height);
+    CHECK(beside == (height > 0.5 ? 1 : 0));
+  }
+}
 
 TEST_CASE("spacing: scans of few points get a finer lattice, down to half", "[unit]") {
   CHECK(choose_spacing(even_scan(0.0)).h == 3.0);

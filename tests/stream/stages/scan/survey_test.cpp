@@ -358,6 +358,20 @@ TEST_CASE("resolution: strewn points do not coarsen it, few or many, near or in 
   }
   with_outliers(0.2, 22.5, 2.5);
   with_outliers(0.2, 30.0, 6.0);
+  // Close over and under the ground, where they look like a surface of fewer points.
+  for (const double share : {0.03, 0.05, 0.1, 0.2})
+    for (const double close : {0.6, 1.0, 1.5, 2.0, 3.0}) {
+      std::vector<TestPoint> points = ground;
+      const auto count = static_cast<int>(share / (1.0 - share) * static_cast<double>(ground.size()));
+      for (int k = 0; k < count; ++k) {
+        TestPoint p = ground[random.below(ground.size())];
+        for (const std::size_t a : {0, 1}) p.p[a] += random.in(-0.2, 0.2);
+        p.p[2] += random.in(-close, close);
+        points.push_back(p);
+      }
+      CAPTURE(share, close);
+      CHECK(measured_resolution(points) == Approx(clean).epsilon(0.17));
+    }
 }
 
 TEST_CASE("survey: the agreement of given normals is measured, whatever the order", "[property]") {
