@@ -27,8 +27,8 @@ using json = nlohmann::json;
 
 constexpr const char* kSpacingFile = "seen/spacing.json";
 constexpr std::size_t kSites = 512;  ///< places where the spacing is looked at
-/// Points that are looked at, nearly: a share of 99 % of them comes out to less than a thousandth (one sigma).
-constexpr std::uint64_t kSampled = 1u << 14;
+/// Points that are looked at, nearly: the share of them that the mesh holds comes out to less than a thousandth (one sigma).
+constexpr std::uint64_t kSampled = 1u << 15;
 /// Cells around what is looked at. Points farther apart than the spacing that goes with it, the support of no surface
 /// reaches across.
 constexpr int kMaxSeenHalo = 16;
