@@ -19,6 +19,8 @@ constexpr double kSplitAbove = 4.0 / 3.0, kCollapseBelow = 0.8;  ///< of the tar
 /// the loop would ever change them. So the first iteration begins with far fewer vertices than there will be.
 constexpr double kCoarseBelow = 1.8, kCoarseLongest = 2.4;
 constexpr int kCoarseRounds = 4;
+/// Of a face's area that each half keeps when it is cut; in the middle it is one half.
+constexpr double kLeastShare = 1.0 / 64.0;
 constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a float without a sign
 
 }  // namespace
@@ -228,19 +230,53 @@ bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
     ++report.by_capacity;
     return false;
   }
-  for (const std::uint32_t v : {e.a, e.b, mesh_.vertex(e.corner)}) mark_changed(v);
-  if (o != kNoCorner) mark_changed(mesh_.vertex(o));
-  split(e);
-  mark_changed(static_cast<std::uint32_t>(info_.size() - 1));
+  const std::uint32_t apex = mesh_.vertex(e.corner), other = o != kNoCorner ? mesh_.vertex(o) : apex;
+  if (!split(e)) return false;
+  for (const std::uint32_t v : {e.a, e.b, apex, other, static_cast<std::uint32_t>(info_.size() - 1)})
+    mark_changed(v);
   return true;
 }
 
-void Remesher::split(const Edge& e) {
+/// Whether the faces at an edge may be cut from their apexes to there. Each half keeps a share of its face: a needle cut again
+/// and again where the reference is nearest, which can be an end of the edge, would come down to edges without length.
+bool Remesher::cuts_well(std::uint32_t c, const Double3& at) const {
+  for (const std::uint32_t d : {c, mesh_.opposite(c)}) {
+    if (d == kNoCorner) continue;
+    const Double3 &p = mesh_.at(mesh_.vertex(d)), &q = mesh_.at(mesh_.vertex(next_corner(d))),
+                  &r = mesh_.at(mesh_.vertex(prev_corner(d)));
+    const Double3 old = triangle_normal(p, q, r);
+    const double least = kLeastShare * norm(old);
+    const auto is_sound = [&](const Double3& second, const Double3& third) {
+      const FaceExtent extent = face_extent(p, second, third);
+      return extent.twice_area > std::max(kFlatRoom * kFlatAltitude * extent.longest2, least) &&
+             dot(triangle_normal(p, second, third), old) > 0.0;
+    };
+    if (!is_sound(q, at) || !is_sound(at, r)) return false;
+  }
+  return true;
+}
+
+/// Whether cuts in the middle would leave a face without area of one that has some.
+bool Remesher::too_thin_to_cut(std::uint32_t c) const {
+  for (const std::uint32_t d : {c, mesh_.opposite(c)}) {
+    if (d == kNoCorner) continue;
+    const Double3 &p = mesh_.at(mesh_.vertex(d)), &q = mesh_.at(mesh_.vertex(next_corner(d))),
+                  &r = mesh_.at(mesh_.vertex(prev_corner(d))), middle = (q + r) * 0.5;
+    if (face_extent(p, q, r).is_flat()) continue;
+    for (const Double3& end : {q, r}) {
+      const FaceExtent half = face_extent(p, end, middle);
+      if (half.twice_area <= kFlatRoom * kFlatAltitude * half.longest2) return true;
+    }
+  }
+  return false;
+}
+
+/// False where that would leave faces without area.
+bool Remesher::split(const Edge& e) {
   const std::uint32_t c = e.corner, o = mesh_.opposite(c);
   const Double3 pa = mesh_.at(e.a), pb = mesh_.at(e.b), middle = (pa + pb) * 0.5;
   const double square = squared_distance(pa, pb);
   Info info;
-  info.key = next_key_++;
   info.target = 0.5f * (info_[e.a].target + info_[e.b].target);
   info.moved = true;
   info.line = is_line(c);
@@ -266,18 +302,11 @@ void Remesher::split(const Edge& e) {
   }
   if (guarded_ && !refining_) at = middle;  // on the edge as it was it meets nothing new
   // In the middle nothing can fold.
-  for (const std::uint32_t d : {c, o}) {
-    if (d == kNoCorner) continue;
-    const Double3 &p = mesh_.at(mesh_.vertex(d)), &q = mesh_.at(mesh_.vertex(next_corner(d))),
-                  &r = mesh_.at(mesh_.vertex(prev_corner(d)));
-    const Double3 old = triangle_normal(p, q, r);
-    const auto is_sound = [&](const Double3& second, const Double3& third) {
-      const FaceExtent extent = face_extent(p, second, third);
-      return extent.twice_area > kFlatRoom * kFlatAltitude * extent.longest2 &&
-             dot(triangle_normal(p, second, third), old) > 0.0;
-    };
-    if (!is_sound(q, at) || !is_sound(at, r)) at = middle;
+  if (!cuts_well(c, at)) {
+    at = middle;
+    if (too_thin_to_cut(c)) return false;
   }
+  info.key = next_key_++;
   set_target(info, at);
   const bool crease = mesh_.crease_edge(c);
   const std::uint32_t m = mesh_.split(c, at);
@@ -289,6 +318,7 @@ void Remesher::split(const Edge& e) {
   info_.push_back(info);
   changed_.push_back(0);
   live_faces_ += o == kNoCorner ? 1 : 2;
+  return true;
 }
 
 /// All edges in the first round; then those at vertices whose stars the round before changed: the others would be refused

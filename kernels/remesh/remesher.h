@@ -84,7 +84,9 @@ class Remesher {
   bool too_long(std::uint32_t a, std::uint32_t b) const;
   bool has_longer_neighbour(const Edge& e) const;
   bool split_if_free(const Edge& e, RemeshReport& report);
-  void split(const Edge& e);
+  bool cuts_well(std::uint32_t c, const Double3& at) const;
+  bool too_thin_to_cut(std::uint32_t c) const;
+  bool split(const Edge& e);
   void refine(RemeshReport& report);
   void want_beyond(std::vector<std::uint8_t>& wanted) const;
   void want_missed(std::vector<Double3>& points, std::vector<std::uint8_t>& wanted) const;

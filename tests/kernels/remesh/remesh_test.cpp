@@ -388,6 +388,32 @@ TEST_CASE("remesh: seams of long edges get no slivers along them", "[unit]") {
   CHECK(quality.smallest > 5000);
 }
 
+TEST_CASE("remesh: edges whose nearest places are all but their own ends are split in the middle", "[unit]") {
+  // Faces across a slot whose walls are hardly askew: from the middle of their edges the nearest wall is at an end.
+  const auto wall = [](double x, double y) { return 1e-7 * (x + y - 8.0); };
+  MeshBlock walls = grid_block(8, 8, wall);
+  std::vector<Double3> position = walls.position;
+  std::vector<std::array<std::uint32_t, 3>> faces = walls.faces;
+  for (const Double3& p : walls.position) position.push_back({p[0], p[1], 9.0 - p[2]});
+  for (const auto& f : walls.faces) faces.push_back({81 + f[2], 81 + f[1], 81 + f[0]});
+  walls = make_block(position, faces);
+  canonicalise(walls);
+  MeshBlock block = grid_block(8, 1, [](double, double y) { return 9.0 * y; });
+  for (Double3& p : block.position) p[1] = 4.0, p[2] = p[2] > 0.0 ? 9.0 - wall(p[0], 4.0) : wall(p[0], 4.0);
+  RemeshOptions o = options_for(1.0);
+  o.iterations = 0;
+  o.tolerance = 0.25;
+  o.refine_beyond = true;
+  o.find_creases = false;
+  remesh(block, walls, o);
+  CHECK(block.faces.size() > 50);
+  double shortest = 1e300;
+  for (const auto& f : block.faces)
+    for (std::size_t k = 0; k < 3; ++k)
+      shortest = std::min(shortest, norm(block.position[f[k]] - block.position[f[(k + 1) % 3]]));
+  CHECK(shortest > 0.01);
+}
+
 TEST_CASE("remesh: no more faces than there is room for, and options that make no sense are refused",
           "[unit]") {
   RemeshOptions o = options_for(0.01);
