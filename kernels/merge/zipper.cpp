@@ -13,6 +13,7 @@
 #include <unordered_map>
 
 #include "kernels/holes/hole_triangulation.h"
+#include "kernels/merge/edge_crossings.h"
 
 namespace tessera {
 namespace {
@@ -27,7 +28,6 @@ constexpr double kMinDihedralCosine = 0.17;
 constexpr std::array<double, 3> kLastDihedralCosines = {0.0, -0.35, -0.7};
 constexpr std::array<double, 3> kLastGaps = {1.5, 2.0, 3.0};
 constexpr double kMinHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
-constexpr double kOtherSheet = 1.0;  ///< of its length: edges so far above a new one do not cross it
 /// Circles of this many times the gap, or the longest edge beside, pass through vertices of one side: of a dent in its border.
 constexpr double kMaxRound = 2.0;
 /// Edges of a loop that is filled: of the size of the strip's own faces.
@@ -52,7 +52,9 @@ class Zipper {
         gone_(pieces.faces.size(), 0),
         star_(pieces.position.size()),
         fixed_(pieces.position.size(), 0),
-        bared_(pieces.position.size(), 0) {
+        bared_(pieces.position.size(), 0),
+        fronts_at_(pieces.position.size()),
+        crossings_(pieces.position) {
     for (std::uint32_t f = 0; f < given_; ++f) {
       link(f);
       normal_.push_back(unit_or_zero(face_normal(faces_[f])));
@@ -208,20 +210,38 @@ class Zipper {
 
   // Front edges in cells of a grid.
 
-  struct Edge {
-    std::uint32_t from, to, face;
-  };
+  using Edge = FrontEdge;
   std::uint64_t cell_key(const std::array<std::int64_t, 3>& c) const {
     std::uint64_t key = 0;
     for (const std::int64_t x : c) key = key * 0x9e3779b97f4a7c15ULL + static_cast<std::uint64_t>(x);
     return key;
   }
+  struct CellRange {
+    Double3 low, high;  ///< whole numbers
+    bool meets(const CellRange& o) const {
+      bool apart = false;
+      for (std::size_t k = 0; k < 3; ++k) apart = apart | (low[k] > o.high[k]) | (o.low[k] > high[k]);
+      return !apart;
+    }
+    double count() const {
+      return (high[0] - low[0] + 1.0) * (high[1] - low[1] + 1.0) * (high[2] - low[2] + 1.0);
+    }
+  };
+  /// Cells that the box around p and q has a part of when it grows by a margin on all sides.
+  CellRange cells(const Double3& p, const Double3& q, double margin) const {
+    CellRange r;
+    for (std::size_t k = 0; k < 3; ++k) {
+      r.low[k] = std::floor((std::min(p[k], q[k]) - margin) / cell_);
+      r.high[k] = std::floor((std::max(p[k], q[k]) + margin) / cell_);
+    }
+    return r;
+  }
   template <class Use>
-  void for_cells(const Double3& low, const Double3& high, const Use& use) const {
+  void for_cells(const CellRange& r, const Use& use) const {
     std::array<std::int64_t, 3> a, b, c;
     for (std::size_t k = 0; k < 3; ++k) {
-      a[k] = static_cast<std::int64_t>(std::floor(low[k] / cell_));
-      b[k] = static_cast<std::int64_t>(std::floor(high[k] / cell_));
+      a[k] = static_cast<std::int64_t>(r.low[k]);
+      b[k] = static_cast<std::int64_t>(r.high[k]);
     }
     for (c[2] = a[2]; c[2] <= b[2]; ++c[2])
       for (c[1] = a[1]; c[1] <= b[1]; ++c[1])
@@ -232,10 +252,32 @@ class Zipper {
     const auto number = static_cast<std::uint32_t>(front_.size());
     front_.push_back(e);
     const Double3 &p = position_[e.from], &q = position_[e.to];
-    Double3 low, high;
-    for (std::size_t i = 0; i < 3; ++i) low[i] = std::min(p[i], q[i]), high[i] = std::max(p[i], q[i]);
-    for_cells(low, high, [&](std::uint64_t key) { grid_[key].push_back(number); });
-    longest_ = std::max(longest_, norm(q - p));
+    const CellRange range = cells(p, q, 0.0);
+    for_cells(range, [&](std::uint64_t key) { grid_[key].push_back(number); });
+    places_.push_back({range, norm(q - p)});
+    longest_ = std::max(longest_, places_.back().length);
+    closed_.push_back(0);
+    live_.push_back(number);
+    for (const std::uint32_t v : {e.from, e.to}) fronts_at_[v].push_back(number);
+  }
+  /// What removals may have opened again.
+  void find_live() {
+    live_.clear();
+    for (std::uint32_t e = 0; e < front_.size(); ++e) {
+      closed_[e] = !is_front(front_[e]);
+      if (!closed_[e]) live_.push_back(e);
+    }
+  }
+  /// Front edges that a new face lies along.
+  void close_fronts(std::uint32_t f) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t from = faces_[f][k], to = faces_[f][(k + 1) % 3];
+      for (const std::uint32_t at : fronts_at_[from])
+        if (front_[at].from == to && front_[at].to == from) closed_[at] = 1;
+    }
+    if (++closed_since_ < live_.size() / 4) return;
+    closed_since_ = 0;
+    std::erase_if(live_, [&](std::uint32_t at) { return closed_[at] != 0; });
   }
   bool is_front(const Edge& e) const { return !gone_[e.face] && !has(e.to, e.from); }
 
@@ -264,6 +306,8 @@ class Zipper {
 
   /// \param last  from edges of originals that are still open on
   void stitch(bool last) {
+    find_live();
+    std::vector<std::uint32_t> again;
     std::priority_queue<Choice, std::vector<Choice>, std::greater<>> queue;
     const auto consider = [&](std::uint32_t e) {
       const Choice c = best(e);
@@ -274,8 +318,9 @@ class Zipper {
         consider(e);
     while (!queue.empty()) {
       const Choice top = queue.top();
-      queue.pop();
-      if (!is_front(front_[top.edge])) continue;
+      // Changes around it ask for an edge many times over.
+      while (!queue.empty() && queue.top().edge == top.edge && queue.top().size == top.size) queue.pop();
+      if (closed_[top.edge]) continue;
       const Choice now = best(top.edge);
       if (now.apex == kNone) continue;
       if (now.size > top.size) {
@@ -288,52 +333,53 @@ class Zipper {
       gone_.push_back(0);
       normal_.push_back(unit_or_zero(face_normal(faces_[f])));
       link(f);
+      close_fronts(f);
       for (std::size_t k = 1; k < 3; ++k) {
         if (!is_open(f, k)) continue;
         add_front(f, k);
         consider(static_cast<std::uint32_t>(front_.size() - 1));
       }
       // What was refused may do now.
+      again.clear();
       for (const std::uint32_t v : {e.from, e.to, now.apex})
-        for (const std::uint32_t at : fronts_at(v)) consider(at);
+        for (const std::uint32_t at : fronts_at_[v])
+          if (!closed_[at]) again.push_back(at);
+      std::sort(again.begin(), again.end());
+      again.erase(std::unique(again.begin(), again.end()), again.end());
+      for (const std::uint32_t at : again) consider(at);
     }
   }
 
-  std::vector<std::uint32_t> fronts_at(std::uint32_t v) const {
-    std::vector<std::uint32_t> out;
-    for_cells(position_[v], position_[v], [&](std::uint64_t key) {
+  /// Front edges that have a part in cells with the box around an edge, grown by a margin, in the order of their numbers.
+  void find_near(const Double3& u, const Double3& v, double margin) const {
+    near_.clear();
+    const CellRange range = cells(u, v, margin);
+    // One needle at a border makes the margin as long, and what is near most of the cells.
+    if (range.count() > static_cast<double>(live_.size())) {
+      for (const std::uint32_t at : live_)
+        if (!closed_[at] && places_[at].range.meets(range)) near_.push_back(at);
+      return;
+    }
+    for_cells(range, [&](std::uint64_t key) {
       const auto cell = grid_.find(key);
       if (cell == grid_.end()) return;
-      for (const std::uint32_t e : cell->second)
-        if ((front_[e].from == v || front_[e].to == v) && is_front(front_[e])) out.push_back(e);
+      for (const std::uint32_t at : cell->second)
+        if (!closed_[at]) near_.push_back(at);
     });
-    return out;
+    std::sort(near_.begin(), near_.end());
+    near_.erase(std::unique(near_.begin(), near_.end()), near_.end());
   }
 
   Choice best(std::uint32_t number) const {
     const Edge& e = front_[number];
     Choice choice;
     choice.edge = number;
-    if (!is_front(e)) return choice;
+    if (closed_[number]) return choice;
     const Double3 &u = position_[e.from], &v = position_[e.to];
     const Double3 along = v - u, n = normal_[e.face];
     const double length = norm(along);
     const Double3 out = unit_or_zero(cross(along, n));
-    const double margin = gap_ + 0.75 * longest_;
-    Double3 low, high;
-    for (std::size_t i = 0; i < 3; ++i) {
-      low[i] = std::min(u[i], v[i]) - margin;
-      high[i] = std::max(u[i], v[i]) + margin;
-    }
-    near_.clear();
-    for_cells(low, high, [&](std::uint64_t key) {
-      const auto cell = grid_.find(key);
-      if (cell == grid_.end()) return;
-      for (const std::uint32_t at : cell->second)
-        if (is_front(front_[at])) near_.push_back(at);
-    });
-    std::sort(near_.begin(), near_.end());
-    near_.erase(std::unique(near_.begin(), near_.end()), near_.end());
+    find_near(u, v, gap_ + 0.75 * longest_);
     struct Apex {
       double cosine, wide;
       std::uint32_t vertex;
@@ -341,7 +387,7 @@ class Zipper {
     std::vector<Apex> apices;
     for (const std::uint32_t at : near_) {
       const Edge& other = front_[at];
-      const double wide = norm(position_[other.to] - position_[other.from]);
+      const double wide = places_[at].length;
       for (const std::uint32_t w : {other.from, other.to}) {
         if (w == e.from || w == e.to) continue;
         const Double3& p = position_[w];
@@ -351,13 +397,18 @@ class Zipper {
         apices.push_back({dot(a, b), wide, w});
       }
     }
-    std::sort(apices.begin(), apices.end(), [](const Apex& l, const Apex& r) {
-      return l.cosine != r.cosine   ? l.cosine < r.cosine
-             : l.vertex != r.vertex ? l.vertex < r.vertex
-                                    : l.wide > r.wide;
-    });
+    // One of the first few will do.
+    const auto is_behind = [](const Apex& l, const Apex& r) {
+      return l.cosine != r.cosine   ? l.cosine > r.cosine
+             : l.vertex != r.vertex ? l.vertex > r.vertex
+                                    : l.wide < r.wide;
+    };
+    crossings_.place(u, v, front_, near_);
+    std::make_heap(apices.begin(), apices.end(), is_behind);
     std::uint32_t last = kNone;
-    for (const Apex& a : apices) {
+    for (auto end = apices.end(); end != apices.begin();) {
+      std::pop_heap(apices.begin(), end, is_behind);
+      const Apex a = *--end;
       if (a.vertex == last) continue;
       last = a.vertex;
       if (!fits(e, a.vertex)) continue;
@@ -383,7 +434,7 @@ class Zipper {
         if (dot(n, normal_[there->second]) < min_dihedral_cosine_) return false;
         continue;
       }
-      if (!is_free(from, to, n) || !is_free(to, from, n) || crosses(from, to, n)) return false;
+      if (!is_free(from, to, n) || !is_free(to, from, n) || crossings_.any(from, to, n)) return false;
     }
     return true;
   }
@@ -400,24 +451,6 @@ class Zipper {
       if (dot(cross(a, d), n) >= 0.0 && dot(cross(d, b), n) >= 0.0 && dot(a + b, d) > 0.0) return false;
     }
     return true;
-  }
-
-  /// Whether the edge from p to q would cross a front edge, as seen along n.
-  bool crosses(std::uint32_t p, std::uint32_t q, const Double3& n) const {
-    const Double3 &a = position_[p], &b = position_[q];
-    const double length = norm(b - a);
-    const auto side = [&](const Double3& x, const Double3& y, const Double3& z) {
-      return dot(cross(y - x, z - x), n);
-    };
-    for (const std::uint32_t at : near_) {
-      const Edge& e = front_[at];
-      if (e.from == p || e.from == q || e.to == p || e.to == q) continue;
-      const Double3 &c = position_[e.from], &d = position_[e.to];
-      if (side(a, b, c) * side(a, b, d) > 0.0 || side(c, d, a) * side(c, d, b) > 0.0) continue;
-      if (std::fabs(dot((c + d) * 0.5 - (a + b) * 0.5, n)) > kOtherSheet * (length + norm(d - c))) continue;
-      return true;
-    }
-    return false;
   }
 
   /// Loops of a few edges that are left, with an edge that is no border of an original.
@@ -519,8 +552,19 @@ class Zipper {
   std::uint64_t bared_edges_ = 0;
   double cell_ = 1.0, longest_ = 0.0;
   std::vector<Edge> front_;
+  struct Place {
+    CellRange range;
+    double length = 0.0;
+  };
+  // Of front edges, as they are while stitching.
+  std::vector<Place> places_;
+  std::vector<std::uint8_t> closed_;                   ///< is_front() no more
+  std::vector<std::uint32_t> live_;                    ///< the others and a few that closed, ascending
+  std::vector<std::vector<std::uint32_t>> fronts_at_;  ///< per vertex
+  std::size_t closed_since_ = 0;                       ///< faces since live_ was thinned out
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> grid_;
   mutable std::vector<std::uint32_t> near_;  ///< front edges around the one at work
+  mutable EdgeCrossings crossings_;          ///< with those
 };
 
 }  // namespace

@@ -85,6 +85,24 @@ TEST_CASE("zip: what is too far apart stays apart", "[unit]") {
   CHECK(count_edges(z, zipped, -1.0, 10.0).border > 100);
 }
 
+TEST_CASE("zip: a needle far away, which makes all edges candidates of all, changes nothing", "[property]") {
+  test::Random random(7);
+  ZipPieces z;
+  add_grid(z, 0.0, 3.0, 12.0, 15, 60, ZipPieces::kOriginal, random);
+  add_grid(z, 3.25, 6.0, 12.0, 14, 60, 0, random);
+  const Zipped alone = zip(z, 0.5);
+  REQUIRE(alone.added.size() >= 120u);
+  const auto v = static_cast<std::uint32_t>(z.position.size());
+  for (const double x : {-2000.0, -1000.0}) z.position.push_back({x, 0.0, 500.0});
+  z.position.push_back({-1500.0, 0.1, 500.0});
+  z.faces.push_back({v, v + 1, v + 2});
+  // No crumb: it goes on elsewhere.
+  z.edges.push_back(static_cast<std::uint8_t>(ZipPieces::kOriginal | ZipPieces::kGoesOn << 1));
+  const Zipped zipped = zip(z, 0.5);
+  CHECK(zipped.added == alone.added);
+  CHECK(zipped.report.removed == 0);
+}
+
 TEST_CASE("zip: faces at a vertex where borders touch go, crumbs too", "[unit]") {
   ZipPieces z;
   // Two triangles that share a vertex alone.
