@@ -22,7 +22,7 @@ constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 class Files {
  public:
   Files() {
-    run({"synth", "--scene", "terrain", "--points", "100k", "-o", at("scan.las")});
+    run({"synth", "--scene", "terrain", "--points", "60k", "-o", at("scan.las")});
     run({"reconstruct", at("scan.las"), "-o", at("mesh.ply")});
     run({"synth", "--scene", "csg", "--points", "60k", "--normals", "-o", at("solid.ply")});
     run({"reconstruct", at("solid.ply"), "-o", at("body.ply")});

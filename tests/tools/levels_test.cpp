@@ -33,7 +33,7 @@ std::string town(const fs::path& folder, const std::string& points, std::vector<
 
 TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes and kills", "[property]") {
   const TempFolder folder;
-  const std::string in = town(folder.path(), "120000", {"--normals"});
+  const std::string in = town(folder.path(), "80000", {"--normals"});
   const std::vector<std::string> base = {"--levels", "4"};
   const auto bytes = [&](std::vector<std::string> more) {
     const fs::path out = folder.path() / "out.ply";

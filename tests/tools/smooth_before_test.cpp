@@ -29,9 +29,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string scan(const TempFolder& folder, const std::string& noise) {
+std::string scan(const TempFolder& folder, const std::string& noise, const std::string& points = "30000") {
   const std::string path = (folder / "scan.ply").string();
-  REQUIRE(tessera_command({"synth", "--scene", "terrain", "--points", "50000", "--normals", "--noise", noise,
+  REQUIRE(tessera_command({"synth", "--scene", "terrain", "--points", points, "--normals", "--noise", noise,
                            "-o", path, "--force"})
               .code == 0);
   return path;
@@ -205,8 +205,8 @@ TEST_CASE(
     "reconstruct --smooth: auto takes a plate where there is next to no noise, and hardly moves anything",
     "[pipeline]") {
   const TempFolder folder;
-  const nlohmann::json report =
-      run("reconstruct", scan(folder, "0"), folder / "out.ply", {"--tolerance", "1.5", "--smooth", "auto"});
+  const nlohmann::json report = run("reconstruct", scan(folder, "0", "50000"), folder / "out.ply",
+                                    {"--tolerance", "1.5", "--smooth", "auto"});
   const auto& smoothing = report.at("smoothing");
   CHECK(smoothing.at("method") == "implicit");
   CHECK(smoothing.at("noise").at("before").get<double>() <
