@@ -56,7 +56,7 @@ void save_json(const std::filesystem::path& path, const json& j) {
 
 json load_json(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path)) throw InputError(path.string() + ": missing; run again with --force");
-  const json j = try_parse_json(read_text(path));
+  json j = try_parse_json(read_text(path));
   if (j.is_discarded()) throw InputError(path.string() + ": damaged; run again with --force");
   return j;
 }
@@ -254,7 +254,7 @@ class SpacingStage : public MeasuringStage {
     if (s.outliers > 0.0)
       chosen.reason += "; " + number_text(round_up_2_digits(100.0 * s.outliers)) +
                        " % of the points are strewn off any surface and left out of that";
-    const json result = {{"resolution", round_up_2_digits(chosen.h)},
+    json result = {{"resolution", round_up_2_digits(chosen.h)},
                          {"reason", chosen.reason},
                          {"spacing", s.spacing},
                          {"spacing_dense", s.dense},
