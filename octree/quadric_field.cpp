@@ -29,7 +29,7 @@ struct Part {
 };
 
 /// What the queries of one leaf see: parts of one parent in a row.
-struct Lists {
+struct VisibleParts {
   struct Run {
     std::size_t end;     ///< of its parts
     std::int32_t own;    ///< taper of its one part, -1: counts fully
@@ -42,7 +42,7 @@ struct Lists {
 
 class ListBuilder {
  public:
-  ListBuilder(const MultipoleTree& far, const MultipoleTree* near, Lists& out)
+  ListBuilder(const MultipoleTree& far, const MultipoleTree* near, VisibleParts& out)
       : far_(far), near_(near), out_(out), finest_(finest_bits(far, near)) {}
 
   /// \param cell  coordinates of the leaf on the finest level
@@ -138,7 +138,7 @@ class ListBuilder {
 
   const MultipoleTree& far_;
   const MultipoleTree* near_;
-  Lists& out_;
+  VisibleParts& out_;
   int finest_;
   Int3 cell_ = {0, 0, 0};
 };
@@ -269,7 +269,7 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
 void QuadricField::evaluate(std::span<const Int3> queries, std::span<QuadricValue> value) const {
   assert(value.size() == queries.size() && core_ > 0.0f);
   const Pack core2 = all(core_ * core_);
-  Lists lists;
+  VisibleParts lists;
   ListBuilder builder(far_, near_, lists);
   std::vector<float> tapers;  // eight lanes each
   const auto begin_leaf = [&](const Int3& leaf) {
@@ -284,7 +284,7 @@ void QuadricField::evaluate(std::span<const Int3> queries, std::span<QuadricValu
     };
     Sums sums;
     std::size_t first = 0;
-    for (const Lists::Run& run : lists.runs) {
+    for (const VisibleParts::Run& run : lists.runs) {
       const std::span<const Part> parts = std::span(lists.parts).subspan(first, run.end - first);
       first = run.end;
       Pack factor = all(1.0f);

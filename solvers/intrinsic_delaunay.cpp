@@ -4,6 +4,8 @@
 #include <cmath>
 #include <deque>
 
+#include "octree/edge_faces.h"
+
 namespace tessera {
 namespace {
 
@@ -11,36 +13,20 @@ constexpr double kMollify = 1e-6;     // least slack of the triangle inequality,
 constexpr double kTolerance = 1e-12;  // a sum of cotangents above minus this is Delaunay
 constexpr std::size_t kFlipsPerEdge = 100;
 
-struct HalfEdge {
-  std::uint64_t edge;  // both vertices, the smaller one first
-  std::int32_t index;  // 3 * face + corner opposite
-};
-
 /// Slot (3 * face + corner opposite the edge) across each edge, -1 at borders, at edges of three and more
 /// faces and between faces of opposite orientation.
-std::vector<std::int32_t> glue(const std::vector<std::array<std::uint32_t, 3>>& faces) {
-  std::vector<HalfEdge> sides;
-  sides.reserve(faces.size() * 3);
-  for (std::size_t f = 0; f < faces.size(); ++f)
-    for (int k = 0; k < 3; ++k) {
-      const std::uint64_t a = faces[f][(k + 1) % 3], b = faces[f][(k + 2) % 3];
-      sides.push_back({std::min(a, b) << 32 | std::max(a, b), static_cast<std::int32_t>(3 * f) + k});
-    }
-  std::sort(sides.begin(), sides.end(), [](const HalfEdge& a, const HalfEdge& b) {
-    return a.edge != b.edge ? a.edge < b.edge : a.index < b.index;
-  });
-  const auto tail = [&](std::int32_t s) { return faces[s / 3][(s % 3 + 1) % 3]; };
+std::vector<std::int32_t> glue(std::size_t vertices, const std::vector<std::array<std::uint32_t, 3>>& faces) {
+  const auto slot = [](std::uint32_t half) {
+    return static_cast<std::int32_t>(half / 3 * 3 + (half % 3 + 2) % 3);
+  };
+  const auto tail = [&](std::uint32_t half) { return faces[half / 3][half % 3]; };
   std::vector<std::int32_t> twin(faces.size() * 3, -1);
-  for (std::size_t i = 0; i < sides.size();) {
-    std::size_t j = i;
-    while (j < sides.size() && sides[j].edge == sides[i].edge) ++j;
-    const bool loop = sides[i].edge >> 32 == (sides[i].edge & 0xffffffffU);
-    if (j - i == 2 && !loop && tail(sides[i].index) != tail(sides[i + 1].index)) {
-      twin[sides[i].index] = sides[i + 1].index;
-      twin[sides[i + 1].index] = sides[i].index;
-    }
-    i = j;
-  }
+  EdgeFaces(vertices, faces)
+      .for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
+        if (half.size() != 2 || low == high || tail(half[0]) == tail(half[1])) return;
+        twin[slot(half[0])] = slot(half[1]);
+        twin[slot(half[1])] = slot(half[0]);
+      });
   return twin;
 }
 
@@ -86,7 +72,7 @@ IntrinsicMesh intrinsic_delaunay(const TriangleSpan& mesh) {
     for (auto& l : out.length)
       for (double& v : l) v += out.mollified;
 
-  std::vector<std::int32_t> twin = glue(out.faces);
+  std::vector<std::int32_t> twin = glue(mesh.positions.size(), out.faces);
   std::deque<std::int32_t> queue;  // one slot of each edge to look at, first come first served
   std::vector<std::uint8_t> queued(twin.size(), 0);
   const auto push = [&](std::int32_t s) {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "octree/edge_faces.h"
 #include "octree/portable_math.h"
 
 namespace tessera {
@@ -56,50 +57,43 @@ JumpSum sum_of(const std::vector<Jump>& jumps, double line_along, double line_ac
   return s;
 }
 
-struct Side {
-  std::uint32_t low, high, face;
+/// An edge of two faces.
+struct InnerEdge {
+  std::uint32_t low, high;
+  std::array<std::uint32_t, 2> face;
 };
 
 }  // namespace
 
 NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position,
                          std::span<const std::array<std::uint32_t, 3>> faces) {
-  std::vector<Side> sides;
-  for (std::uint32_t f = 0; f < faces.size(); ++f)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax(faces[f][k], faces[f][(k + 1) % 3]);
-      sides.push_back({low, high, f});
-    }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return a.low != b.low ? a.low < b.low : a.high != b.high ? a.high < b.high : a.face < b.face;
-  });
   std::vector<Double3> middle, normal;
-  std::vector<std::size_t> at;
+  std::vector<InnerEdge> inner;
   const auto face_normal = [&](std::uint32_t f) {
     const auto& t = faces[f];
     return unit_or_zero(triangle_normal(position[t[0]], position[t[1]], position[t[2]]));
   };
-  for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
-    const Side &a = sides[i], &b = sides[i + 1];
-    if (a.low != b.low || a.high != b.high) continue;
-    const Double3 m = face_normal(a.face), n = face_normal(b.face);
-    if (dot(m, m) == 0.0 || dot(n, n) == 0.0) continue;
-    middle.push_back((position[a.low] + position[a.high]) * 0.5);
-    normal.push_back(unit_or_zero(m + n));
-    at.push_back(i);
-  }
+  EdgeFaces(position.size(), faces)
+      .for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
+        if (half.size() != 2) return;
+        const Double3 m = face_normal(half[0] / 3), n = face_normal(half[1] / 3);
+        if (dot(m, m) == 0.0 || dot(n, n) == 0.0) return;
+        middle.push_back((position[low] + position[high]) * 0.5);
+        normal.push_back(unit_or_zero(m + n));
+        inner.push_back({low, high, {half[0] / 3, half[1] / 3}});
+      });
   std::vector<Jump> along, across;
   const double ends = static_cast<double>(bone.planes.size() - 1);
   for (const RibVertex& v : locate_vertices(bone, middle, normal, 0.0, bone.edge + 0.5 * bone.mean_arc())) {
     if (!bone.planes.closed() && (v.position.rib < kEnd || v.position.rib > ends - kEnd)) continue;
     const RibProfile p = bone.profile_at(v.position.rib);
     if (v.across.zone != RibZone::kArc || std::fabs(v.across.run) > 0.5 * kInner * p.arc_length()) continue;
-    const Side &a = sides[at[v.vertex]], &b = sides[at[v.vertex] + 1];
-    const Double3 direction = unit_or_zero(position[a.high] - position[a.low]);
+    const InnerEdge& edge = inner[v.vertex];
+    const Double3 direction = unit_or_zero(position[edge.high] - position[edge.low]);
     const auto rib = static_cast<std::size_t>(v.position.rib) % bone.planes.size();
     const double cosine = std::fabs(dot(direction, bone.planes[rib].along));
     const Jump jump = {v.position.rib * bone.planes.spacing(), v.across.run,
-                       angle_between(face_normal(a.face), face_normal(b.face))};
+                       angle_between(face_normal(edge.face[0]), face_normal(edge.face[1]))};
     const auto leads = [&](std::uint32_t f) {
       const auto& t = faces[f];
       for (std::size_t k = 0; k < 3; ++k) {
@@ -108,7 +102,7 @@ NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position
       }
       return true;
     };
-    if (cosine > kAligned && (leads(a.face) || leads(b.face))) across.push_back(jump);
+    if (cosine > kAligned && (leads(edge.face[0]) || leads(edge.face[1]))) across.push_back(jump);
     if (cosine < 0.5) along.push_back(jump);
   }
   return {sum_of(along, 1.0, kOtherLine), sum_of(across, kOtherLine, 1.0)};

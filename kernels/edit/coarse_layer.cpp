@@ -6,6 +6,7 @@
 #include "kernels/edit/normal_displacement.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/remesh.h"
+#include "octree/edge_faces.h"
 
 namespace tessera {
 namespace {
@@ -17,47 +18,18 @@ constexpr double kCreaseAngle = 40.0;
 constexpr double kMoreFaces = 1.2;
 constexpr double kOnVertex = 1e-3;  ///< weights below it do not make a coarse vertex free
 
-struct Side {
-  std::uint32_t from, to, side;  ///< place: 3 face + corner that the side starts from
-  std::uint32_t low() const { return std::min(from, to); }
-  std::uint32_t high() const { return std::max(from, to); }
-  bool operator<(const Side& o) const {
-    return low() != o.low() ? low() < o.low() : high() != o.high() ? high() < o.high() : side < o.side;
-  }
-};
-
-std::vector<Side> sides_of(std::span<const Face> faces) {
-  std::vector<Side> sides;
-  sides.reserve(3 * faces.size());
-  for (std::uint32_t f = 0; f < faces.size(); ++f)
-    for (std::uint32_t k = 0; k < 3; ++k) sides.push_back({faces[f][k], faces[f][(k + 1) % 3], 3 * f + k});
-  std::sort(sides.begin(), sides.end());
-  return sides;
-}
-
-/// Calls use(first, count) for each run of sides of one edge.
-template <class Use>
-void each_edge(const std::vector<Side>& sides, const Use& use) {
-  for (std::size_t i = 0; i < sides.size();) {
-    std::size_t end = i + 1;
-    while (end < sides.size() && sides[end].low() == sides[i].low() && sides[end].high() == sides[i].high())
-      ++end;
-    use(i, end - i);
-    i = end;
-  }
-}
-
 std::vector<Face> manifold_part(std::span<const Face> faces, std::span<const std::uint8_t> free) {
   std::vector<Face> part;
   for (const Face& f : faces)
     if ((free[f[0]] || free[f[1]] || free[f[2]]) && f[0] != f[1] && f[1] != f[2] && f[2] != f[0])
       part.push_back(f);
-  const std::vector<Side> sides = sides_of(part);
+  const auto from = [&](std::uint32_t half) { return part[half / 3][half % 3]; };
   std::vector<std::uint8_t> bad(part.size(), 0);
-  each_edge(sides, [&](std::size_t i, std::size_t count) {
-    if (count == 1 || (count == 2 && sides[i].from != sides[i + 1].from)) return;
-    for (std::size_t k = i; k < i + count; ++k) bad[sides[k].side / 3] = 1;
-  });
+  EdgeFaces(free.size(), part)
+      .for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
+        if (half.size() == 1 || (half.size() == 2 && from(half[0]) != from(half[1]))) return;
+        for (const std::uint32_t h : half) bad[h / 3] = 1;
+      });
   std::vector<Face> out;
   for (std::size_t f = 0; f < part.size(); ++f)
     if (!bad[f]) out.push_back(part[f]);
@@ -98,11 +70,10 @@ CoarseLayer coarse_layer(std::span<const Double3> surface, std::span<const Face>
   }
   if (!(area > 0.0)) return out;
   block.face_flags.assign(block.faces.size(), 0);
-  const std::vector<Side> sides = sides_of(block.faces);
-  each_edge(sides, [&](std::size_t i, std::size_t count) {
-    if (count == 1)
-      block.face_flags[sides[i].side / 3] |= static_cast<std::uint8_t>(1u << (sides[i].side % 3));
-  });
+  EdgeFaces(block.key.size(), block.faces)
+      .for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
+        if (half.size() == 1) block.face_flags[half[0] / 3] |= static_cast<std::uint8_t>(1u << half[0] % 3);
+      });
   canonicalise(block);  // remesh() wants its reference so
   const std::vector<Face> part = block.faces;
   const std::vector<Double3> part_position = block.position;
@@ -139,10 +110,10 @@ CoarseLayer coarse_layer(std::span<const Double3> surface, std::span<const Face>
     out.weight.push_back(weight);
     out.free.push_back(is_free);
   }
-  const std::vector<Side> coarse_sides = sides_of(out.faces);
-  each_edge(coarse_sides, [&](std::size_t i, std::size_t count) {
-    if (count == 1) out.free[coarse_sides[i].from] = out.free[coarse_sides[i].to] = 0;
-  });
+  EdgeFaces(out.surface.size(), out.faces)
+      .for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
+        if (half.size() == 1) out.free[low] = out.free[high] = 0;
+      });
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <queue>
 
 #include "kernels/mesh/closest_face.h"
+#include "octree/edge_faces.h"
 #include "octree/error.h"
 #include "octree/lists.h"
 #include "octree/portable_math.h"
@@ -31,46 +32,21 @@ struct PathEdge {
   double length;
 };
 
-/// A side of a face by its vertices, low and high, and the corner across.
-struct FaceEdge {
-  std::uint32_t low, high, corner, face;
-  bool operator<(const FaceEdge& o) const {
-    return low != o.low     ? low < o.low
-           : high != o.high ? high < o.high
-           : face != o.face ? face < o.face
-                            : corner < o.corner;
-  }
-  bool same_edge(const FaceEdge& o) const { return low == o.low && high == o.high; }
-};
-
-std::vector<FaceEdge> sorted_sides(Faces faces) {
-  std::vector<FaceEdge> sides;
-  sides.reserve(3 * faces.size());
-  for (std::uint32_t j = 0; j < faces.size(); ++j)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t a = faces[j][(k + 1) % 3], b = faces[j][(k + 2) % 3];
-      sides.push_back({std::min(a, b), std::max(a, b), faces[j][k], j});
-    }
-  std::sort(sides.begin(), sides.end());
-  return sides;
-}
-
 /// Edges, and across each edge of two faces the way from corner to corner when both are unfolded into a plane.
 Lists<PathEdge> path_edges(std::span<const Double3> position, Faces faces) {
-  const std::vector<FaceEdge> sides = sorted_sides(faces);
+  const EdgeFaces edges(position.size(), faces);
+  const auto across = [&](std::uint32_t half) { return faces[half / 3][(half % 3 + 2) % 3]; };
   return make_lists<PathEdge>(position.size(), [&](const auto& put) {
     const auto both = [&](std::uint32_t a, std::uint32_t b, double length) {
       put(a, PathEdge{b, length});
       put(b, PathEdge{a, length});
     };
-    for (std::size_t i = 0; i < sides.size(); ++i) {
-      const FaceEdge& s = sides[i];
-      const bool again = i > 0 && sides[i - 1].same_edge(s);
-      const Double3 &a = position[s.low], &b = position[s.high];
+    edges.for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
+      const Double3 &a = position[low], &b = position[high];
       const double base = norm(b - a);
-      if (!again) both(s.low, s.high, base);
-      if (!again || !(base > 0.0)) continue;
-      const std::uint32_t c = sides[i - 1].corner, d = s.corner;
+      both(low, high, base);
+      if (half.size() != 2 || !(base > 0.0)) return;
+      const std::uint32_t c = across(half[0]), d = across(half[1]);
       const auto foot = [&](const Double3& p, double& x, double& y) {
         x = dot(p - a, b - a) / base;
         y = norm(cross(p - a, b - a)) / base;
@@ -78,11 +54,11 @@ Lists<PathEdge> path_edges(std::span<const Double3> position, Faces faces) {
       double x0 = 0.0, y0 = 0.0, x1 = 0.0, y1 = 0.0;
       foot(position[c], x0, y0);
       foot(position[d], x1, y1);
-      if (!(y0 + y1 > 0.0)) continue;
+      if (!(y0 + y1 > 0.0)) return;
       const double at = x0 + (x1 - x0) * y0 / (y0 + y1);  // where the straight way crosses the edge
-      if (at < 0.0 || at > base) continue;
+      if (at < 0.0 || at > base) return;
       both(c, d, std::sqrt((x1 - x0) * (x1 - x0) + (y0 + y1) * (y0 + y1)));
-    }
+    });
   });
 }
 
@@ -150,15 +126,12 @@ std::vector<std::uint8_t> crease_patch(std::span<const Double3> position, Faces 
   const auto is_crease = [&](const Double3& a, const Double3& b) {
     return norm(a) > 0.0 && norm(b) > 0.0 && dot(a, b) < minimum;
   };
-  const std::vector<FaceEdge> sides = sorted_sides(faces);
   UnionFind patches(faces.size());
-  for (std::size_t i = 0; i < sides.size();) {
-    std::size_t end = i + 1;
-    while (end < sides.size() && sides[end].same_edge(sides[i])) ++end;
-    if (end == i + 2 && !is_crease(normal[sides[i].face], normal[sides[i + 1].face]))
-      patches.unite(sides[i].face, sides[i + 1].face);
-    i = end;
-  }
+  EdgeFaces(position.size(), faces)
+      .for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
+        if (half.size() == 2 && !is_crease(normal[half[0] / 3], normal[half[1] / 3]))
+          patches.unite(half[0] / 3, half[1] / 3);
+      });
   const ClosestFaces closest(position, faces, position.front());
   std::vector<std::uint8_t> chosen(faces.size(), 0), out(position.size(), 0);
   for (const Double3& p : sources) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "octree/edge_faces.h"
 #include "octree/portable_math.h"
 
 namespace tessera {
@@ -98,27 +99,9 @@ DisplacementEncoder::DisplacementEncoder(const BaseState& base)
     : base_(&base),
       closest_(base.position(), base.faces(), base.position().empty() ? Double3{} : base.position().front()),
       beyond_(base.faces().size(), {kNoFace, kNoFace, kNoFace}) {
-  struct Side {
-    std::uint32_t low, high, corner;  ///< face * 4 + corner would overflow: index 3 * face + corner
-    bool operator<(const Side& o) const {
-      return low != o.low ? low < o.low : high != o.high ? high < o.high : corner < o.corner;
-    }
-  };
-  std::vector<Side> sides;
-  sides.reserve(3 * base.faces().size());
-  for (std::uint32_t f = 0; f < base.faces().size(); ++f)
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      const std::uint32_t a = base.faces()[f][(k + 1) % 3], b = base.faces()[f][(k + 2) % 3];
-      sides.push_back({std::min(a, b), std::max(a, b), 3 * f + k});
-    }
-  std::sort(sides.begin(), sides.end());
-  for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
-    const Side &a = sides[i], &b = sides[i + 1];
-    if (a.low != b.low || a.high != b.high) continue;
-    beyond_[a.corner / 3][a.corner % 3] = b.corner / 3;
-    beyond_[b.corner / 3][b.corner % 3] = a.corner / 3;
-    ++i;
-  }
+  const std::vector<std::uint32_t> opposite = opposite_half_edges(base.position().size(), base.faces());
+  for (std::uint32_t h = 0; h < opposite.size(); ++h)
+    if (opposite[h] != kNoHalfEdge) beyond_[h / 3][(h % 3 + 2) % 3] = opposite[h] / 3;
 }
 
 bool DisplacementEncoder::walk(const Double3& p, std::uint32_t& face, double& u, double& v) const {

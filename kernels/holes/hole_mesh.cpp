@@ -4,6 +4,7 @@
 #include <cassert>
 
 #include "kernels/holes/hole_triangulation.h"
+#include "octree/edge_faces.h"
 #include "octree/vector.h"
 
 // Two triangles at an edge, and what their corners are called here:
@@ -38,26 +39,11 @@ HoleMesh::HoleMesh(const HoleLoop& loop, const std::vector<std::array<std::uint3
       boundary_(static_cast<std::uint32_t>(loop.position.size())),
       position_(loop.position),
       rgba_(loop.rgba) {
-  struct Side {
-    std::uint32_t low, high, triangle, edge;
-  };
-  std::vector<Side> sides;
-  for (std::uint32_t t = 0; t < faces.size(); ++t) {
-    triangles_.push_back({faces[t], {kBoundary, kBoundary, kBoundary}});
-    for (std::uint32_t e = 0; e < 3; ++e) {
-      const std::uint32_t a = faces[t][e], b = faces[t][(e + 1) % 3];
-      sides.push_back({std::min(a, b), std::max(a, b), t, e});
-    }
-  }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return std::array{a.low, a.high, a.triangle} < std::array{b.low, b.high, b.triangle};
-  });
-  for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
-    const Side &a = sides[i], &b = sides[i + 1];
-    if (a.low != b.low || a.high != b.high) continue;
-    triangles_[a.triangle].neighbour[a.edge] = b.triangle;
-    triangles_[b.triangle].neighbour[b.edge] = a.triangle;
-  }
+  for (const std::array<std::uint32_t, 3>& f : faces)
+    triangles_.push_back({f, {kBoundary, kBoundary, kBoundary}});
+  const std::vector<std::uint32_t> opposite = opposite_half_edges(position_.size(), faces);
+  for (std::uint32_t h = 0; h < opposite.size(); ++h)
+    if (opposite[h] != kNoHalfEdge) triangles_[h / 3].neighbour[h % 3] = opposite[h] / 3;
 }
 
 std::uint32_t HoleMesh::side_of(std::uint32_t triangle, std::uint32_t neighbour) const {

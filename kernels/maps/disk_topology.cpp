@@ -2,39 +2,15 @@
 
 #include <algorithm>
 
+#include "octree/edge_faces.h"
 #include "octree/error.h"
-#include "octree/lists.h"
 #include "octree/union_find.h"
 
 namespace tessera {
 namespace {
 
-struct HalfEdge {
-  std::uint64_t edge;  ///< smaller vertex << 32 | larger
-  std::uint32_t face;
-  bool forward;  ///< from the smaller to the larger
-};
-
 std::string counted(std::size_t n, const std::string& one, const std::string& many) {
   return std::to_string(n) + " " + (n == 1 ? one : many);
-}
-
-/// Sorted by edge, then face: a counting sort over the smaller vertex, then tiny sorts.
-std::vector<HalfEdge> sorted_half_edges(const TriangleSpan& mesh) {
-  Lists<HalfEdge, std::size_t> half =
-      make_lists<HalfEdge, std::size_t>(mesh.positions.size(), [&](const auto& put) {
-        for (std::size_t f = 0; f < mesh.faces.size(); ++f)
-          for (std::size_t k = 0; k < 3; ++k) {
-            const std::uint32_t a = mesh.faces[f][k], b = mesh.faces[f][(k + 1) % 3];
-            put(std::min(a, b), {static_cast<std::uint64_t>(std::min(a, b)) << 32 | std::max(a, b),
-                                 static_cast<std::uint32_t>(f), a < b});
-          }
-      });
-  for (std::size_t v = 0; v < half.size(); ++v)
-    std::sort(half[v].begin(), half[v].end(), [](const HalfEdge& a, const HalfEdge& b) {
-      return a.edge != b.edge ? a.edge < b.edge : a.face < b.face;
-    });
-  return std::move(half.item);
 }
 
 class Surveyor {
@@ -56,18 +32,17 @@ class Surveyor {
 
   SurfaceTopology survey() {
     std::size_t edges = 0;
-    const std::vector<HalfEdge> half = sorted_half_edges(mesh_);
     next_.assign(mesh_.positions.size(), kNone);
-    for (std::size_t i = 0, last; i < half.size(); i = last) {
-      for (last = i + 1; last < half.size() && half[last].edge == half[i].edge;) ++last;
-      ++edges;
-      for (std::size_t k = i + 1; k < last; ++k) pieces_.unite(half[i].face, half[k].face);
-      if (last - i == 1) {
-        add_border(half[i]);
-      } else if (last - i > 2 || half[i].forward == half[i + 1].forward) {
-        ++out_.irregular_edges;
-      }
-    }
+    EdgeFaces(mesh_.positions.size(), mesh_.faces)
+        .for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
+          ++edges;
+          for (const std::uint32_t h : half) pieces_.unite(half[0] / 3, h / 3);
+          if (half.size() == 1) {
+            add_border(half[0]);
+          } else if (half.size() > 2 || from(half[0]) == from(half[1])) {
+            ++out_.irregular_edges;
+          }
+        });
     std::vector<std::uint8_t> used(mesh_.positions.size(), 0);
     for (const auto& face : mesh_.faces)
       for (const std::uint32_t v : face) used[v] = 1;
@@ -83,14 +58,15 @@ class Surveyor {
  private:
   static constexpr std::uint32_t kNone = 0xffffffffU;
 
-  void add_border(const HalfEdge& e) {
-    const auto low = static_cast<std::uint32_t>(e.edge >> 32), high = static_cast<std::uint32_t>(e.edge);
-    const std::uint32_t from = e.forward ? low : high, to = e.forward ? high : low;
-    if (next_[from] != kNone) {
+  std::uint32_t from(std::uint32_t half) const { return mesh_.faces[half / 3][half % 3]; }
+  std::uint32_t to(std::uint32_t half) const { return mesh_.faces[half / 3][(half % 3 + 1) % 3]; }
+
+  void add_border(std::uint32_t half) {
+    if (next_[from(half)] != kNone) {
       ++out_.irregular_vertices;
       return;
     }
-    next_[from] = to;
+    next_[from(half)] = to(half);
   }
 
   void trace_loops() {

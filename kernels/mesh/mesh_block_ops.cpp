@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "octree/lists.h"
+#include "octree/edge_faces.h"
 
 namespace tessera {
 namespace {
@@ -226,30 +226,14 @@ MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const
 }
 
 std::vector<std::uint8_t> complete_stars(const MeshBlock& block) {
-  const std::size_t n = block.key.size();
-  // Edges in buckets by their smaller end; an edge seen twice, or a border, is closed.
-  struct Half {
-    std::uint32_t other;
-    bool border;
-  };
-  const Lists<Half> halves = make_lists<Half>(n, [&](const auto& put) {
-    for (std::size_t f = 0; f < block.faces.size(); ++f)
-      for (unsigned e = 0; e < 3; ++e) {
-        const std::uint32_t a = block.faces[f][e];
-        const std::uint32_t b = block.faces[f][(e + 1) % 3];
-        put(std::min(a, b), {std::max(a, b), (block.face_flags[f] >> e & 1u) != 0});
-      }
-  });
-  std::vector<std::uint8_t> complete(n, 1);
-  for (std::uint32_t low = 0; low < n; ++low) {
-    for (const Half& half : halves[low]) {
-      unsigned count = 0;
-      for (const Half& same : halves[low]) count += same.other == half.other;
-      if (count == (half.border ? 1u : 2u)) continue;
-      complete[low] = 0;
-      complete[half.other] = 0;
-    }
-  }
+  std::vector<std::uint8_t> complete(block.key.size(), 1);
+  EdgeFaces(block.key.size(), block.faces)
+      .for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
+        for (const std::uint32_t h : half) {
+          const bool border = (block.face_flags[h / 3] >> h % 3 & 1u) != 0;
+          if (half.size() != (border ? 1u : 2u)) complete[low] = complete[high] = 0;
+        }
+      });
   return complete;
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "octree/edge_faces.h"
 #include "octree/error.h"
 #include "octree/lists.h"
 #include "octree/union_find.h"
@@ -126,41 +127,20 @@ class Repair {
       }
   }
 
-  /// Calls use(first, last) for every edge with an end that is owned: its half-edges are edge_[first, last).
-  template <class Use>
-  void for_each_edge(const Use& use) {
-    const std::size_t n = tile_.number.size();
-    struct Edge {
-      std::uint32_t other, half;
-    };
-    Lists<Edge> by_lower = make_lists<Edge>(n, [&](const auto& put) {
-      for (std::uint32_t h = 0; h < 3 * faces_.size(); ++h)
-        if (own_vertex(from(h)) || own_vertex(to(h)))
-          put(std::min(from(h), to(h)), {std::max(from(h), to(h)), h});
-    });
-    for (std::size_t v = 0; v < n; ++v) {
-      const std::span<Edge> edges = by_lower[v];
-      // Few edges a vertex: insertion sort by the other end, then by half-edge.
-      for (std::size_t i = 1; i < edges.size(); ++i)
-        for (std::size_t j = i; j > 0 && edges[j].other < edges[j - 1].other; --j)
-          std::swap(edges[j], edges[j - 1]);
-      for (std::size_t i = 0; i < edges.size();) {
-        group_.clear();
-        const std::uint32_t other = edges[i].other;
-        for (; i < edges.size() && edges[i].other == other; ++i) group_.push_back(edges[i].half);
-        use(static_cast<std::uint32_t>(v));
-      }
-    }
+  /// Edges with an end that is owned.
+  EdgeFaces own_edges() const {
+    return EdgeFaces(tile_.number.size(), local_,
+                     [&](std::uint32_t half) { return own_vertex(from(half)) || own_vertex(to(half)); });
   }
 
   /// Parts joined by edges of two faces: a spanning tree gives each face a parity, the majority of the part
   /// wins.
   void orient() {
     std::vector<std::uint32_t> neighbour(3 * faces_.size(), kBorder);
-    for_each_edge([&](std::uint32_t) {
-      if (group_.size() != 2) return;
-      neighbour[group_[0]] = group_[1];
-      neighbour[group_[1]] = group_[0];
+    own_edges().for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
+      if (half.size() != 2) return;
+      neighbour[half[0]] = half[1];
+      neighbour[half[1]] = half[0];
     });
     std::vector<std::uint8_t> state(faces_.size(), 0);  // 1 as it is, 2 turned
     std::vector<std::uint32_t> part;
@@ -193,14 +173,14 @@ class Repair {
 
   void pair_edges() {
     partner_.assign(3 * faces_.size(), kUnknown);
-    for_each_edge([&](std::uint32_t low) {
+    own_edges().for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
       const bool counted = own_vertex(low);
-      for (const std::uint32_t h : group_) partner_[h] = kBorder;
-      if (group_.size() == 1) return;
-      if (group_.size() == 2) {
-        if (from(group_[0]) == to(group_[1])) {
-          partner_[group_[0]] = group_[1];
-          partner_[group_[1]] = group_[0];
+      for (const std::uint32_t h : half) partner_[h] = kBorder;
+      if (half.size() == 1) return;
+      if (half.size() == 2) {
+        if (from(half[0]) == to(half[1])) {
+          partner_[half[0]] = half[1];
+          partner_[half[1]] = half[0];
         } else if (counted) {
           ++result_.report.inconsistent_edges;
         }
@@ -208,8 +188,8 @@ class Repair {
       }
       if (counted) ++result_.report.nonmanifold_edges;
       if (branch_.empty()) branch_.assign(tile_.number.size(), 0);
-      branch_[low] = branch_[from(group_[0]) == low ? to(group_[0]) : from(group_[0])] = 1;
-      pair_many(low);
+      branch_[low] = branch_[high] = 1;
+      pair_many(low, high, half);
     });
   }
 
@@ -227,7 +207,7 @@ class Repair {
     return length > 0.0 ? d / length : Double3{};
   }
 
-  void pair_many(std::uint32_t low) {
+  void pair_many(std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
     struct Candidate {
       double angle;  // grows with the angle that the two faces enclose on the inside, 0 .. 4
       RepairFace a, b;
@@ -237,16 +217,15 @@ class Repair {
         return a != o.a ? a < o.a : b < o.b;
       }
     };
-    const std::uint32_t high = from(group_[0]) == low ? to(group_[0]) : from(group_[0]);
     const Double3& origin = tile_.position[low];
     const Double3& end = tile_.position[high];
     const Double3 along = direction(end - origin);
     std::vector<Candidate> candidates;
-    for (const std::uint32_t up : group_) {
+    for (const std::uint32_t up : half) {
       if (from(up) != low) continue;
       const Double3 u = into_face(up, origin, along);
       const Double3 outside = cross(along, u);
-      for (const std::uint32_t down : group_) {
+      for (const std::uint32_t down : half) {
         if (from(down) == low) continue;
         const Double3 d = into_face(down, origin, along);
         const double cosine = dot(u, d);
@@ -465,7 +444,6 @@ class Repair {
   std::vector<RepairFace> local_;
   std::uint32_t own_first_ = 0;
   std::uint32_t own_last_ = 0;
-  std::vector<std::uint32_t> group_;    ///< half-edges of the edge at hand
   std::vector<std::uint32_t> partner_;  ///< per half-edge
   /// Per vertex: an edge with more than two faces ends here; empty if none does.
   std::vector<std::uint8_t> branch_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "kernels/mesh/triangle_foot.h"
+#include "octree/edge_faces.h"
 #include "octree/portable_math.h"
 
 namespace tessera {
@@ -31,35 +32,17 @@ SignedDistance::SignedDistance(const MeshBlock& block, const Double3& origin)
 }
 
 void SignedDistance::join_edges(const MeshBlock& block) {
-  struct Side {
-    std::uint32_t low, high, face, edge;
-  };
-  std::vector<Side> sides;
-  sides.reserve(3 * corner_.size());
-  for (std::uint32_t f = 0; f < corner_.size(); ++f)
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax(corner_[f][k], corner_[f][(k + 1) % 3]);
-      sides.push_back({low, high, f, k});
-    }
-  std::sort(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
-    return l.low != r.low     ? l.low < r.low
-           : l.high != r.high ? l.high < r.high
-           : l.face != r.face ? l.face < r.face
-                              : l.edge < r.edge;
-  });
-  for (std::size_t i = 0; i < sides.size();) {
-    std::size_t end = i + 1;
-    while (end < sides.size() && sides[end].low == sides[i].low && sides[end].high == sides[i].high) ++end;
-    if (end == i + 2) {
-      beyond_[sides[i].face][sides[i].edge] = sides[i + 1].face;
-      beyond_[sides[i + 1].face][sides[i + 1].edge] = sides[i].face;
-    } else if (end == i + 1 && (block.face_flags[sides[i].face] >> sides[i].edge & 1) != 0) {
-      border_edge_[sides[i].face] =
-          static_cast<std::uint8_t>(border_edge_[sides[i].face] | 1u << sides[i].edge);
-      border_vertex_[sides[i].low] = border_vertex_[sides[i].high] = 1;
-    }
-    i = end;
-  }
+  EdgeFaces(position_.size(), corner_)
+      .for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
+        const std::uint32_t f = half[0] / 3, k = half[0] % 3;
+        if (half.size() == 2) {
+          beyond_[f][k] = half[1] / 3;
+          beyond_[half[1] / 3][half[1] % 3] = f;
+        } else if (half.size() == 1 && (block.face_flags[f] >> k & 1) != 0) {
+          border_edge_[f] = static_cast<std::uint8_t>(border_edge_[f] | 1u << k);
+          border_vertex_[low] = border_vertex_[high] = 1;
+        }
+      });
 }
 
 SignedDistance::Foot SignedDistance::closest(const Double3& p, double limit_square,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "octree/edge_faces.h"
+
 namespace tessera {
 namespace {
 
@@ -40,28 +42,22 @@ bool is_at_small_hole(const Neighbours& along, std::uint32_t vertex) {
 
 /// Vertices with two border edges, ascending, but for those of small holes.
 std::vector<Bead> find_beads(const BorderStrip& strip) {
-  std::vector<std::array<std::uint32_t, 2>> edges;
-  for (const Face& f : strip.faces)
-    for (std::size_t i = 0; i < 3; ++i) {
-      const std::uint32_t a = f[i], b = f[(i + 1) % 3];
-      if (strip.at_border[a] && strip.at_border[b]) edges.push_back({std::min(a, b), std::max(a, b)});
-    }
-  std::sort(edges.begin(), edges.end());
   Neighbours along(strip.position.size(), {kNone, kNone});
   std::vector<std::uint8_t> degree(strip.position.size(), 0);
   const auto link = [&](std::uint32_t from, std::uint32_t to) {
     if (degree[from] < 2) along[from][degree[from]] = to;
     degree[from] = static_cast<std::uint8_t>(std::min(degree[from] + 1, 3));
   };
-  for (std::size_t i = 0; i < edges.size();) {
-    std::size_t end = i + 1;
-    while (end < edges.size() && edges[end] == edges[i]) ++end;
-    if (end == i + 1) {
-      link(edges[i][0], edges[i][1]);
-      link(edges[i][1], edges[i][0]);
-    }
-    i = end;
-  }
+  const auto at_border = [&](std::uint32_t half) {
+    const Face& f = strip.faces[half / 3];
+    return strip.at_border[f[half % 3]] != 0 && strip.at_border[f[(half % 3 + 1) % 3]] != 0;
+  };
+  EdgeFaces(strip.position.size(), strip.faces, at_border)
+      .for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
+        if (half.size() != 1) return;
+        link(low, high);
+        link(high, low);
+      });
   for (std::uint32_t v = 0; v < degree.size(); ++v)
     if (degree[v] != 2) along[v] = {kNone, kNone};
   std::vector<Bead> beads;

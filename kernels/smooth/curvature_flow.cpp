@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "octree/edge_faces.h"
 #include "octree/error.h"
 #include "octree/union_find.h"
 #include "octree/vector.h"
@@ -196,17 +197,11 @@ class FlowSystem {
 /// Which faces a step folds.
 class FoldTest {
  public:
-  explicit FoldTest(FaceSpan faces) : faces_(faces) {
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> sides;
-    sides.reserve(3 * faces.size());
-    for (std::uint32_t f = 0; f < faces.size(); ++f)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint64_t u = faces[f][k], v = faces[f][(k + 1) % 3];
-        sides.push_back({std::min(u, v) << 32 | std::max(u, v), f});
-      }
-    std::sort(sides.begin(), sides.end());
-    for (std::size_t i = 0; i + 1 < sides.size(); ++i)
-      if (sides[i].first == sides[i + 1].first) pairs_.push_back({sides[i].second, sides[i + 1].second});
+  FoldTest(std::size_t vertices, FaceSpan faces) : faces_(faces) {
+    EdgeFaces(vertices, faces)
+        .for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
+          if (half.size() == 2) pairs_.emplace_back(half[0] / 3, half[1] / 3);
+        });
   }
 
   /// Faces that turn over and oppose more of their neighbours than before: what turns back into its surroundings heals.
@@ -314,7 +309,7 @@ FlowReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span
   if (options.steps < 1 || !(options.step > 0.0)) throw UsageError("a flow needs steps of positive length");
   FlowReport report;
   FlowSystem system(options, report);
-  const FoldTest fold(faces);
+  const FoldTest fold(position.size(), faces);
   std::vector<Double3> now(position.begin(), position.end());
   // Lengths in parts of 2^-kMaxHalvings of a step.
   constexpr int kWhole = 1 << kMaxHalvings;

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/mesh/mesh_block_ops.h"
+#include "octree/edge_faces.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/record_file.h"
@@ -205,34 +206,20 @@ class CoverStage : public MergeFacesStage {
   /// Faces of the core that stay, within some rings of a cut; edges at a cut are marked as creases.
   static MeshBlock select_near_cut(const MeshHaloBlock& near, const std::vector<Disposition>& disposition) {
     MeshBlock block = near.block;
-    struct Side {
-      std::uint32_t low, high, face, edge;
-    };
-    std::vector<Side> sides;
-    sides.reserve(3 * disposition.size());
-    for (std::uint32_t f = 0; f < disposition.size(); ++f)
-      for (std::uint32_t k = 0; k < 3; ++k) {
-        const auto [low, high] = std::minmax(block.faces[f][k], block.faces[f][(k + 1) % 3]);
-        sides.push_back({low, high, f, k});
-      }
-    std::sort(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
-      return l.low != r.low ? l.low < r.low : l.high != r.high ? l.high < r.high : l.face < r.face;
-    });
     constexpr int kFar = kCutRings + 1;
     std::vector<int> ring(block.position.size(), kFar);
     for (std::uint8_t& flags : block.face_flags)
       flags =
           static_cast<std::uint8_t>(flags & (kFaceBorder01 | kFaceBorder12 | kFaceBorder20 | kFaceSynthetic));
-    for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
-      const Side &a = sides[i], &b = sides[i + 1];
-      if (a.low != b.low || a.high != b.high) continue;
-      if ((disposition[a.face] == Disposition::kStays) == (disposition[b.face] == Disposition::kStays))
-        continue;
-      const Side& stays = disposition[a.face] == Disposition::kStays ? a : b;
-      std::uint8_t& flags = block.face_flags[stays.face];
-      flags = static_cast<std::uint8_t>(flags | kFaceCrease01 << stays.edge);
-      ring[a.low] = ring[a.high] = 0;
-    }
+    const auto stays = [&](std::uint32_t half) { return disposition[half / 3] == Disposition::kStays; };
+    EdgeFaces(block.position.size(), std::span(block.faces).first(disposition.size()))
+        .for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
+          if (half.size() != 2 || stays(half[0]) == stays(half[1])) return;
+          const std::uint32_t h = stays(half[0]) ? half[0] : half[1];
+          std::uint8_t& flags = block.face_flags[h / 3];
+          flags = static_cast<std::uint8_t>(flags | kFaceCrease01 << h % 3);
+          ring[low] = ring[high] = 0;
+        });
     for (int r = 1; r <= kCutRings; ++r)
       for (std::size_t f = 0; f < disposition.size(); ++f) {
         if (disposition[f] != Disposition::kStays) continue;

@@ -4,6 +4,7 @@
 
 #include "kernels/merge/zipper.h"
 #include "kernels/mesh/mesh_block_ops.h"
+#include "octree/edge_faces.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/runtime/serial_stage.h"
@@ -125,27 +126,12 @@ class ZipStage : public SerialStage {
 
   /// Edges of originals near the cut with no face behind them here that are neither a border nor cut.
   static void mark_ends(ZipPieces& z, const std::vector<std::uint8_t>& cut) {
-    struct Side {
-      std::uint32_t low, high, face, edge;
-    };
-    std::vector<Side> sides;
-    sides.reserve(3 * z.faces.size());
-    for (std::uint32_t f = 0; f < z.faces.size(); ++f)
-      for (std::uint32_t k = 0; k < 3; ++k) {
-        const auto [low, high] = std::minmax(z.faces[f][k], z.faces[f][(k + 1) % 3]);
-        sides.push_back({low, high, f, k});
-      }
-    std::sort(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
-      return l.low != r.low ? l.low < r.low : l.high != r.high ? l.high < r.high : l.face < r.face;
-    });
-    for (std::size_t i = 0; i < sides.size();) {
-      std::size_t end = i + 1;
-      while (end < sides.size() && sides[end].low == sides[i].low && sides[end].high == sides[i].high) ++end;
-      const Side& s = sides[i];
-      if (end == i + 1 && !(z.edges[s.face] >> s.edge & 1) && !(cut[s.face] >> s.edge & 1))
-        z.edges[s.face] = static_cast<std::uint8_t>(z.edges[s.face] | ZipPieces::kGoesOn << s.edge);
-      i = end;
-    }
+    EdgeFaces(z.position.size(), z.faces)
+        .for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
+          const std::uint32_t f = half[0] / 3, k = half[0] % 3;
+          if (half.size() == 1 && !(z.edges[f] >> k & 1) && !(cut[f] >> k & 1))
+            z.edges[f] = static_cast<std::uint8_t>(z.edges[f] | ZipPieces::kGoesOn << k);
+        });
   }
 
   void load_strip(Pieces& all, TaskContext& context) const {
