@@ -255,16 +255,16 @@ class SpacingStage : public MeasuringStage {
       chosen.reason += "; " + number_text(round_up_2_digits(100.0 * s.outliers)) +
                        " % of the points are strewn off any surface and left out of that";
     json result = {{"resolution", round_up_2_digits(chosen.h)},
-                         {"reason", chosen.reason},
-                         {"spacing", s.spacing},
-                         {"spacing_dense", s.dense},
-                         {"spacing_middle", s.middle},
-                         {"spacing_wide", s.wide},
-                         {"gap", s.gap},
-                         {"noise", s.noise},
-                         {"strewn", s.outliers},
-                         {"cell", cell()},
-                         {"measured", probes.size()}};
+                   {"reason", chosen.reason},
+                   {"spacing", s.spacing},
+                   {"spacing_dense", s.dense},
+                   {"spacing_middle", s.middle},
+                   {"spacing_wide", s.wide},
+                   {"gap", s.gap},
+                   {"noise", s.noise},
+                   {"strewn", s.outliers},
+                   {"cell", cell()},
+                   {"measured", probes.size()}};
     save_json(context.create(kSpacingFile), result);
     return result;
   }
