@@ -67,6 +67,7 @@ TEST_CASE("same bytes: whatever BLAS and the C library take the processor for", 
       {"deform", at("mesh.ply"), at("bend.json")},
       {"deform", at("mesh.ply"), at("uneven.json")},
   };
+  // Of BLAS and of the C library at once: neither can take back what the other changes.
   using Variables = std::vector<std::string>;
   const std::vector<Variables> machines = {
       {"OPENBLAS_CORETYPE=Prescott",
