@@ -16,8 +16,8 @@ constexpr double kSureArea = 1e-11;  ///< of the square of how far they reach
 
 }  // namespace
 
-void EdgeCrossings::place(const Double3& u, const Double3& v, const std::vector<FrontEdge>& edges,
-                          const std::vector<std::uint32_t>& near) {
+void EdgeCrossings::load(const Double3& u, const Double3& v, const std::vector<FrontEdge>& edges,
+                         const std::vector<std::uint32_t>& near) {
   near_.clear();
   if (near.size() > kFirst) {
     // What lies before an edge is in the way of most that is behind: it comes first.
@@ -46,17 +46,17 @@ void EdgeCrossings::place(const Double3& u, const Double3& v, const std::vector<
   sure_area_ = kSureArea * reach * reach;
 }
 
-bool EdgeCrossings::any(std::uint32_t p, std::uint32_t q, const Double3& n) const {
+bool EdgeCrossings::crosses_any(std::uint32_t p, std::uint32_t q, const Double3& n) const {
   const Double3 a = position_[p] - viewpoint_, b = position_[q] - viewpoint_, across = cross(n, b - a);
   const Lanes far = sure_area_ + Lanes{};
-  const auto load = [](const std::vector<double>& from, std::size_t i) {
+  const auto lanes = [](const std::vector<double>& from, std::size_t i) {
     Lanes out;
     std::memcpy(&out, &from[i], sizeof out);
     return out;
   };
   for (std::size_t i = 0; i < near_.size(); i += kLanes) {
-    const Lanes cx = load(from_[0], i), cy = load(from_[1], i), cz = load(from_[2], i);
-    const Lanes dx = load(to_[0], i), dy = load(to_[1], i), dz = load(to_[2], i);
+    const Lanes cx = lanes(from_[0], i), cy = lanes(from_[1], i), cz = lanes(from_[2], i);
+    const Lanes dx = lanes(to_[0], i), dy = lanes(to_[1], i), dz = lanes(to_[2], i);
     // Doubled areas of (a, b, c) and (a, b, d), then of (c, d, a) and (c, d, b).
     const Lanes abc = across[0] * (cx - a[0]) + across[1] * (cy - a[1]) + across[2] * (cz - a[2]),
                 abd = across[0] * (dx - a[0]) + across[1] * (dy - a[1]) + across[2] * (dz - a[2]);

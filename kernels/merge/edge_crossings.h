@@ -16,6 +16,7 @@ struct FrontEdge {
   std::uint32_t from, to, face;
 };
 
+/// The edges around one, laid out for vectors.
 class EdgeCrossings {
  public:
   /// \param position  must outlive this
@@ -23,10 +24,10 @@ class EdgeCrossings {
 
   /// Around the edge from u to v, in any order.
   /// \param near  numbers among `edges`
-  void place(const Double3& u, const Double3& v, const std::vector<FrontEdge>& edges,
-             const std::vector<std::uint32_t>& near);
-  /// Of the edge between two vertices, both of them ends of what was placed. Edges with an end in common do not cross.
-  bool any(std::uint32_t p, std::uint32_t q, const Double3& n) const;
+  void load(const Double3& u, const Double3& v, const std::vector<FrontEdge>& edges,
+            const std::vector<std::uint32_t>& near);
+  /// Whether the edge between two vertices, both of them ends of what was loaded, crosses any of that, as seen along n. Edges with an end in common do not cross.
+  bool crosses_any(std::uint32_t p, std::uint32_t q, const Double3& n) const;
 
  private:
   static constexpr std::size_t kLanes = 4, kFirst = 32;

@@ -254,8 +254,8 @@ class Zipper {
     const Double3 &p = position_[e.from], &q = position_[e.to];
     const CellRange range = cells(p, q, 0.0);
     for_cells(range, [&](std::uint64_t key) { grid_[key].push_back(number); });
-    places_.push_back({range, norm(q - p)});
-    longest_ = std::max(longest_, places_.back().length);
+    extents_.push_back({range, norm(q - p)});
+    longest_ = std::max(longest_, extents_.back().length);
     closed_.push_back(0);
     live_.push_back(number);
     for (const std::uint32_t v : {e.from, e.to}) fronts_at_[v].push_back(number);
@@ -357,7 +357,7 @@ class Zipper {
     // One needle at a border makes the margin as long, and what is near most of the cells.
     if (range.count() > static_cast<double>(live_.size())) {
       for (const std::uint32_t at : live_)
-        if (!closed_[at] && places_[at].range.meets(range)) near_.push_back(at);
+        if (!closed_[at] && extents_[at].range.meets(range)) near_.push_back(at);
       return;
     }
     for_cells(range, [&](std::uint64_t key) {
@@ -387,7 +387,7 @@ class Zipper {
     std::vector<Apex> apices;
     for (const std::uint32_t at : near_) {
       const Edge& other = front_[at];
-      const double wide = places_[at].length;
+      const double wide = extents_[at].length;
       for (const std::uint32_t w : {other.from, other.to}) {
         if (w == e.from || w == e.to) continue;
         const Double3& p = position_[w];
@@ -403,7 +403,7 @@ class Zipper {
              : l.vertex != r.vertex ? l.vertex > r.vertex
                                     : l.wide < r.wide;
     };
-    crossings_.place(u, v, front_, near_);
+    crossings_.load(u, v, front_, near_);
     std::make_heap(apices.begin(), apices.end(), is_behind);
     std::uint32_t last = kNone;
     for (auto end = apices.end(); end != apices.begin();) {
@@ -434,7 +434,7 @@ class Zipper {
         if (dot(n, normal_[there->second]) < min_dihedral_cosine_) return false;
         continue;
       }
-      if (!is_free(from, to, n) || !is_free(to, from, n) || crossings_.any(from, to, n)) return false;
+      if (!is_free(from, to, n) || !is_free(to, from, n) || crossings_.crosses_any(from, to, n)) return false;
     }
     return true;
   }
@@ -552,12 +552,12 @@ class Zipper {
   std::uint64_t bared_edges_ = 0;
   double cell_ = 1.0, longest_ = 0.0;
   std::vector<Edge> front_;
-  struct Place {
+  struct Extent {
     CellRange range;
     double length = 0.0;
   };
   // Of front edges, as they are while stitching.
-  std::vector<Place> places_;
+  std::vector<Extent> extents_;
   std::vector<std::uint8_t> closed_;                   ///< is_front() no more
   std::vector<std::uint32_t> live_;                    ///< the others and a few that closed, ascending
   std::vector<std::vector<std::uint32_t>> fronts_at_;  ///< per vertex

@@ -95,11 +95,11 @@ class Surroundings {
   std::array<double, 6> square_{};
 };
 
-/// Whether a probe lies far off what most of its neighbours lie about, by the median of their absolute deviations (the
-/// identifier of Hampel 1974), which up to half of them may be noise without changing.
+/// Whether the height of a probe over the plane of its neighbours is an outlier among theirs, by the median absolute
+/// deviation (Hampel 1974), which up to half of them may be noise without changing.
 /// \param offset  of the neighbours from the probe   \param heights  room to work in
-bool off_most(std::span<const Double3> offset, const Double3& normal, double spacing,
-              std::vector<double>& heights) {
+bool is_height_outlier(std::span<const Double3> offset, const Double3& normal, double spacing,
+                       std::vector<double>& heights) {
   constexpr std::size_t kMinOffsets = 8;
   constexpr double kDeviations = 5.0;  // 3.4 standard deviations of even noise
   constexpr double kSpacings = 0.5;    // nearer than that a point does not look sparser than it is
@@ -291,7 +291,7 @@ void measure_spacing(const SampleCell& cell, double share, double minimum, doubl
     out.push_back({spacing, std::sqrt(nearest.front().first), std::sqrt(nearest[kGapRank - 1].first),
                    spacing * spacing * probes.each / share, around.hold(radius), nearby.few_hold(radius),
                    nearest[kSpacingRank - 1].second != probe,
-                   !offset.empty() && off_most(offset, around.normal(), spacing, heights)});
+                   !offset.empty() && is_height_outlier(offset, around.normal(), spacing, heights)});
   }
 }
 

@@ -20,7 +20,7 @@ constexpr double kSplitAbove = 4.0 / 3.0, kCollapseBelow = 0.8;  ///< of the tar
 constexpr double kCoarseBelow = 1.8, kCoarseLongest = 2.4;
 constexpr int kCoarseRounds = 4;
 /// Of a face's area that each half keeps when it is cut; in the middle it is one half.
-constexpr double kLeastShare = 1.0 / 64.0;
+constexpr double kMinShare = 1.0 / 64.0;
 constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a float without a sign
 
 }  // namespace
@@ -237,18 +237,18 @@ bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
   return true;
 }
 
-/// Whether the faces at an edge may be cut from their apexes to there. Each half keeps a share of its face: a needle cut again
+/// Whether the faces at an edge may be split from their apexes to there. Each half keeps a share of its face: a needle cut again
 /// and again where the reference is nearest, which can be an end of the edge, would come down to edges without length.
-bool Remesher::cuts_well(std::uint32_t c, const Double3& at) const {
+bool Remesher::is_split_sound(std::uint32_t c, const Double3& at) const {
   for (const std::uint32_t d : {c, mesh_.opposite(c)}) {
     if (d == kNoCorner) continue;
     const Double3 &p = mesh_.at(mesh_.vertex(d)), &q = mesh_.at(mesh_.vertex(next_corner(d))),
                   &r = mesh_.at(mesh_.vertex(prev_corner(d)));
     const Double3 old = triangle_normal(p, q, r);
-    const double least = kLeastShare * norm(old);
+    const double min_area = kMinShare * norm(old);
     const auto is_sound = [&](const Double3& second, const Double3& third) {
       const FaceExtent extent = face_extent(p, second, third);
-      return extent.twice_area > std::max(kFlatRoom * kFlatAltitude * extent.longest2, least) &&
+      return extent.twice_area > std::max(kFlatRoom * kFlatAltitude * extent.longest2, min_area) &&
              dot(triangle_normal(p, second, third), old) > 0.0;
     };
     if (!is_sound(q, at) || !is_sound(at, r)) return false;
@@ -256,8 +256,8 @@ bool Remesher::cuts_well(std::uint32_t c, const Double3& at) const {
   return true;
 }
 
-/// Whether cuts in the middle would leave a face without area of one that has some.
-bool Remesher::too_thin_to_cut(std::uint32_t c) const {
+/// Whether a split in the middle would leave a face without area of one that has some.
+bool Remesher::too_thin_to_split(std::uint32_t c) const {
   for (const std::uint32_t d : {c, mesh_.opposite(c)}) {
     if (d == kNoCorner) continue;
     const Double3 &p = mesh_.at(mesh_.vertex(d)), &q = mesh_.at(mesh_.vertex(next_corner(d))),
@@ -302,9 +302,9 @@ bool Remesher::split(const Edge& e) {
   }
   if (guarded_ && !refining_) at = middle;  // on the edge as it was it meets nothing new
   // In the middle nothing can fold.
-  if (!cuts_well(c, at)) {
+  if (!is_split_sound(c, at)) {
     at = middle;
-    if (too_thin_to_cut(c)) return false;
+    if (too_thin_to_split(c)) return false;
   }
   info.key = next_key_++;
   set_target(info, at);

@@ -84,8 +84,8 @@ class Remesher {
   bool too_long(std::uint32_t a, std::uint32_t b) const;
   bool has_longer_neighbour(const Edge& e) const;
   bool split_if_free(const Edge& e, RemeshReport& report);
-  bool cuts_well(std::uint32_t c, const Double3& at) const;
-  bool too_thin_to_cut(std::uint32_t c) const;
+  bool is_split_sound(std::uint32_t c, const Double3& at) const;
+  bool too_thin_to_split(std::uint32_t c) const;
   bool split(const Edge& e);
   void refine(RemeshReport& report);
   void want_beyond(std::vector<std::uint8_t>& wanted) const;

@@ -148,12 +148,7 @@ std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points) {
 
 SurveyStage::SurveyStage(const JobState& job, std::shared_ptr<const PointInputs> inputs, double h,
                          std::uint64_t probed)
-    : job_(job),
-      options_(reconstruct_options(job)),
-      inputs_(std::move(inputs)),
-      h_(h),
-      probed_(probed),
-      auto_resolution_(probed > 0) {
+    : job_(job), options_(reconstruct_options(job)), inputs_(std::move(inputs)), h_(h), probed_(probed) {
   if (!(h_ > 0.0) || !std::isfinite(h_))
     throw UsageError("--resolution must be a positive number in the scan's units");
   if (options_.radius > 0.0 && !(options_.radius >= h_ && options_.radius <= 4.0 * h_))
@@ -242,7 +237,7 @@ PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
   // nothing.
   const double wanted = std::ceil(std::max({3.0, 2.5 * s.gap, 4.0 * s.residual}) * 8.0) / 8.0;
   plan.radius_cells = options_.radius > 0.0 ? options_.radius / h_ : std::min(4.0, wanted);
-  if (auto_resolution_) {
+  if (measured()) {
     plan.resolution_reason = chosen_resolution(job_.work).reason;
     if (clumps.spacing > 0.0) plan.warnings.push_back(clump_sentence(clumps));
     return clumps;  // no warning against what we chose ourselves
@@ -283,7 +278,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     throw InputError("all " + std::to_string(finite) +
                      " points lie at one position; there is no surface to reconstruct");
   const std::vector<BrickCount> counts = merge_brick_counts(files, max_bricks());
-  const BrickWindow window = scan_window(counts, h_, auto_resolution_);
+  const BrickWindow window = scan_window(counts, h_, measured());
   const std::vector<PlanBrick> bricks = lattice_bricks(counts, window);
   Plan plan;
   plan.lattice.h = h_;
@@ -295,7 +290,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.dispositions = tally.dispositions;
   plan.dispositions.absurd += window.dropped_points;
   plan.dispositions.kept = finite - plan.dispositions.absurd;
-  plan.auto_resolution = auto_resolution_;
+  plan.auto_resolution = measured();
   const ColourBy by = colour_by(options_.colour);
   plan.has_colour = has_point_colours(by, *inputs_);
   if (by == ColourBy::kIntensity) plan.colour_range = tally.intensities.range();

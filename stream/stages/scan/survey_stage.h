@@ -31,10 +31,11 @@ class SurveyStage : public Stage {
   nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override;
   std::uint64_t finish_bytes() const override { return survey_finish_bytes(job_.run, inputs_->bytes()); }
   std::vector<std::string> obsolete() const override {
-    return auto_resolution_ ? std::vector<std::string>{"spacing/"} : std::vector<std::string>{};
+    return measured() ? std::vector<std::string>{"spacing/"} : std::vector<std::string>{};
   }
 
  private:
+  bool measured() const { return probed_ > 0; }  ///< h was, and not given
   std::size_t max_bricks() const;
   /// Spacing, noise, radius and estimated faces of the plan, from the sampled cells.
   /// \param blocks  occupied ones of 8^3 cells   \return in scan units
@@ -46,7 +47,6 @@ class SurveyStage : public Stage {
   std::shared_ptr<const PointInputs> inputs_;
   double h_;
   std::uint64_t probed_;
-  bool auto_resolution_;
 };
 
 /// Over the job's inputs, with h from the options or from the spacing stage.

@@ -49,11 +49,11 @@ TEST_CASE("edge crossings: as asked of one edge after the other, of needles and 
       const auto any_end = [&] { return static_cast<std::uint32_t>(random.unit() * 1.999 * double(count)); };
       const std::uint32_t u = any_end(), p = any_end(), q = any_end();
       if (p == q) continue;
-      crossings.place(at[u], at[p], edges, all);
+      crossings.load(at[u], at[p], edges, all);
       const Double3 n = unit_or_zero(Double3{random.in(-0.3, 0.3), random.in(-0.3, 0.3), 1.0});
       const bool expected = crosses_any(at, edges, p, q, n);
       (expected ? yes : no) += 1;
-      CHECK(crossings.any(p, q, n) == expected);
+      CHECK(crossings.crosses_any(p, q, n) == expected);
     }
     if (count >= 40) CHECK(yes > 50);
     CHECK(yes + no > 100);
