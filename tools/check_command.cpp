@@ -5,12 +5,11 @@
 #include <iostream>
 #include <memory>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/check/mesh_check.h"
 #include "stream/check/mesh_compare.h"
 #include "stream/check/truth.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
@@ -56,8 +55,8 @@ RunOptions run_of(const MeshCheckOptions& options) {
   return run;
 }
 
-nlohmann::json check_coverage(const CheckCommand& command, const MeshCheckOptions& options) {
-  const nlohmann::json coverage = measure_coverage(command.mesh, {command.scan.string()}, run_of(options));
+Json check_coverage(const CheckCommand& command, const MeshCheckOptions& options) {
+  const Json coverage = measure_coverage(command.mesh, {command.scan.string()}, run_of(options));
   const std::string said = coverage_text({{"coverage", coverage}});
   std::cout << (said.empty() ? "coverage: not measured, the points of the scan tell no spacing" : said)
             << std::endl;
@@ -92,7 +91,7 @@ void run_check(const CheckCommand& command) {
   const MeshCheck check = check_mesh(*mesh, options);
   std::cout << describe(check) << std::flush;
   for (const std::string& warning : mesh->warnings()) std::cout << "warning: " << warning << std::endl;
-  nlohmann::json truth_report, comparison_report, coverage;
+  Json truth_report, comparison_report, coverage;
   std::string complaint;
   if (!command.reference.empty()) {
     const MeshComparison comparison = compare_with_reference(command, options);
@@ -110,7 +109,7 @@ void run_check(const CheckCommand& command) {
     truth_report = to_json(compared);
   }
   if (!command.json.empty()) {
-    nlohmann::json report = to_json(check);
+    Json report = to_json(check);
     if (!truth_report.is_null()) report["truth"] = truth_report;
     if (!coverage.is_null()) report["coverage"] = coverage;
     if (!comparison_report.is_null()) {

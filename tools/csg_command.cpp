@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/job_report.h"
@@ -38,7 +38,7 @@ void reconstruct_scans(const JobState& state, CsgScene& scene) {
     auto options = from_settings<ReconstructOptions>(scan.options);
     options.validate();
     job.settings = to_settings(options);
-    const nlohmann::json report = run_job(job, reconstruct_job(options), cli::stderr_sink());
+    const Json report = run_job(job, reconstruct_job(options), cli::stderr_sink());
     made.push_back(job.output);
     if (state.run.verbosity < 0) continue;
     fmt::print("{}: {} faces of the scan, {}\n", job.output.string(),
@@ -66,9 +66,9 @@ void run_csg(CsgArguments& a) {
     if (!std::filesystem::exists(file)) throw InputError(file.string() + ": there is no such file");
   a.options.program = scene.program;
   a.state.settings = to_settings(a.options);
-  const nlohmann::json report = run_job(a.state, csg_job(a.options), cli::stderr_sink());
+  const Json report = run_job(a.state, csg_job(a.options), cli::stderr_sink());
   if (a.state.run.verbosity < 0) return;
-  const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
+  const Json mesh = report.value("mesh", Json::object());
   fmt::print("{}: {} vertices, {} faces, {} components, {}\n", a.state.output.string(),
              mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
              mesh.value("components", std::uint64_t{0}), cost_text(report));

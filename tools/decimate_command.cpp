@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "stream/files/bound_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/decimate/decimate_job.h"
@@ -18,7 +18,7 @@ void run_decimate(const SimplifyOptions& options, JobState state) {
   cli::require_output(state.output);
   require_mesh_extension(state.output);
   if (options.reference != "surface") state.inputs.emplace_back(options.reference);
-  const nlohmann::json report = run_job(state, decimate_job(options), cli::stderr_sink());
+  const Json report = run_job(state, decimate_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
   cli::print_repairs(input.string(), report);
   fmt::print("{}: {} of {} faces, {}\n", state.output.string(),
@@ -26,7 +26,7 @@ void run_decimate(const SimplifyOptions& options, JobState state) {
              report.at("input").value("faces", std::uint64_t{0}), cost_text(report));
   cli::print_tolerance(report);
   cli::print_smoothing(report);
-  const nlohmann::json& certificate = report.at("certificate");
+  const Json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
     fmt::print("distance: at most {} both ways, proven; rms {:.3g} to the reference, {:.3g} back\n",
                bound_text(certificate.at("certified_max").get<double>()),

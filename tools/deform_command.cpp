@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
@@ -14,8 +14,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 struct DeformArguments {
   std::vector<std::string> words;
@@ -29,13 +27,13 @@ std::filesystem::path existing(const std::string& word) {
   return word;
 }
 
-json run_one(const DeformArguments& a, JobState state) {
+Json run_one(const DeformArguments& a, JobState state) {
   state.settings = to_settings(a.options);
   return run_job(state, deform_job(a.options), cli::stderr_sink());
 }
 
-void print_solved(const json& report, const std::string& islands) {
-  const json& edit = report.at("edit");
+void print_solved(const Json& report, const std::string& islands) {
+  const Json& edit = report.at("edit");
   fmt::print("base: {} vertices{}; {}, {} solutions in {:.2f} s, residual {:.1e}, energy {:.4g}\n",
              edit.at("base_vertices").get<std::uint64_t>(),
              report.at("base").value("own", false) ? ", the mesh itself" : "",
@@ -47,13 +45,13 @@ void print_solved(const json& report, const std::string& islands) {
                pieces, edit.at("loose_vertices").get<std::uint64_t>(), islands);
 }
 
-void print_mesh(const JobState& state, const json& report) {
-  const json& mesh = report.at("mesh");
+void print_mesh(const JobState& state, const Json& report) {
+  const Json& mesh = report.at("mesh");
   fmt::print("{}: {} vertices, {} faces, {}\n", state.output.string(),
              mesh.at("vertices").get<std::uint64_t>(), mesh.at("faces").get<std::uint64_t>(),
              cost_text(report));
   if (mesh.contains("targets")) {
-    const json& t = mesh.at("targets");
+    const Json& t = mesh.at("targets");
     fmt::print("{} control points: off by {:.4g} rms, {:.4g} at most; now {:.4g} rms, {:.4g} at most\n",
                t.at("count").get<std::uint64_t>(), t.at("rms_before").get<double>(),
                t.at("largest_before").get<double>(), t.at("rms_after").get<double>(),
@@ -93,7 +91,7 @@ void apply_basis(DeformArguments& a) {
     JobState state = a.state;
     if (!a.poses.empty() && !pose.name.empty())
       state.output.replace_extension("." + pose.name + a.state.output.extension().string());
-    const json report = run_one(a, state);
+    const Json report = run_one(a, state);
     if (state.run.verbosity >= 0) print_mesh(state, report);
   }
 }
@@ -128,12 +126,12 @@ void run_deform(DeformArguments& a) {
     a.state.also_read.push_back(existing(a.fit.string()));
     a.options.edit = with_controls(a.options.edit, a.fit);
   }
-  const json report = run_one(a, a.state);
+  const Json report = run_one(a, a.state);
   if (a.state.run.verbosity < 0) return;
   cli::print_repairs(a.words[skip], report);
   print_solved(report, a.options.islands);
   if (a.options.mode == "deform") return print_mesh(a.state, report);
-  const json& mesh = report.at("mesh");
+  const Json& mesh = report.at("mesh");
   fmt::print(
       "{}: {} vertices, {} of them that no normal reaches; the mesh comes back within {:.2g} of its "
       "diagonal; {}, {}\n",

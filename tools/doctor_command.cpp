@@ -7,12 +7,12 @@
 #include <set>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/picture/rasterizer.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/runtime/log.h"
@@ -106,7 +106,7 @@ std::string disk_text(const fs::path& folder) {
 void run_doctor(const DoctorArguments& a) {
   std::string missing;
   fmt::print("tessera {}\n", TESSERA_VERSION);
-  const nlohmann::json machine = machine_description();
+  const Json machine = machine_description();
   line("system", machine.value("system", "") + ", " + machine.value("host", ""));
   // Without these the program ends before it comes here (cpu_guard.cpp).
   line("processor", fmt::format("{}, {} cores; has AVX2, FMA and BMI2 (x86-64-v3), which the program needs",

@@ -1,8 +1,7 @@
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/solid/field_job.h"
@@ -23,9 +22,9 @@ void run_field(const FieldJobOptions& given, JobState state) {
   FieldJobOptions options = given;
   options.meshes = state.inputs.size();
   state.settings = to_settings(options);
-  const nlohmann::json report = run_job(state, field_job(options), cli::stderr_sink());
+  const Json report = run_job(state, field_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
-  const nlohmann::json field = report.value("field", nlohmann::json::object());
+  const Json field = report.value("field", Json::object());
   if (given.tolerance > 0.0) {
     fmt::print("{}: {} cells, {} of the {} of a full grid, off by at most {:.2g} at {} samples, h {}, {}\n",
                state.output.string(), field.value("cells", std::uint64_t{0}),

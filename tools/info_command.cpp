@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/points/file_notices.h"
 #include "stream/points/point_inputs.h"
@@ -103,7 +104,8 @@ nlohmann::ordered_json to_json(const PointSummary& s) {
                      {"classes_and_returns", a.echo}};
   j["without_normal"] = s.without_normal;
   j["without_colour"] = s.without_colour;
-  if (s.info.crs.known()) j["coordinate_system"] = to_json(s.info.crs);
+  if (s.info.crs.known())
+    j["coordinate_system"] = nlohmann::ordered_json::parse(dump_json(to_json(s.info.crs)));
   if (s.min[0] <= s.max[0]) j["bounds"] = {{"min", s.min}, {"max", s.max}};
   if (s.info.has_bounds) j["declared_bounds"] = {{"min", s.info.declared_min}, {"max", s.info.declared_max}};
   if (s.spacing > 0) j["spacing"] = s.spacing;

@@ -1,8 +1,7 @@
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/merge/merge_job.h"
@@ -24,12 +23,12 @@ void run_merge(const MergeOptions& given, JobState state) {
   MergeOptions options = given;
   options.meshes = state.inputs.size();
   state.settings = to_settings(options);
-  const nlohmann::json report = run_job(state, merge_job(options), cli::stderr_sink());
+  const Json report = run_job(state, merge_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
-  const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
-  const nlohmann::json merge = report.value("merge", nlohmann::json::object());
+  const Json mesh = report.value("mesh", Json::object());
+  const Json merge = report.value("merge", Json::object());
   const auto count = [&](const char* stage, const char* key) {
-    return merge.value(stage, nlohmann::json::object()).value(key, std::uint64_t{0});
+    return merge.value(stage, Json::object()).value(key, std::uint64_t{0});
   };
   fmt::print("{}: {} vertices, {} faces, {} of them new along joints of {} edges, {}\n",
              state.output.string(), mesh.value("vertices", std::uint64_t{0}),

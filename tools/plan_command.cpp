@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/points/plan.h"
@@ -29,13 +29,13 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What planning itself took, then what will come; stages that have nothing to do are left out.
-void print_forecast(const Forecast& forecast, const nlohmann::json& report) {
+void print_forecast(const Forecast& forecast, const Json& report) {
   fmt::print("\n{:<12}{:>8}{:>14}{:>14}{:>8}{:>10}\n", "stage", "tasks", "memory", "disk", "files",
              "seconds");
   double seconds = 0.0;
   std::uint64_t disk = 0;
   std::uint64_t files = 0;
-  for (const nlohmann::json& done : report.at("stages")) {
+  for (const Json& done : report.at("stages")) {
     const auto tasks = done.at("tasks").get<std::uint64_t>();
     if (tasks > 0)
       fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}  done\n", done.at("name").get<std::string>(), tasks,
@@ -54,7 +54,7 @@ void print_forecast(const Forecast& forecast, const nlohmann::json& report) {
 }
 
 void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOptions& options,
-                const JobState& state, const nlohmann::json& report) {
+                const JobState& state, const Json& report) {
   const PointDispositions& p = plan.dispositions;
   fmt::print("points       {} read, {} kept", p.read, p.kept);
   if (p.other_class > 0) fmt::print(", {} of other classes", p.other_class);
@@ -166,10 +166,10 @@ MeasuredJob read_measured(const fs::path& file) {
   MeasuredJob job;
   job.name = file.string();
   try {
-    const nlohmann::json report = parse_json(read_text(file), job.name);
+    const Json report = parse_json(read_text(file), job.name);
     job.stages = stage_costs(report, job.name);
     job.points = result_of(report, "survey").at("points").at("kept").get<double>();
-  } catch (const nlohmann::json::exception& e) {
+  } catch (const JsonError& e) {
     throw InputError(fmt::format("{}: is no report of a reconstruction ({})", job.name, e.what()));
   }
   return job;
@@ -220,7 +220,7 @@ void run_plan(const ReconstructOptions& options, JobState state, const fs::path&
     state.output = scratch->path() / "plan.ply";
     state.run.temp.clear();
   }
-  const nlohmann::json report = run_job(state, plan_job(), cli::stderr_sink());
+  const Json report = run_job(state, plan_job(), cli::stderr_sink());
   const fs::path work = work_path(state.output, state.run.temp);
   const Plan plan = Plan::of_work(work);
   state.run.memory_bytes = report.at("run").at("memory_bytes").get<std::uint64_t>();
@@ -231,7 +231,7 @@ void run_plan(const ReconstructOptions& options, JobState state, const fs::path&
   if (!tiles.empty()) print_site_plan(plan, forecast, state, tiles);
   if (measured) print_makespans(simulation, *measured, plan, state.run.threads);
   if (!state.run.report.empty()) {
-    nlohmann::json estimate = plan.to_json();
+    Json estimate = plan.to_json();
     estimate.update(forecast.to_json());
     write_durably(state.run.report, dump_json(estimate, 1) + "\n");
   }

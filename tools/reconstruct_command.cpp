@@ -1,10 +1,10 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -21,12 +21,12 @@ namespace tessera {
 namespace {
 
 /// The report of the mesh says what became of its site.
-void note_site(const JobState& mesh, const cli::Site& site, const nlohmann::json& of_site) {
+void note_site(const JobState& mesh, const cli::Site& site, const Json& of_site) {
   const std::filesystem::path path = report_path(mesh);
-  nlohmann::json report = parse_json(read_text(path));
-  nlohmann::json tiles = of_site.at("tiles");
+  Json report = parse_json(read_text(path));
+  Json tiles = of_site.at("tiles");
   tiles["report"] = json_text(site.report());
-  if (report.value("tiles", nlohmann::json()) == tiles) return;
+  if (report.value("tiles", Json()) == tiles) return;
   report["tiles"] = std::move(tiles);
   write_durably(path, dump_json(report, 1) + "\n");
 }
@@ -41,11 +41,11 @@ void run_reconstruct(const ReconstructOptions& options, JobState state, const st
     site->check_before_mesh(state);
     expect_site(job, {}, site->tileset(), site->report());
   }
-  const nlohmann::json report = run_job(state, job, cli::stderr_sink());
+  const Json report = run_job(state, job, cli::stderr_sink());
   const auto say_mesh = [&] {
-    for (const nlohmann::json& w : report.value("warnings", nlohmann::json::array()))
+    for (const Json& w : report.value("warnings", Json::array()))
       fmt::print(stderr, "tessera: warning: {}\n", w.get<std::string>());
-    const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
+    const Json mesh = report.value("mesh", Json::object());
     fmt::print("{}: {} vertices, {} faces, {}\n", state.output.string(),
                mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
                cost_text(report));
@@ -62,7 +62,7 @@ void run_reconstruct(const ReconstructOptions& options, JobState state, const st
   JobState of_site = state;
   of_site.inputs = {std::filesystem::absolute(state.output).lexically_normal()};
   of_site.run.until.clear();
-  const nlohmann::json made = site->make({}, of_site, true);
+  const Json made = site->make({}, of_site, true);
   note_site(state, *site, made);
   if (state.run.verbosity >= 0) cli::print_site(*site, made);
 }

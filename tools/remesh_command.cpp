@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "stream/files/bound_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/remesh/remesh_job.h"
@@ -17,10 +17,10 @@ void run_remesh(const RemeshJobOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "remeshed");
   cli::require_output(state.output);
   require_mesh_extension(state.output);
-  const nlohmann::json report = run_job(state, remesh_job(options), cli::stderr_sink());
+  const Json report = run_job(state, remesh_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
   cli::print_repairs(input.string(), report);
-  const nlohmann::json quality = report.value("quality", nlohmann::json::object());
+  const Json quality = report.value("quality", Json::object());
   fmt::print("{}: {} faces of {}, edges of {:.4g}, {}\n", state.output.string(),
              report.at("mesh").value("faces", std::uint64_t{0}),
              report.at("input").value("faces", std::uint64_t{0}), quality.value("edge", 0.0),
@@ -32,7 +32,7 @@ void run_remesh(const RemeshJobOptions& options, JobState state) {
       quality.value("mean_angle_deviation_deg", 0.0), quality.value("smallest_angle_deg", 0.0),
       100.0 * quality.value("share_below_25_deg", 0.0), 100.0 * quality.value("mean_edge_deviation", 0.0),
       100.0 * quality.value("valence_six_share", 0.0));
-  const nlohmann::json& certificate = report.at("certificate");
+  const Json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
     fmt::print("distance: at most {} both ways, proven; rms {:.3g} to the input, {:.3g} back\n",
                bound_text(certificate.at("certified_max").get<double>()),

@@ -1,10 +1,10 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/page/report_page.h"
@@ -28,11 +28,11 @@ struct ReportArguments {
 
 constexpr std::uintmax_t kMaxBytes = std::uintmax_t{256} << 20;  // far above any report
 
-nlohmann::json read_report(const fs::path& path) {
+Json read_report(const fs::path& path) {
   std::error_code error;
   if (fs::is_regular_file(path, error) && fs::file_size(path, error) > kMaxBytes)
     throw InputError(path.string() + ": too large for a report of Tessera: name an OUT.report.json");
-  const nlohmann::json report = try_parse_json(read_text(path));
+  const Json report = try_parse_json(read_text(path));
   if (text_at(report, "/tool") != "tessera" || !value_at(report, "/stages").is_array())
     throw InputError(path.string() + ": is no report of Tessera: name an OUT.report.json");
   if (value_at(report, "/schema") != kReportSchema)
@@ -42,7 +42,7 @@ nlohmann::json read_report(const fs::path& path) {
 }
 
 /// Where the report says it is; beside the report where both were moved.
-fs::path mesh_of(const nlohmann::json& report, const fs::path& path) {
+fs::path mesh_of(const Json& report, const fs::path& path) {
   const fs::path mesh = bytes_of_json_text(text_at(report, "/output/path"));
   std::error_code error;
   if (fs::is_regular_file(mesh, error)) return mesh;
@@ -53,7 +53,7 @@ fs::path mesh_of(const nlohmann::json& report, const fs::path& path) {
 void run_report(const ReportArguments& a) {
   if (a.report.empty()) throw UsageError("no report given; name one: tessera report site.ply.report.json");
   const fs::path page = fs::absolute(a.output.empty() ? page_path(a.report) : a.output);
-  const nlohmann::json report = read_report(a.report);
+  const Json report = read_report(a.report);
   const fs::path mesh = mesh_of(report, a.report);
   cli::check_line_writes({a.report, mesh}, {{page, a.output.empty() ? "the page" : "-o",
                                              existing_by(a.force || is_page(page))}});

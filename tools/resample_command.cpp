@@ -1,10 +1,10 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/bound_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/resample/blend_file.h"
@@ -15,8 +15,6 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 struct ResampleArguments {
   std::vector<std::string> words;
   std::string blends = "auto";
@@ -25,8 +23,8 @@ struct ResampleArguments {
   JobState state;
 };
 
-void print(const ResampleArguments& a, const json& report) {
-  const json& done = report.at("resampled");
+void print(const ResampleArguments& a, const Json& report) {
+  const Json& done = report.at("resampled");
   fmt::print("{}: {} of {} blends resampled, {} faces for {}, {}\n", a.state.output.string(),
              done.at("changed").get<std::uint64_t>(),
              done.at("changed").get<std::uint64_t>() + done.at("left").get<std::uint64_t>(),
@@ -34,7 +32,7 @@ void print(const ResampleArguments& a, const json& report) {
              cost_text(report));
   double before = 0.0, after = 0.0;
   std::uint64_t edges = 0;
-  for (const json& blend : done.at("blends")) {
+  for (const Json& blend : done.at("blends")) {
     if (!blend.at("changed").get<bool>()) continue;
     const auto n = blend.at("jumps_before").at("along").at("edges").get<std::uint64_t>();
     edges += n;
@@ -45,7 +43,7 @@ void print(const ResampleArguments& a, const json& report) {
   if (edges > 0 && !a.options.edits())
     fmt::print("normal jumps along blends: variance {:.3g} before, {:.3g} now (radians squared)\n",
                before / static_cast<double>(edges), after / static_cast<double>(edges));
-  const json& certificate = report.at("certificate");
+  const Json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
     fmt::print("distance: at most {} both ways, proven\n",
                bound_text(certificate.at("certified_max").get<double>()));
@@ -70,7 +68,7 @@ void run_resample(ResampleArguments& a) {
   }
   a.options.validate();
   a.state.settings = to_settings(a.options);
-  const json report = run_job(a.state, resample_job(a.options), cli::stderr_sink());
+  const Json report = run_job(a.state, resample_job(a.options), cli::stderr_sink());
   if (a.state.run.verbosity < 0) return;
   cli::print_repairs(input.string(), report);
   print(a, report);

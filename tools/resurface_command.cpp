@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/solid/resurface_job.h"
@@ -17,9 +16,9 @@ void run_resurface(const ResurfaceOptions& given, JobState state) {
   ResurfaceOptions options = given;
   options.meshes = state.inputs.size();
   state.settings = to_settings(options);
-  const nlohmann::json report = run_job(state, resurface_job(options), cli::stderr_sink());
+  const Json report = run_job(state, resurface_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
-  const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
+  const Json mesh = report.value("mesh", Json::object());
   fmt::print("{}: {} vertices, {} faces, {} components, {} faces close gaps, {}\n", state.output.string(),
              mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
              mesh.value("components", std::uint64_t{0}), mesh.value("synthetic_faces", std::uint64_t{0}),

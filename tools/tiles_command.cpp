@@ -1,5 +1,5 @@
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
 #include "tools/frame/site.h"
@@ -11,7 +11,7 @@ void run_tiles(const TilesOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "cut into tiles");
   cli::require_output(state.output);
   const cli::Site site(state.output, "-o");
-  const nlohmann::json report = site.make(options, state, false);
+  const Json report = site.make(options, state, false);
   if (state.run.verbosity < 0) return;
   cli::print_repairs(input.string(), report);
   cli::print_site(site, report);

@@ -6,11 +6,10 @@
 #include <memory>
 #include <optional>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/check/mesh_shape.h"
 #include "stream/check/mesh_topology.h"
+#include "stream/files/json.h"
 #include "stream/files/vertex_store.h"
 #include "stream/meshes/mesh_weld.h"
 

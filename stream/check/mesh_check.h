@@ -10,9 +10,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "stream/check/mesh_crossings.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
@@ -107,7 +106,7 @@ struct MeshCheck {
 /// \throws InputError from the reader; ResourceError when the cap cannot hold the work, naming one that can
 MeshCheck check_mesh(MeshReader& mesh, const MeshCheckOptions& options);
 
-nlohmann::json to_json(const MeshCheck& check);
+Json to_json(const MeshCheck& check);
 std::string describe(const MeshCheck& check);  ///< lines for people
 
 }  // namespace tessera

@@ -3,9 +3,8 @@
 #include <charconv>
 #include <string>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/check/mesh_check.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 namespace {
@@ -56,12 +55,12 @@ std::vector<std::string> MeshCheck::defects() const {
   return list;
 }
 
-nlohmann::json to_json(const MeshCheck& check) {
-  nlohmann::json loops = nlohmann::json::array();
+Json to_json(const MeshCheck& check) {
+  Json loops = Json::array();
   for (const BoundaryLoop& loop : check.largest_loops) {
     loops.push_back({{"edges", loop.edges}, {"closed", loop.closed}});
   }
-  nlohmann::json components = nlohmann::json::array();
+  Json components = Json::array();
   for (const MeshComponent& part : check.largest_components) {
     components.push_back({{"vertices", part.vertices},
                           {"edges", part.edges},
@@ -69,40 +68,40 @@ nlohmann::json to_json(const MeshCheck& check) {
                           {"boundary_edges", part.boundary_edges},
                           {"defects", part.defects},
                           {"euler", part.euler()},
-                          {"genus", part.solid() ? nlohmann::json(part.genus()) : nlohmann::json()}});
+                          {"genus", part.solid() ? Json(part.genus()) : Json()}});
   }
-  nlohmann::json json = {{"format", check.format},
-                         {"welded", check.welded},
-                         {"file_vertices", check.file_vertices},
-                         {"declared_vertices", check.declared_vertices},
-                         {"declared_faces", check.declared_faces},
-                         {"vertices", check.vertices},
-                         {"faces", check.faces},
-                         {"edges", check.edges},
-                         {"unreferenced_vertices", check.unreferenced_vertices},
-                         {"nonfinite_vertices", check.nonfinite_vertices},
-                         {"bad_index_faces", check.bad_index_faces},
-                         {"degenerate_faces", check.degenerate_faces},
-                         {"zero_area_faces", check.zero_area_faces},
-                         {"duplicate_faces", check.duplicate_faces},
-                         {"boundary_edges", check.boundary_edges},
-                         {"nonmanifold_edges", check.nonmanifold_edges},
-                         {"inconsistent_edges", check.inconsistent_edges},
-                         {"nonmanifold_vertices", check.nonmanifold_vertices},
-                         {"boundary_loops", check.boundary_loops},
-                         {"open_loops", check.open_loops},
-                         {"largest_loops", loops},
-                         {"components", check.components},
-                         {"solid_components", check.solid_components},
-                         {"total_genus", check.total_genus},
-                         {"largest_components", components},
-                         {"min", check.min},
-                         {"max", check.max},
-                         {"solid", check.solid()},
-                         {"defects", check.defects()}};
+  Json json = {{"format", check.format},
+               {"welded", check.welded},
+               {"file_vertices", check.file_vertices},
+               {"declared_vertices", check.declared_vertices},
+               {"declared_faces", check.declared_faces},
+               {"vertices", check.vertices},
+               {"faces", check.faces},
+               {"edges", check.edges},
+               {"unreferenced_vertices", check.unreferenced_vertices},
+               {"nonfinite_vertices", check.nonfinite_vertices},
+               {"bad_index_faces", check.bad_index_faces},
+               {"degenerate_faces", check.degenerate_faces},
+               {"zero_area_faces", check.zero_area_faces},
+               {"duplicate_faces", check.duplicate_faces},
+               {"boundary_edges", check.boundary_edges},
+               {"nonmanifold_edges", check.nonmanifold_edges},
+               {"inconsistent_edges", check.inconsistent_edges},
+               {"nonmanifold_vertices", check.nonmanifold_vertices},
+               {"boundary_loops", check.boundary_loops},
+               {"open_loops", check.open_loops},
+               {"largest_loops", loops},
+               {"components", check.components},
+               {"solid_components", check.solid_components},
+               {"total_genus", check.total_genus},
+               {"largest_components", components},
+               {"min", check.min},
+               {"max", check.max},
+               {"solid", check.solid()},
+               {"defects", check.defects()}};
   if (check.has_shape) {
     json["area"] = check.area;
-    json["volume"] = check.solid() ? nlohmann::json(check.volume) : nlohmann::json();
+    json["volume"] = check.solid() ? Json(check.volume) : Json();
     json["min_edge"] = check.min_edge;
     json["mean_edge"] = check.mean_edge;
     json["max_edge"] = check.max_edge;

@@ -11,9 +11,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/certify/certificate.h"
+#include "stream/files/json.h"
 #include "stream/meshes/failed_regions.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/options.h"
@@ -132,7 +131,7 @@ MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
 MeshComparison compare_mesh_files(const std::filesystem::path& mesh, const std::filesystem::path& reference,
                                   const CompareOptions& options, const RunOptions& run);
 
-nlohmann::json to_json(const MeshComparison& comparison);
+Json to_json(const MeshComparison& comparison);
 std::string describe(const MeshComparison& comparison);
 
 }  // namespace tessera

@@ -3,10 +3,10 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "stream/check/mesh_compare.h"
 #include "stream/files/bound_text.h"
+#include "stream/files/json.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
@@ -34,12 +34,12 @@ double share_exceeding(const DeviationReport& r) {
   return all > 0.0 ? exceeding / all : 0.0;
 }
 
-nlohmann::json directed_json(const DeviationReport& r) {
+Json directed_json(const DeviationReport& r) {
   const bool finite = std::isfinite(r.upper);
-  return {{"certified_max", finite ? nlohmann::json(r.upper) : nlohmann::json()},
+  return {{"certified_max", finite ? Json(r.upper) : Json()},
           {"found_max", r.lower},
           {"witness", r.witness},
-          {"rms", r.beyond ? nlohmann::json() : nlohmann::json(r.rms())},
+          {"rms", r.beyond ? Json() : Json(r.rms())},
           {"samples", r.samples},
           {"beyond_reach", r.beyond},
           {"measure", r.area},
@@ -49,7 +49,7 @@ nlohmann::json directed_json(const DeviationReport& r) {
 }
 
 /// What both kinds of answer tell.
-nlohmann::json common_json(const MeshComparison& c) {
+Json common_json(const MeshComparison& c) {
   return {{"tolerance", c.tolerance},
           {"reach", c.max_distance},
           {"diagonal", c.diagonal},
@@ -66,9 +66,9 @@ nlohmann::json common_json(const MeshComparison& c) {
 }
 
 /// What yes or no leaves to say: where a direction fails its distances, which are those of the cells that fail.
-void add_failed(nlohmann::json& json, const char* name, const DeviationReport& r, double tolerance) {
+void add_failed(Json& json, const char* name, const DeviationReport& r, double tolerance) {
   if (r.upper <= tolerance) return;
-  nlohmann::json all = directed_json(r);
+  Json all = directed_json(r);
   for (const char* key : {"certified_max", "found_max", "witness", "beyond_reach"})
     json[name][key] = std::move(all[key]);
 }
@@ -169,14 +169,14 @@ std::string MeshComparison::complaint(bool with_borders) const {
   return "";
 }
 
-nlohmann::json to_json(const MeshComparison& c) {
-  nlohmann::json json = common_json(c);
+Json to_json(const MeshComparison& c) {
+  Json json = common_json(c);
   if (c.yes_or_no) {
     add_failed(json, "mesh_to_reference", c.there.surface, c.tolerance);
     add_failed(json, "reference_to_mesh", c.back.surface, c.tolerance);
     return json;
   }
-  json["certified_max"] = std::isfinite(c.upper()) ? nlohmann::json(c.upper()) : nlohmann::json();
+  json["certified_max"] = std::isfinite(c.upper()) ? Json(c.upper()) : Json();
   json["mesh_to_reference"] = directed_json(c.there.surface);
   json["reference_to_mesh"] = directed_json(c.back.surface);
   return json;

@@ -10,9 +10,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/mesh/face_contact.h"
+#include "stream/files/json.h"
 #include "stream/files/vertex_store.h"
 #include "stream/formats/meshes/mesh_io.h"
 
@@ -56,7 +55,7 @@ struct MeshCrossingOptions {
 /// \throws ResourceError when more faces meet in one place than the cap can hold, naming one that can
 MeshCrossings find_crossings(MeshReader& mesh, VertexStore& positions, const MeshCrossingOptions& options);
 
-nlohmann::json to_json(const MeshCrossings& crossings);
+Json to_json(const MeshCrossings& crossings);
 std::string describe(const MeshCrossings& crossings);  ///< lines for people
 
 }  // namespace tessera

@@ -2,10 +2,9 @@
 #include <charconv>
 #include <string>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/picture/caption.h"
 #include "stream/check/mesh_crossings.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 namespace {
@@ -40,8 +39,8 @@ std::vector<std::string> MeshCrossings::defects() const {
   return list;
 }
 
-nlohmann::json to_json(const MeshCrossings& crossings) {
-  nlohmann::json listed = nlohmann::json::array();
+Json to_json(const MeshCrossings& crossings) {
+  Json listed = Json::array();
   for (const FaceCrossing& pair : crossings.listed)
     listed.push_back({{"contact", contact_name(pair.contact)}, {"faces", pair.faces}, {"place", pair.place}});
   return {{"cross", crossings.crossing}, {"overlap", crossings.overlapping}, {"touch", crossings.touching},

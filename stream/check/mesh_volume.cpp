@@ -5,10 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <mutex>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/check/fixed_sum.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/scratch_folder.h"
@@ -22,8 +22,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 /// Share of a base's upward shadow that may show down before it counts as closed.
@@ -64,14 +62,14 @@ struct AreaSums {
 std::vector<Area> read_areas(const std::filesystem::path& path, const Double2& origin) {
   std::vector<Area> areas;
   std::size_t n = 0;
-  for (const json& polygon : parse_json(ClipPolygon::text_of_file(path))) {
+  for (const Json& polygon : parse_json(ClipPolygon::text_of_file(path))) {
     Area area;
     area.name = std::to_string(++n);
-    area.polygon = ClipPolygon::from_text(dump_json(json::array({polygon})));
+    area.polygon = ClipPolygon::from_text(dump_json(Json::array({polygon})));
     std::vector<std::vector<Double2>> rings;
-    for (const json& ring : polygon) {
+    for (const Json& ring : polygon) {
       rings.emplace_back();
-      for (const json& c : ring)
+      for (const Json& c : ring)
         rings.back().push_back({c[0].get<double>() - origin[0], c[1].get<double>() - origin[1]});
       for (std::size_t k = 0; k < rings.back().size(); ++k)
         area.edges.push_back({rings.back()[k], rings.back()[(k + 1) % rings.back().size()]});
@@ -329,11 +327,10 @@ std::optional<double> proven_tolerance(const std::filesystem::path& mesh) {
   const ReadFile file(path);
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
-  const json report = try_parse_json(text);
+  const Json report = try_parse_json(text);
   const auto number = [&](const char* pointer) -> std::optional<double> {
-    const json::json_pointer at(pointer);
-    if (!report.is_object() || !report.contains(at) || !report.at(at).is_number()) return std::nullopt;
-    return report.at(at).get<double>();
+    const Json* value = report.at_path(pointer);
+    return value != nullptr && value->is_number() ? std::optional(value->number()) : std::nullopt;
   };
   const std::optional<double> bytes = number("/mesh/bytes"), bound = number("/certificate/certified_max");
   if (!bytes || *bytes != static_cast<double>(std::filesystem::file_size(mesh, missing))) return std::nullopt;
@@ -359,8 +356,8 @@ std::string to_csv(const MeshVolumes& volumes) {
   return text;
 }
 
-json to_json(const MeshVolumes& volumes) {
-  json areas = json::array();
+Json to_json(const MeshVolumes& volumes) {
+  Json areas = Json::array();
   for (const AreaVolume& a : volumes.areas)
     areas.push_back({{"area", a.name},
                      {"plan_area", a.plan_area},
@@ -370,7 +367,7 @@ json to_json(const MeshVolumes& volumes) {
                      {"net", a.volume.fill - a.volume.cut},
                      {"surface", a.surface},
                      {"base_surface", a.base_surface},
-                     {"bound", a.bound ? json(*a.bound) : json()}});
+                     {"bound", a.bound ? Json(*a.bound) : Json()}});
   return {{"areas", areas}, {"downward", volumes.downward}};
 }
 

@@ -7,9 +7,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/mesh/prism_volume.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -51,6 +50,6 @@ std::optional<double> proven_tolerance(const std::filesystem::path& mesh);
 
 std::string describe(const MeshVolumes& volumes);
 std::string to_csv(const MeshVolumes& volumes);
-nlohmann::json to_json(const MeshVolumes& volumes);
+Json to_json(const MeshVolumes& volumes);
 
 }  // namespace tessera

@@ -5,13 +5,13 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/scene/sample_source.h"
 #include "octree/error.h"
 #include "octree/vector.h"
 #include "stream/check/truth_features.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/vertex_store.h"
 #include "stream/meshes/scene_file.h"
@@ -233,8 +233,8 @@ class Comparison {
   Double3 offset_{};
 };
 
-nlohmann::json to_json(const DeviationStats& stats, double h) {
-  nlohmann::json j;
+Json to_json(const DeviationStats& stats, double h) {
+  Json j;
   j["count"] = stats.count();
   j["mean"] = stats.mean();
   j["rms"] = stats.rms();
@@ -254,7 +254,7 @@ TruthFile read_truth(const std::filesystem::path& path) {
   const std::string text = read_text(path);
   TruthFile truth;
   try {
-    const nlohmann::json j = parse_json(text);
+    const Json j = parse_json(text);
     if (j.at("schema").get<int>() != 1) {
       throw InputError(path.string() + ": schema " + dump_json(j.at("schema")) +
                        " is not known to this version");
@@ -263,7 +263,7 @@ TruthFile read_truth(const std::filesystem::path& path) {
     truth.spacing = j.at("spacing").get<double>();
     truth.noise = j.at("noise").get<double>();
     truth.shift = j.at("shift").get<Double3>();
-  } catch (const nlohmann::json::exception& e) {
+  } catch (const JsonError& e) {
     throw InputError(path.string() + ": not a truth file: " + e.what());
   }
   if (!(truth.spacing > 0.0)) throw InputError(path.string() + ": spacing must be positive");
@@ -308,8 +308,8 @@ TruthReport compare_with_truth(MeshReader& mesh, const TruthFile& truth, const T
   return *report;
 }
 
-nlohmann::json to_json(const TruthReport& r) {
-  nlohmann::json j;
+Json to_json(const TruthReport& r) {
+  Json j;
   j["h"] = r.h;
   j["spacing"] = r.spacing;
   j["noise"] = r.noise;

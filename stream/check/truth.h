@@ -9,10 +9,9 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/scene/scene.h"
 #include "octree/lattice.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
@@ -85,7 +84,7 @@ struct TruthReport {
 /// \throws InputError from the reader; StoppedError
 TruthReport compare_with_truth(MeshReader& mesh, const TruthFile& truth, const TruthOptions& options);
 
-nlohmann::json to_json(const TruthReport& report);
+Json to_json(const TruthReport& report);
 std::string describe(const TruthReport& report);
 
 }  // namespace tessera

@@ -273,7 +273,7 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
         {{"origin", scan.origin + o.shift}, {"columns", scan.columns}, {"rows", scan.rows}});
   }
   OutputFile out(path);
-  out.append(dump_json(truth, 2) + "\n");
+  out.append(truth.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
   out.finish();
 }
 

@@ -1,7 +1,6 @@
 #include "stream/import/crs_sidecar.h"
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/files/read_file.h"
 
@@ -21,8 +20,8 @@ std::string text_of(const std::filesystem::path& path) {
   return text;
 }
 
-std::string crs_of_input(const nlohmann::json& report) {
-  const nlohmann::json inputs = report.value("inputs", nlohmann::json::array());
+std::string crs_of_input(const Json& report) {
+  const Json inputs = report.value("inputs", Json::array());
   return inputs.empty() ? "" : crs_of_mesh(bytes_of_json_text(inputs.front().at("path").get<std::string>()));
 }
 

@@ -1,11 +1,10 @@
 /// Stage "corners" of an import: faces get their corners by number and go to the bucket of each corner.
 #include <algorithm>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/spill_file.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
@@ -13,8 +12,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint32_t kNoVertex = 0xffffffffu;
 
@@ -35,7 +32,7 @@ class ImportCornersStage : public SerialStage {
     return import_corners_bytes(run_, vertices_.plan().file_vertices);
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const auto mesh = open_mesh_file(path_, {.keep_bad_faces = true, .temp = work_});
     Dealer dealer(vertices_, context.create(names_.dealt_faces()));
     // Where the numbers of all vertices do not fit at once, range by range over the faces: corners that are

@@ -5,8 +5,7 @@
 #include <functional>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/options.h"
 
@@ -15,6 +14,6 @@ namespace tessera {
 /// Imports a mesh file as a store in `work`/`folder`, which must not hold one. \throws as run_stages, InputError
 MeshStore import_mesh(const std::filesystem::path& mesh, const std::filesystem::path& work,
                       const std::string& folder, const RunOptions& run,
-                      const std::function<void()>& check_stop, nlohmann::json* report = nullptr);
+                      const std::function<void()>& check_stop, Json* report = nullptr);
 
 }  // namespace tessera

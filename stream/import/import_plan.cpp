@@ -5,9 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
@@ -174,23 +173,23 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
   return plan;
 }
 
-nlohmann::json ImportPlan::to_json() const {
-  nlohmann::json j = {{"h", info.lattice.h},
-                      {"origin_brick", info.lattice.origin_brick},
-                      {"double_positions", info.double_positions},
-                      {"colour", info.colour},
-                      {"shift", info.shift},
-                      {"file_vertices", file_vertices},
-                      {"nonfinite_vertices", nonfinite_vertices},
-                      {"brick_level", brick_level},
-                      {"cell_level", cell_level},
-                      {"first_cell", first_cell},
-                      {"bucket_vertices", bucket_vertices}};
+Json ImportPlan::to_json() const {
+  Json j = {{"h", info.lattice.h},
+            {"origin_brick", info.lattice.origin_brick},
+            {"double_positions", info.double_positions},
+            {"colour", info.colour},
+            {"shift", info.shift},
+            {"file_vertices", file_vertices},
+            {"nonfinite_vertices", nonfinite_vertices},
+            {"brick_level", brick_level},
+            {"cell_level", cell_level},
+            {"first_cell", first_cell},
+            {"bucket_vertices", bucket_vertices}};
   if (confidence) j["confidence"] = *confidence;
   return j;
 }
 
-ImportPlan ImportPlan::from_json(const nlohmann::json& j) {
+ImportPlan ImportPlan::from_json(const Json& j) {
   ImportPlan plan;
   j.at("h").get_to(plan.info.lattice.h);
   j.at("origin_brick").get_to(plan.info.lattice.origin_brick);

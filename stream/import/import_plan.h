@@ -9,8 +9,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
@@ -47,8 +46,8 @@ struct ImportPlan {
   static ImportPlan measure(const MeshHeader& header, const VertexSource& vertices,
                             const std::function<void()>& check_stop,
                             std::uint64_t brick_vertices = kBrickVertices);
-  nlohmann::json to_json() const;
-  static ImportPlan from_json(const nlohmann::json& j);
+  Json to_json() const;
+  static ImportPlan from_json(const Json& j);
 };
 
 /// Where one mesh of a job lies.

@@ -3,17 +3,14 @@
 #include <map>
 #include <stdexcept>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/mesh_block_ops.h"
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Patches of which other tiles know more: the fixes of a run of faces, in the order of their smallest
 /// corner.
@@ -34,12 +31,12 @@ class ImportRepairStage : public Stage {
     return import_repair_task_bytes(tiles_.largest_patch_bytes());
   }
   std::uint64_t finish_bytes() const override { return 1u << 20; }
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     return {{"patches", summaries.empty() ? 0 : summaries[0].at("patches").get<std::uint64_t>()}};
   }
   std::vector<std::string> obsolete() const override { return {names_.all_fixes()}; }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter writer(context.create(names_.repaired(task)), tiles_.info());
     std::vector<PlacedFix> page(1u << 14);
     std::vector<RepairFix> pending;

@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/task_files.h"
@@ -149,13 +148,13 @@ MeshStore open_imported_mesh(const std::filesystem::path& work, const std::strin
                    list_task_files(work / folder / "repaired", ".tmm"));
 }
 
-nlohmann::json import_report(const nlohmann::json& report, const std::string& folder) {
+Json import_report(const Json& report, const std::string& folder) {
   const auto result = [&](const std::string& stage) {
-    nlohmann::json found = result_of(report, folder + stage);
-    return found.is_object() ? found : nlohmann::json::object();
+    Json found = result_of(report, folder + stage);
+    return found.is_object() ? found : Json::object();
   };
-  const nlohmann::json read = result("-read"), corners = result("-corners");
-  nlohmann::json repair = result("-tiles");
+  const Json read = result("-read"), corners = result("-corners");
+  Json repair = result("-tiles");
   repair["nonfinite_vertices"] = read.value("nonfinite_vertices", 0);
   repair["welded_vertices"] = result("-vertices").value("welded", 0);
   repair["bad_faces"] = corners.value("bad_faces", 0);

@@ -16,9 +16,8 @@
 #include <span>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/mesh/mesh_repair.h"
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/import/import_plan.h"
 #include "stream/meshes/mesh_store.h"
@@ -49,7 +48,7 @@ std::vector<StageEntry> import_stages(const ImportSource& source);
 MeshStore open_imported_mesh(const std::filesystem::path& work, const std::string& folder);
 
 /// Of a finished job's report: format, vertices and faces of what was read, and how much of it was repaired, by kind.
-nlohmann::json import_report(const nlohmann::json& report, const std::string& folder);
+Json import_report(const Json& report, const std::string& folder);
 
 // What the stages share.
 

@@ -2,20 +2,17 @@
 #include <algorithm>
 #include <map>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Vertices of a tile: its own and those of its faces that others own, ascending by number.
 struct TileVertices {
@@ -48,7 +45,7 @@ class ImportTilesStage : public Stage {
     return import_tiles_task_bytes(own, faces, repair_bytes(faces));
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     RepairTile tile;
     tile.faces = dealt_.load<RepairFace>(task);
     const std::vector<RepairFace> synthetic = take_synthetic(tile.faces);
@@ -102,9 +99,9 @@ class ImportTilesStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return kImportTilesFinishBytes; }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    json sum = json::object();
-    for (const json& s : summaries)
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
+    Json sum = Json::object();
+    for (const Json& s : summaries)
       for (const auto& [key, value] : s.items())
         sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
     ExternalSort<PlacedFix> sort(work_, kImportSortBytes);

@@ -7,11 +7,10 @@
 #include <span>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
@@ -19,8 +18,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// A vertex on its way to its bucket.
 template <class Real>
@@ -110,7 +107,7 @@ class ImportReadStage : public SerialStage {
   std::string unit_name() const override { return "vertices"; }
   std::uint64_t finish_bytes() const override { return bytes_; }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const auto mesh = open_mesh_file(path_);
     KeptVertices kept(*mesh, keep_bytes_);
     const VertexSource vertices = [&](const auto& sink) { kept.read(sink); };
@@ -182,19 +179,19 @@ class ImportVerticesStage : public Stage {
     return import_vertices_task_bytes(dealt_.records(task), record_bytes());
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     return plan_.info.double_positions ? weld<double>(task, context) : weld<float>(task, context);
   }
 
   std::uint64_t finish_bytes() const override { return kImportVerticesFinishBytes; }
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     std::vector<std::uint64_t> first = {0};
     std::uint64_t conflicts = 0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       first.push_back(first.back() + s.at("vertices").get<std::uint64_t>());
       conflicts += s.at("colour_conflicts").get<std::uint64_t>();
     }
-    write_durably(context.create(names_.numbering()), dump_json(json{{"first", first}}));
+    write_durably(context.create(names_.numbering()), dump_json(Json{{"first", first}}));
     return {{"vertices", first.back()},
             {"welded", plan_.file_vertices - plan_.nonfinite_vertices - first.back()},
             {"colour_conflicts", conflicts}};
@@ -254,7 +251,7 @@ class ImportVerticesStage : public Stage {
   }
 
   template <class Real>
-  json weld(std::size_t task, TaskContext& context) const {
+  Json weld(std::size_t task, TaskContext& context) const {
     const std::vector<DealtVertex<Real>> dealt = dealt_.load<DealtVertex<Real>>(task);
     context.count_read(dealt.size() * sizeof dealt[0]);
     std::vector<std::uint64_t> bricks;  // in order

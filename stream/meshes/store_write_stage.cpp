@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/mesh_store_output.h"
@@ -12,8 +11,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 class StoreWriteStage : public SerialStage {
  public:
@@ -36,7 +33,7 @@ class StoreWriteStage : public SerialStage {
            rounding_check_bytes(path_, store_.info().double_positions, 3 * store_.face_count());
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     MeshStoreOutput output;
     output.path = path_;
     output.comments = {comment_};
@@ -47,7 +44,7 @@ class StoreWriteStage : public SerialStage {
     output.advance = [&](std::uint64_t faces) { context.advance(faces); };
     const MeshStoreOutputReport report = write_mesh_store(store_, output);
     context.count_written(report.bytes);
-    json result = {{"path", json_text(path_)},    {"vertices", report.vertices},
+    Json result = {{"path", json_text(path_)},    {"vertices", report.vertices},
                    {"faces", report.faces},       {"synthetic_faces", report.synthetic_faces},
                    {"bytes", report.bytes},       {"double_positions", store_.info().double_positions},
                    {"shift", store_.info().shift}};
@@ -86,9 +83,9 @@ MeshPlacement store_placement(const std::filesystem::path& output, const MeshSto
                     fine_rounding(store.face_count(), box.low, box.high, tolerance));
 }
 
-void tell_rounding(json& result, const std::filesystem::path& output, const Double3& origin,
+void tell_rounding(Json& result, const std::filesystem::path& output, const Double3& origin,
                    const MeshRounding& rounding) {
-  json warnings = result.value("warnings", json::array());
+  Json warnings = result.value("warnings", Json::array());
   if (origin != Double3{0, 0, 0}) {
     result["origin"] = origin;
     if (!stl_shift_path(output).empty()) warnings.push_back(stl_shift_notice(output, origin));
@@ -101,7 +98,7 @@ void tell_rounding(json& result, const std::filesystem::path& output, const Doub
   if (!warnings.empty()) result["warnings"] = std::move(warnings);
 }
 
-std::string origin_text(const json& result) {
+std::string origin_text(const Json& result) {
   if (!result.is_object() || !result.contains("origin")) return "";
   if (stl_shift_path(bytes_of_json_text(result.at("path").get<std::string>())).empty()) return "";
   return stl_shift_text(result.at("origin").get<Double3>());
@@ -109,7 +106,7 @@ std::string origin_text(const json& result) {
 
 SidecarOutput known_origin() {
   return {stl_shift_path, "the origin beside -o", false,
-          [](const json& report) { return origin_text(report.value("mesh", json::object())); }};
+          [](const Json& report) { return origin_text(report.value("mesh", Json::object())); }};
 }
 
 std::uint64_t sort_bytes(const RunOptions& run) {

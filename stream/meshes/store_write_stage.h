@@ -6,8 +6,7 @@
 #include <optional>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/meshes/mesh_precision.h"
 #include "stream/meshes/mesh_store.h"
@@ -29,10 +28,10 @@ MeshPlacement store_placement(const std::filesystem::path& output, const MeshSto
 
 /// Adds to the result of a stage that wrote a mesh file what rounding to floats did, where anything: `origin`, `rounding`,
 /// and sentences under `warnings`.
-void tell_rounding(nlohmann::json& result, const std::filesystem::path& output, const Double3& origin,
+void tell_rounding(Json& result, const std::filesystem::path& output, const Double3& origin,
                    const MeshRounding& rounding);
 /// What the file beside an STL says of the origin in such a result; empty without one.
-std::string origin_text(const nlohmann::json& result);
+std::string origin_text(const Json& result);
 /// That file, which tells other programs (mesh_precision.h), from `mesh` of a job's report.
 SidecarOutput known_origin();
 

@@ -5,10 +5,10 @@
 #include <cstring>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
 #include "stream/files/bound_text.h"
+#include "stream/files/json.h"
 #include "stream/page/html.h"
 #include "stream/page/report_value.h"
 #include "stream/runtime/numbers.h"
@@ -17,11 +17,10 @@ namespace tessera {
 namespace {
 
 using html::escape;
-using nlohmann::json;
 using Rows = std::vector<std::pair<std::string, std::string>>;
 
 /// Bars of counts that are there, as shares of `all`.
-std::string count_bars(const std::string& title, const std::vector<std::pair<std::string, json>>& counts,
+std::string count_bars(const std::string& title, const std::vector<std::pair<std::string, Json>>& counts,
                        double all) {
   std::vector<html::Bar> rows;
   for (const auto& [name, count] : counts)
@@ -30,13 +29,13 @@ std::string count_bars(const std::string& title, const std::vector<std::pair<std
   return rows.empty() ? "" : html::bars(title, rows);
 }
 
-std::string dispositions(const json& report) {
-  const json& disposition = value_at(stage_result(report, "survey"), "/points");
+std::string dispositions(const Json& report) {
+  const Json& disposition = value_at(stage_result(report, "survey"), "/points");
   if (!disposition.is_object()) return "";
   const auto of = [&](const char* key) { return value_at(disposition, key); };
-  const json& order = stage_result(report, "order");
-  const json& orient = stage_result(report, "orient");
-  const json& dropped = value_at(orient, "/vegetation/as");
+  const Json& order = stage_result(report, "order");
+  const Json& orient = stage_result(report, "orient");
+  const Json& dropped = value_at(orient, "/vegetation/as");
   return count_bars("Fates of the points",
                     {{"read", of("/read")},
                      {"withheld by the scan", of("/withheld")},
@@ -60,12 +59,12 @@ std::string dispositions(const json& report) {
 }
 
 /// Area by distance: 32 bins up to the tolerance, then up to reach, then beyond (kernels/certify/certificate.h).
-std::string deviation_histogram(const std::string& title, const json& counts, double tolerance,
+std::string deviation_histogram(const std::string& title, const Json& counts, double tolerance,
                                 double proven) {
   if (!counts.is_array() || counts.size() < 3 || !(tolerance > 0.0)) return "";
   html::Histogram h;
   h.title = title;
-  for (const json& c : counts) h.counts.push_back(c.is_number() ? c.get<double>() : 0.0);
+  for (const Json& c : counts) h.counts.push_back(c.is_number() ? c.get<double>() : 0.0);
   const std::size_t bins = h.counts.size() - 2;
   // What lies over the tolerance is drawn only where something does.
   while (h.counts.size() > bins && h.counts.back() == 0.0) h.counts.pop_back();
@@ -78,8 +77,8 @@ std::string deviation_histogram(const std::string& title, const json& counts, do
   return html::histogram(h);
 }
 
-std::string direction(const json& certificate, const char* key, const std::string& title) {
-  const json& d = value_at(certificate, key);
+std::string direction(const Json& certificate, const char* key, const std::string& title) {
+  const Json& d = value_at(certificate, key);
   return d.is_object()
              ? deviation_histogram(title, value_at(d, "/histogram"), number_at(certificate, "/tolerance"),
                                    number_at(d, "/certified_max"))
@@ -95,8 +94,8 @@ std::string shares(const std::string& title, const std::vector<std::uint64_t>& c
   return html::histogram(h);
 }
 
-std::string spacing(const json& report) {
-  const json& s = stage_result(report, "spacing");
+std::string spacing(const Json& report) {
+  const Json& s = stage_result(report, "spacing");
   if (!value_at(s, "/spacing").is_number()) return "";
   const std::pair<const char*, const char*> kRows[] = {{"densest part", "/spacing_dense"},
                                                        {"half of the surface", "/spacing_middle"},
@@ -120,10 +119,10 @@ void append_bytes(std::string& to, const void* data, std::size_t bytes) {
 
 }  // namespace
 
-std::string input_figures(const json& report) {
+std::string input_figures(const Json& report) {
   std::string text = dispositions(report);
   Rows rows;
-  if (const json& h = value_at(report, "/resolution/h"); h.is_number())
+  if (const Json& h = value_at(report, "/resolution/h"); h.is_number())
     rows.emplace_back("resolution h", fmt::format("{}: {}", number_text(h.get<double>()),
                                                   escape(text_at(report, "/resolution/reason"))));
   if (const std::string crs = text_at(report, "/coordinate_system/name"); !crs.empty()) {
@@ -132,12 +131,12 @@ std::string input_figures(const json& report) {
         "coordinate system",
         escape(crs + (code.empty() || crs.find(code) != std::string::npos ? "" : ", EPSG:" + code)));
   }
-  const json& input = value_at(report, "/input");
+  const Json& input = value_at(report, "/input");
   if (input.is_object()) {
     rows.emplace_back("format", escape(text_at(input, "/format")));
     rows.emplace_back("vertices", escape(count_text(value_at(input, "/vertices"))));
     rows.emplace_back("faces", escape(count_text(value_at(input, "/faces"))));
-    const json& repair = value_at(input, "/repair");
+    const Json& repair = value_at(input, "/repair");
     if (repair.is_object())
       for (const auto& [key, count] : repair.items())
         if (key != "faces" && count.is_number() && count != 0) {
@@ -182,11 +181,11 @@ std::string topology_figures(const PageParts& parts) {
   return html::table(rows);
 }
 
-std::string deviation_figures(const json& report) {
+std::string deviation_figures(const Json& report) {
   std::string text;
   Rows rows;
-  const json& certificate = value_at(report, "/certificate");
-  if (const json& maximum = value_at(certificate, "/certified_max"); maximum.is_number()) {
+  const Json& certificate = value_at(report, "/certificate");
+  if (const Json& maximum = value_at(certificate, "/certified_max"); maximum.is_number()) {
     rows.emplace_back("largest distance, proven both ways", bound_text(maximum.get<double>(), 6));
     if (const double rounding = number_at(certificate, "/rounding"); rounding > 0.0)
       rows.emplace_back("of it by rounding to floats in the file", bound_text(rounding, 6));
@@ -202,7 +201,7 @@ std::string deviation_figures(const json& report) {
   text += direction(certificate, "/reference_to_mesh", "Area of the reference by distance to the result");
   for (const auto& [key, name] :
        {std::pair{"/samples", "result"}, {"/points_to_surface", "full resolution"}}) {
-    const json& samples = value_at(report, key);
+    const Json& samples = value_at(report, key);
     if (!value_at(samples, "/certified_max").is_number()) continue;
     rows.emplace_back(fmt::format("farthest point from the {}", name),
                       number_text(number_at(samples, "/certified_max")));
@@ -217,7 +216,7 @@ std::string deviation_figures(const json& report) {
                                   {"/smoothing/noise/after", "noise left by smoothing"},
                                   {"/smoothing/largest_move", "farthest move of a vertex by smoothing"},
                                   {"/smoothing/rms_move", "moves by smoothing, root mean square"}})
-    if (const json& figure = value_at(report, key); figure.is_number())
+    if (const Json& figure = value_at(report, key); figure.is_number())
       rows.emplace_back(name, number_text(figure.get<double>()));
   return (rows.empty() ? "" : html::table(rows)) + text;
 }
@@ -225,7 +224,7 @@ std::string deviation_figures(const json& report) {
 namespace {
 
 /// Of remeshing.
-std::string quality_figures(const json& quality) {
+std::string quality_figures(const Json& quality) {
   Rows rows;
   for (const auto& [key, name] :
        {std::pair{"/mean_angle_deviation_deg", "angles, mean distance from 60 degrees"},
@@ -235,11 +234,11 @@ std::string quality_figures(const json& quality) {
         {"/valence_six_share", "share of inner vertices with six neighbours"},
         {"/mean_voronoi_area_deviation",
          "Voronoi cells of inner vertices, mean deviation from their mean area"}})
-    if (const json& figure = value_at(quality, key); figure.is_number())
+    if (const Json& figure = value_at(quality, key); figure.is_number())
       rows.emplace_back(name, number_text(figure.get<double>()));
   if (rows.empty()) return "";
   std::string text = html::table(rows);
-  if (const json& cells = value_at(quality, "/voronoi_areas_by_100th_of_hexagon"); cells.is_array()) {
+  if (const Json& cells = value_at(quality, "/voronoi_areas_by_100th_of_hexagon"); cells.is_array()) {
     constexpr std::size_t kTogether = 5, kMarks = 5;  // bins of 0.05, a mark at every quarter
     std::vector<std::uint64_t> counts((cells.size() + kTogether - 1) / kTogether, 0);
     for (std::size_t i = 0; i < cells.size(); ++i)
@@ -256,7 +255,7 @@ std::string quality_figures(const json& quality) {
 
 }  // namespace
 
-std::string shape_figures(const json& report, const PageParts& parts) {
+std::string shape_figures(const Json& report, const PageParts& parts) {
   std::string text = quality_figures(value_at(report, "/quality"));
   if (parts.preview) {
     const PreviewMesh& p = *parts.preview;
@@ -283,9 +282,9 @@ std::string shape_figures(const json& report, const PageParts& parts) {
   return text;
 }
 
-std::string run_figures(const json& report) {
+std::string run_figures(const Json& report) {
   std::string text;
-  const json& stages = value_at(report, "/stages");
+  const Json& stages = value_at(report, "/stages");
   double longest = 0.0, written = 0.0, read = 0.0;
   std::vector<html::Bar> rows;
   std::string table =
@@ -294,8 +293,8 @@ std::string run_figures(const json& report) {
       "<th scope=\"col\">processor</th><th scope=\"col\">peak memory</th><th scope=\"col\">read</th><th "
       "scope=\"col\">written</th></tr>\n";
   if (stages.is_array()) {
-    for (const json& s : stages) longest = std::max(longest, number_at(s, "/wall_s"));
-    for (const json& s : stages) {
+    for (const Json& s : stages) longest = std::max(longest, number_at(s, "/wall_s"));
+    for (const Json& s : stages) {
       if (number_at(s, "/tasks") == 0.0 && number_at(s, "/units") == 0.0) continue;  // had nothing to do
       const double wall = number_at(s, "/wall_s");
       rows.push_back({text_at(s, "/name"), time_text(wall), longest > 0.0 ? wall / longest : 0.0});
@@ -324,9 +323,9 @@ std::string run_figures(const json& report) {
   if (read >= 0.0 && written >= 0.0 && read + written < 1e18)
     more.emplace_back("disk",
                       fmt::format("{} read, {} written by all stages together", size(read), size(written)));
-  if (const json& disk = value_at(stage_result(report, "forecast"), "/peak_disk_bytes"); disk.is_number())
+  if (const Json& disk = value_at(stage_result(report, "forecast"), "/peak_disk_bytes"); disk.is_number())
     more.emplace_back("disk at one time, forecast", bytes_text(disk));
-  if (const json& seconds = value_at(report, "/page/seconds"); seconds.is_number())
+  if (const Json& seconds = value_at(report, "/page/seconds"); seconds.is_number())
     more.emplace_back("this page", time_text(seconds.get<double>()) + " of the time, " +
                                        time_text(number_at(report, "/page/cpu_s")) + " of processors");
   text += html::table(more);

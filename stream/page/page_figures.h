@@ -3,22 +3,21 @@
 #pragma once
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/page/page_text.h"
 
 namespace tessera {
 
 /// Fates of the points, resolution and spacing; or the mesh that was read and what was repaired in it.
-std::string input_figures(const nlohmann::json& report);
+std::string input_figures(const Json& report);
 /// Components, genus, holes and borders, defects.
 std::string topology_figures(const PageParts& parts);
 /// What is proven of the distance, and its distribution with the tolerance marked.
-std::string deviation_figures(const nlohmann::json& report);
+std::string deviation_figures(const Json& report);
 /// Angles, lengths of edges, aspects.
-std::string shape_figures(const nlohmann::json& report, const PageParts& parts);
+std::string shape_figures(const Json& report, const PageParts& parts);
 /// Stages with their time, memory against the cap, disk.
-std::string run_figures(const nlohmann::json& report);
+std::string run_figures(const Json& report);
 /// Positions of 16 bits an axis, faces and colours for the script of the page.
 std::string preview_data(const PreviewMesh& mesh);
 

@@ -4,10 +4,10 @@
 #include <fstream>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
 #include "stream/files/bound_text.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/page/html.h"
 #include "stream/page/page_figures.h"
@@ -21,7 +21,6 @@ namespace tessera {
 namespace {
 
 using html::escape;
-using nlohmann::json;
 using Rows = std::vector<std::pair<std::string, std::string>>;
 
 constexpr const char* kBegin =
@@ -42,41 +41,41 @@ std::string tile(const std::string& value, const std::string& what) {
   return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", escape(value), escape(what));
 }
 
-std::string summary(const json& report, const PageParts& parts) {
+std::string summary(const Json& report, const PageParts& parts) {
   std::string tiles;
-  if (const json& points = value_at(report, "/points"); points.is_number())
+  if (const Json& points = value_at(report, "/points"); points.is_number())
     tiles += tile(count_text(points), "points in");
-  if (const json& faces = value_at(report, "/input/faces"); faces.is_number())
+  if (const Json& faces = value_at(report, "/input/faces"); faces.is_number())
     tiles += tile(count_text(faces), "faces in");
-  if (const json& faces = value_at(report, "/mesh/faces"); faces.is_number())
+  if (const Json& faces = value_at(report, "/mesh/faces"); faces.is_number())
     tiles += tile(count_text(faces), "faces out");
   if (parts.check)
     tiles += tile(parts.check->boundary_edges == 0 ? "closed" : with_commas(parts.check->boundary_loops),
                   parts.check->boundary_edges == 0 ? "no border edge" : "holes and outer borders");
-  if (const json& maximum = value_at(report, "/certificate/certified_max"); maximum.is_number())
+  if (const Json& maximum = value_at(report, "/certificate/certified_max"); maximum.is_number())
     tiles += tile(bound_text(maximum.get<double>(), 6), "largest distance, proven both ways");
-  if (const json& confirmed = value_at(report, "/coverage/confirmed"); confirmed.is_number()) {
+  if (const Json& confirmed = value_at(report, "/coverage/confirmed"); confirmed.is_number()) {
     const std::string text = coverage_text(report);
     tiles += tile(text.substr(0, text.find('%') + 1), "of what was seen is in the mesh");
   }
-  if (const json& time = value_at(report, "/wall_s"); time.is_number())
+  if (const Json& time = value_at(report, "/wall_s"); time.is_number())
     tiles += tile(time_text(time.get<double>()), "from start to end");
-  if (const json& peak = value_at(report, "/peak_bytes"); peak.is_number())
+  if (const Json& peak = value_at(report, "/peak_bytes"); peak.is_number())
     tiles += tile(bytes_text(peak), "peak memory of " + bytes_text(value_at(report, "/memory_cap_bytes")));
   return "<div class=\"tiles\">\n" + tiles + "</div>\n";
 }
 
-std::string warnings(const json& report) {
+std::string warnings(const Json& report) {
   std::string list;
-  if (const json& all = value_at(report, "/warnings"); all.is_array())
-    for (const json& w : all)
+  if (const Json& all = value_at(report, "/warnings"); all.is_array())
+    for (const Json& w : all)
       if (w.is_string()) list += "<li>" + escape(w.get<std::string>()) + "</li>\n";
   return list.empty() ? ""
                       : html::section("warnings", "Warnings", "<ul class=\"warn\">\n" + list + "</ul>\n");
 }
 
-std::string refusal(const json& report) {
-  const json& refused = value_at(report, "/refused");
+std::string refusal(const Json& report) {
+  const Json& refused = value_at(report, "/refused");
   if (!refused.is_object()) return "";
   std::string body = html::paragraph(text_at(refused, "/message"), "refused");
   body += html::paragraph(
@@ -85,31 +84,31 @@ std::string refusal(const json& report) {
   return html::section("refused", "Refused", body);
 }
 
-std::string went_in(const json& report) {
+std::string went_in(const Json& report) {
   Rows rows;
-  if (const json& inputs = value_at(report, "/inputs"); inputs.is_array())
-    for (const json& input : inputs)
+  if (const Json& inputs = value_at(report, "/inputs"); inputs.is_array())
+    for (const Json& input : inputs)
       rows.emplace_back("input", fmt::format("<bdi>{}</bdi>, {}", escape(text_at(input, "/path")),
                                              bytes_text(value_at(input, "/bytes"))));
   return html::section("in", "What went in", html::table(rows) + input_figures(report));
 }
 
-std::string came_out(const json& report, const PageParts& parts) {
-  const json& mesh = value_at(report, "/mesh");
+std::string came_out(const Json& report, const PageParts& parts) {
+  const Json& mesh = value_at(report, "/mesh");
   if (!mesh.is_object()) return "";
   Rows rows;
   rows.emplace_back("mesh", fmt::format("<bdi>{}</bdi>, {}", escape(text_at(report, "/output/path")),
                                         bytes_text(value_at(report, "/output/bytes"))));
   const auto count = [&](const char* name, const char* key) {
-    if (const json& value = value_at(mesh, key); value.is_number())
+    if (const Json& value = value_at(mesh, key); value.is_number())
       rows.emplace_back(name, escape(count_text(value)));
   };
   count("vertices", "/vertices");
   count("faces", "/faces");
-  if (const json& filled = value_at(mesh, "/synthetic_faces"); filled.is_number() && filled != 0)
+  if (const Json& filled = value_at(mesh, "/synthetic_faces"); filled.is_number() && filled != 0)
     rows.emplace_back("faces that close holes", escape(count_text(filled)) + ", marked in the file (PLY)");
   count("holes filled", "/holes/filled");
-  if (const json& dropped = value_at(mesh, "/islands_dropped"); dropped.is_number() && dropped != 0)
+  if (const Json& dropped = value_at(mesh, "/islands_dropped"); dropped.is_number() && dropped != 0)
     rows.emplace_back("small islands left out",
                       fmt::format("{}, of {} faces together", escape(count_text(dropped)),
                                   escape(count_text(value_at(mesh, "/island_faces_dropped")))));
@@ -130,7 +129,7 @@ std::string pictures(const PageParts& parts) {
   return body.empty() ? "" : html::section("pictures", "From four sides", body);
 }
 
-std::string deviation(const json& report, const PageParts& parts) {
+std::string deviation(const Json& report, const PageParts& parts) {
   std::string body = deviation_figures(report);
   if (!parts.deviation.empty())
     body += html::picture(parts.deviation, "The result in colours of its distance to what it was made from",
@@ -140,8 +139,8 @@ std::string deviation(const json& report, const PageParts& parts) {
   return body.empty() ? "" : html::section("deviation", "Deviation", body);
 }
 
-std::string completeness(const json& report, const PageParts& parts) {
-  const json& coverage = value_at(report, "/coverage");
+std::string completeness(const Json& report, const PageParts& parts) {
+  const Json& coverage = value_at(report, "/coverage");
   const std::string said = coverage_text(report);
   if (said.empty()) return "";
   const auto missing = [&](const char* part, const char* all) {
@@ -170,9 +169,9 @@ std::string completeness(const json& report, const PageParts& parts) {
   return html::section("completeness", "Completeness", body);
 }
 
-std::string uncertainty(const json& report, const PageParts& parts) {
-  const json& orient = stage_result(report, "orient");
-  const json& share = value_at(orient, "/uncertain_fraction");
+std::string uncertainty(const Json& report, const PageParts& parts) {
+  const Json& orient = stage_result(report, "orient");
+  const Json& share = value_at(orient, "/uncertain_fraction");
   if (!share.is_number() && parts.uncertain.empty()) return "";
   Rows rows;
   if (share.is_number())
@@ -188,9 +187,9 @@ std::string uncertainty(const json& report, const PageParts& parts) {
   return html::section("uncertainty", "Uncertainty", body);
 }
 
-std::string options(const json& report) {
+std::string options(const Json& report) {
   Rows rows;
-  if (const json& all = value_at(report, "/options"); all.is_object())
+  if (const Json& all = value_at(report, "/options"); all.is_object())
     for (const auto& [key, value] : all.items())
       if (!value.is_null() && !(value.is_array() && value.empty()))
         rows.emplace_back("--" + key,
@@ -227,7 +226,7 @@ std::string preview(const PageParts& parts) {
 
 }  // namespace
 
-std::string page_text(const json& report, const PageParts& parts) {
+std::string page_text(const Json& report, const PageParts& parts) {
   const bool refused = value_at(report, "/refused").is_object();
   const std::string output = text_at(report, "/output/path");
   std::string text = kBegin;

@@ -6,9 +6,8 @@
 #include <optional>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "stream/check/mesh_check.h"
+#include "stream/files/json.h"
 #include "stream/page/preview_mesh.h"
 
 namespace tessera {
@@ -27,7 +26,7 @@ struct PageParts {
 
 /// \param report  of schema 1 (stream/runtime/report.h); what it lacks is left out
 /// \post  a pure function of both
-std::string page_text(const nlohmann::json& report, const PageParts& parts);
+std::string page_text(const Json& report, const PageParts& parts);
 
 /// Whether the file begins as page_text() begins.
 bool is_page(const std::filesystem::path& path);

@@ -4,11 +4,11 @@
 #include <chrono>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/files/scratch_folder.h"
@@ -24,8 +24,6 @@ namespace tessera {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
-
 constexpr double kMinMapSeconds = 3.0;                          // of a map, however short the job was
 constexpr std::uint64_t kMaxPicture = std::uint64_t{64} << 20;  // bytes of a file taken into the page
 
@@ -108,7 +106,7 @@ void draw_pictures(PageParts& parts, const PageRequest& request, const fs::path&
 
 /// What the result is compared with: the mesh of full resolution, the mesh that was decimated or smoothed, or the
 /// reference given; empty where the job has none that is still there.
-fs::path reference_of(const json& report) {
+fs::path reference_of(const Json& report) {
   const auto path_at = [&](const char* pointer) {
     return fs::path(bytes_of_json_text(text_at(report, pointer)));
   };
@@ -118,7 +116,7 @@ fs::path reference_of(const json& report) {
                        ? "/inputs/0/path"
                        : "/inputs/1/path");
   if (value_at(report, "/options/keep-raw") == true)
-    for (const json& file : value_at(report, "/beside"))
+    for (const Json& file : value_at(report, "/beside"))
       if (const std::string path = text_at(file, "/path"); path.find(".raw.") != std::string::npos)
         return bytes_of_json_text(path);
   return {};
@@ -144,7 +142,7 @@ class MapTime {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-void draw_deviation(PageParts& parts, const json& report, const PageRequest& request,
+void draw_deviation(PageParts& parts, const Json& report, const PageRequest& request,
                     const fs::path& scratch) {
   const fs::path reference = reference_of(report);
   if (reference.empty()) return;
@@ -186,7 +184,7 @@ fs::path page_path(const fs::path& report) {
   return page += ".html";
 }
 
-PageParts make_page_parts(const json& report, const PageRequest& request) {
+PageParts make_page_parts(const Json& report, const PageRequest& request) {
   PageParts parts;
   const std::string output = bytes_of_json_text(text_at(report, "/output/path"));
   parts.uncertain = file_bytes(output + ".uncertain.png");
@@ -224,18 +222,18 @@ PageParts make_page_parts(const json& report, const PageRequest& request) {
 }
 
 JobPage job_page() {
-  const auto make = [](const JobState& state, const json& report) -> std::function<void(const json&)> {
+  const auto make = [](const JobState& state, const Json& report) -> std::function<void(const Json&)> {
     const PageRequest request{state.output,
                               fs::is_directory(state.work) ? state.work : state.output.parent_path(),
                               state.run.memory_bytes,
                               {}};
     return [parts = make_page_parts(report, request), path = page_path(report_path(state))](
-               const json& final_report) { write_page(path, final_report, parts); };
+               const Json& final_report) { write_page(path, final_report, parts); };
   };
   return {page_path, make, is_page};
 }
 
-void write_page(const fs::path& path, const json& report, const PageParts& parts) {
+void write_page(const fs::path& path, const Json& report, const PageParts& parts) {
   OutputFile file(path);
   file.append(page_text(report, parts));
   file.finish();

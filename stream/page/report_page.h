@@ -8,8 +8,7 @@
 #include <filesystem>
 #include <optional>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/page/page_text.h"
 #include "stream/runtime/job.h"
 
@@ -30,12 +29,12 @@ std::filesystem::path page_path(const std::filesystem::path& report);
 
 /// Never fails for what cannot be drawn or does not fit: the part stays empty and its note says why.
 /// \throws StoppedError
-PageParts make_page_parts(const nlohmann::json& report, const PageRequest& request);
+PageParts make_page_parts(const Json& report, const PageRequest& request);
 
 /// The page of jobs.
 JobPage job_page();
 
 /// \throws ResourceError when the disk is full
-void write_page(const std::filesystem::path& path, const nlohmann::json& report, const PageParts& parts);
+void write_page(const std::filesystem::path& path, const Json& report, const PageParts& parts);
 
 }  // namespace tessera

@@ -4,58 +4,56 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
 
-using nlohmann::json;
-
 namespace {
 
 /// Numbers made here may be of a signed type, those read from a file are not: both are to look the same.
-bool is_count(const json& value) {
-  return value.is_number_unsigned() || (value.is_number_integer() && value >= 0);
+bool is_count(const Json& value) {
+  return value.is_number_unsigned() || (value.is_number_integer() && value.integer() >= 0);
 }
 
 }  // namespace
 
-const json& value_at(const json& j, const std::string& pointer) {
-  static const json kNull;
-  const json::json_pointer at(pointer);
-  return j.contains(at) ? j.at(at) : kNull;
+const Json& value_at(const Json& j, const std::string& pointer) {
+  static const Json kNull;
+  const Json* value = j.at_path(pointer);
+  return value != nullptr ? *value : kNull;
 }
 
-std::string text_at(const json& j, const std::string& pointer) {
-  const json& value = value_at(j, pointer);
+std::string text_at(const Json& j, const std::string& pointer) {
+  const Json& value = value_at(j, pointer);
   if (value.is_string()) return value.get<std::string>();
   return value.is_number() ? dump_json(value) : "";
 }
 
-double number_at(const json& j, const std::string& pointer) {
-  const json& value = value_at(j, pointer);
+double number_at(const Json& j, const std::string& pointer) {
+  const Json& value = value_at(j, pointer);
   return value.is_number() ? value.get<double>() : 0.0;
 }
 
-double tolerance_of_job(const json& report) {
-  const json& taken = value_at(report, "/tolerance/taken");
+double tolerance_of_job(const Json& report) {
+  const Json& taken = value_at(report, "/tolerance/taken");
   return taken.is_number() ? taken.get<double>() : number_at(report, "/options/tolerance");
 }
 
-const json& stage_result(const json& report, const std::string& stage) {
-  static const json kNull;
-  const json& stages = value_at(report, "/stages");
+const Json& stage_result(const Json& report, const std::string& stage) {
+  static const Json kNull;
+  const Json& stages = value_at(report, "/stages");
   if (stages.is_array())
-    for (const json& entry : stages)
+    for (const Json& entry : stages)
       if (text_at(entry, "/name") == stage) return value_at(entry, "/result");
   return kNull;
 }
 
-std::string coverage_text(const json& report) {
+std::string coverage_text(const Json& report) {
   const auto percent = [&](const char* pointer) {
     const double share = std::clamp(number_at(report, pointer), 0.0, 1.0);
     return share == 1.0 ? std::string("100 %") : fmt::format("{:.2f} %", std::floor(1e4 * share) / 100.0);
@@ -68,12 +66,12 @@ std::string coverage_text(const json& report) {
   return text;
 }
 
-std::string count_text(const json& value) {
+std::string count_text(const Json& value) {
   if (is_count(value)) return with_commas(value.get<std::uint64_t>());
   return value.is_number() ? number_text(value.get<double>()) : "";
 }
 
-std::string bytes_text(const json& value) {
+std::string bytes_text(const Json& value) {
   return is_count(value) ? format_bytes(value.get<std::uint64_t>()) : "";
 }
 

@@ -4,26 +4,26 @@
 #pragma once
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
+#include "stream/files/json.h"
 
 namespace tessera {
 
 /// \param pointer  "/mesh/faces" \return null where there is no such value
-const nlohmann::json& value_at(const nlohmann::json& json, const std::string& pointer);
+const Json& value_at(const Json& json, const std::string& pointer);
 /// Text as it is, numbers as JSON has them; else empty.
-std::string text_at(const nlohmann::json& json, const std::string& pointer);
-double number_at(const nlohmann::json& json, const std::string& pointer);  ///< 0 if it is none
+std::string text_at(const Json& json, const std::string& pointer);
+double number_at(const Json& json, const std::string& pointer);  ///< 0 if it is none
 /// What --tolerance of the job was, also where it was `auto`; 0 = none.
-double tolerance_of_job(const nlohmann::json& report);
+double tolerance_of_job(const Json& report);
 /// What a stage reported; null where it did not run.
-const nlohmann::json& stage_result(const nlohmann::json& report, const std::string& stage);
+const Json& stage_result(const Json& report, const std::string& stage);
 
 /// Of `coverage` in the report of a reconstruction: "99.30 % of what was seen is in the mesh, seen from above 99.99 %"; empty
 /// where it was not measured. Nothing is 100 % of which a part is missing.
-std::string coverage_text(const nlohmann::json& report);
+std::string coverage_text(const Json& report);
 
-std::string count_text(const nlohmann::json& value);  ///< 1,234,567
-std::string bytes_text(const nlohmann::json& value);  ///< 1.50 GiB
-std::string time_text(double seconds);                ///< "2 h 05 min", "3 min 20 s", "4.5 s"
+std::string count_text(const Json& value);  ///< 1,234,567
+std::string bytes_text(const Json& value);  ///< 1.50 GiB
+std::string time_text(double seconds);      ///< "2 h 05 min", "3 min 20 s", "4.5 s"
 
 }  // namespace tessera

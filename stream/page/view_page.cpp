@@ -6,13 +6,13 @@
 #include <limits>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "octree/vector.h"
 #include "stream/check/mesh_deviation.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -25,8 +25,6 @@ namespace tessera {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
-
 constexpr std::uint64_t kMaxVertices = 3 * kMaxViewFaces;
 constexpr std::string_view kPlaceholder = "<!--tessera:data-->";
 constexpr std::string_view kViewBegin =
@@ -47,8 +45,8 @@ Bundle read_bundle(const fs::path& path) {
 }
 
 /// JSON inside of a page: no name of a file ends its element.
-std::string settings(const json& values) {
-  std::string text = values.dump(-1, ' ', true, json::error_handler_t::replace);
+std::string settings(const Json& values) {
+  std::string text = dump_json(values, -1, true);
   for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos;) text.replace(at, 1, "\\u003c");
   return "<script type=\"application/json\" id=\"tessera-view\">" + text + "</script>\n";
 }
@@ -198,7 +196,7 @@ void write_doubts(OutputFile& page, MeshReader& mesh, const ViewOptions& options
 
 /// Faces cut small with the distance at every corner, as pictures show it: vertices of a decimated mesh lie on what it was
 /// made from, its faces do not.
-json write_deviation(OutputFile& page, const fs::path& mesh, const ViewOptions& options,
+Json write_deviation(OutputFile& page, const fs::path& mesh, const ViewOptions& options,
                      const Double3& origin) {
   const MeshDeviation deviation(mesh, options.deviation, options.with_sign, options.temp,
                                 options.memory_bytes, "view --deviation");
@@ -240,7 +238,7 @@ void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::pat
   const MemoryBudget budget(options.memory_bytes, resident_bytes());
   budget.require(OutputFile::kBufferBytes + DataBlock::kMemoryBytes, "view");
   const Survey seen = survey(*mesh, path);
-  json values = {
+  Json values = {
       {"kind", "mesh"}, {"name", json_text(path.filename())}, {"up", options.up}, {"faces", seen.faces}};
   values["origin"] = seen.origin + mesh->header().shift;
   OutputFile file(page);

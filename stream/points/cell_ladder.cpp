@@ -6,10 +6,9 @@
 #include <map>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/runtime/numbers.h"
 
@@ -111,7 +110,7 @@ std::string clump_sentence(const PointClumps& clumps) {
 }
 
 void save_clumps(const std::filesystem::path& path, const PointClumps& clumps) {
-  write_durably(path, dump_json(nlohmann::json{{"spacing", clumps.spacing}, {"points", clumps.points}}));
+  write_durably(path, dump_json(Json{{"spacing", clumps.spacing}, {"points", clumps.points}}));
 }
 
 std::string clump_sentence(const std::filesystem::path& work) {

@@ -5,32 +5,29 @@
 #include <iterator>
 #include <limits>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/files/geojson.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 constexpr std::uint64_t kMaxBytes = std::uint64_t{64} << 20;
 constexpr std::size_t kMaxCorners = 200000;
 constexpr std::size_t kMaxBands = std::size_t{1} << 16;
 
 /// The polygons of an object, each a list of rings; what is no area has none.
-json polygons_of(const json& object) {
-  json polygons = json::array();
-  const auto add = [&](const json& polygon) {
+Json polygons_of(const Json& object) {
+  Json polygons = Json::array();
+  const auto add = [&](const Json& polygon) {
     if (polygon.is_array() && !polygon.empty()) polygons.push_back(polygon);
   };
-  for_geometries(object, [&](const std::string& type, const json& coordinates) {
+  for_geometries(object, [&](const std::string& type, const Json& coordinates) {
     if (type == "Polygon") add(coordinates);
     if (type == "MultiPolygon" && coordinates.is_array())
-      for (const json& polygon : coordinates) add(polygon);
+      for (const Json& polygon : coordinates) add(polygon);
   });
   return polygons;
 }
@@ -44,30 +41,30 @@ std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
   try {
-    const json root = try_parse_json(text);
+    const Json root = try_parse_json(text);
     if (root.is_discarded()) throw InputError("is not JSON");
-    json polygons = polygons_of(root);
+    Json polygons = polygons_of(root);
     if (polygons.empty()) throw InputError("holds no Polygon or MultiPolygon");
     // Two numbers a corner are kept, whatever else a corner says.
-    for (json& polygon : polygons)
-      for (json& ring : polygon) {
+    for (Json& polygon : polygons)
+      for (Json& ring : polygon) {
         if (!ring.is_array()) throw InputError("a ring is no list of corners");
-        json corners = json::array();
-        for (const json& c : ring) corners.push_back(corner_of_geometry(c));
+        Json corners = Json::array();
+        for (const Json& c : ring) corners.push_back(corner_of_geometry(c));
         ring = std::move(corners);
       }
     text = dump_json(polygons);
     from_text(text);
   } catch (const InputError& e) {
     throw InputError(name + ": " + e.what() + "; --clip wants GeoJSON in the coordinates of the scan");
-  } catch (const json::exception&) {
+  } catch (const JsonError&) {
     throw InputError(name + ": is no GeoJSON; --clip wants that, in the coordinates of the scan");
   }
   return text;
 }
 
 ClipPolygon ClipPolygon::from_text(const std::string& text) {
-  const json polygons = try_parse_json(text);
+  const Json polygons = try_parse_json(text);
   if (!polygons.is_array()) throw InputError("the rings of a polygon are damaged");
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   ClipPolygon p;
@@ -75,16 +72,16 @@ ClipPolygon ClipPolygon::from_text(const std::string& text) {
   p.max_ = {-kInfinite, -kInfinite};
   std::size_t corners = 0;
   std::uint32_t number = 0, ring_number = 0;
-  for (const json& polygon : polygons) {
+  for (const Json& polygon : polygons) {
     if (!polygon.is_array()) throw InputError("the rings of a polygon are damaged");
     bool hole = false;
-    for (const json& ring : polygon) {
+    for (const Json& ring : polygon) {
       if (!ring.is_array() || ring.size() < 3) throw InputError("a ring has fewer than three corners");
       corners += ring.size();
       if (corners > kMaxCorners)
         throw InputError("has more than " + std::to_string(kMaxCorners) + " corners; simplify it");
       Corner before = corner_of_geometry(ring.back());
-      for (const json& c : ring) {
+      for (const Json& c : ring) {
         const Corner at = corner_of_geometry(c);
         for (std::size_t a = 0; a < 2; ++a) {
           p.min_[a] = std::min(p.min_[a], at[a]);

@@ -4,12 +4,11 @@
 #include <bit>
 #include <tuple>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "octree/points.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/read_file.h"
@@ -113,7 +112,7 @@ void NormalSampler::merge(const std::filesystem::path& file) {
   if (entries_.size() >= 2 * kLimit) shrink();
 }
 
-nlohmann::json to_json(const NormalAgreement& a) {
+Json to_json(const NormalAgreement& a) {
   return {{"pairs", a.pairs}, {"against", a.against}, {"cells", a.cells}, {"split", a.split}};
 }
 
@@ -126,9 +125,12 @@ NormalAgreement agreement_of_work(const std::filesystem::path& work) {
   if (!std::filesystem::exists(file))
     throw InputError(file.string() + ": cannot be opened: the survey has not written it");
   try {
-    const nlohmann::json j = parse_json(read_text(file));
-    return {j.at("pairs"), j.at("against"), j.at("cells"), j.at("split")};
-  } catch (const nlohmann::json::exception& e) {
+    const Json j = parse_json(read_text(file));
+    NormalAgreement agreement;
+    j.at("pairs").get_to(agreement.pairs), j.at("against").get_to(agreement.against);
+    j.at("cells").get_to(agreement.cells), j.at("split").get_to(agreement.split);
+    return agreement;
+  } catch (const JsonError& e) {
     throw InputError(file.string() + ": damaged (" + e.what() + "); run again with --force");
   }
 }

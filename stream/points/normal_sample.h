@@ -8,9 +8,8 @@
 #include <filesystem>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/points/normal_agreement.h"
+#include "stream/files/json.h"
 #include "stream/points/point_sample.h"
 
 namespace tessera {
@@ -62,7 +61,7 @@ class NormalSampler {
 /// What the survey measured, beside its plan: a function of the points and h alone.
 inline constexpr const char* kAgreementFile = "agreement.json";
 /// {pairs, against, cells, split}
-nlohmann::json to_json(const NormalAgreement& agreement);
+Json to_json(const NormalAgreement& agreement);
 void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement);
 /// That of a work directory. \throws InputError naming the file when it is missing or damaged
 NormalAgreement agreement_of_work(const std::filesystem::path& work);

@@ -1,9 +1,10 @@
 #include "stream/points/plan.h"
 
-#include <nlohmann/json.hpp>
+#include <utility>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 
@@ -13,13 +14,23 @@ namespace {
 constexpr int kPlanVersion = 5;
 constexpr PackedKind kBricksKind = {"TSBRICK3", "a brick list"};
 
+constexpr std::pair<const char*, std::uint64_t PointDispositions::*> kDispositions[] = {
+    {"read", &PointDispositions::read},
+    {"withheld", &PointDispositions::withheld},
+    {"empty", &PointDispositions::empty},
+    {"missing", &PointDispositions::missing},
+    {"other_class", &PointDispositions::other_class},
+    {"other_return", &PointDispositions::other_return},
+    {"outside", &PointDispositions::outside},
+    {"thinned", &PointDispositions::thinned},
+    {"non_finite", &PointDispositions::non_finite},
+    {"absurd", &PointDispositions::absurd},
+    {"kept", &PointDispositions::kept}};
+
 }  // namespace
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PointDispositions, read, withheld, empty, missing, other_class,
-                                   other_return, outside, thinned, non_finite, absurd, kept)
-
-nlohmann::json Plan::to_json() const {
-  nlohmann::json j;
+Json Plan::to_json() const {
+  Json j;
   j["version"] = kPlanVersion;
   j["h"] = lattice.h;
   j["origin_brick"] = lattice.origin_brick;
@@ -38,8 +49,8 @@ nlohmann::json Plan::to_json() const {
   j["brick_max"] = brick_max;
   j["bricks"] = bricks;
   j["faces_estimate"] = faces_estimate;
-  j["points"] = dispositions;
-  j["buckets"] = nlohmann::json::array();
+  for (const auto& [key, count] : kDispositions) j["points"][key] = dispositions.*count;
+  j["buckets"] = Json::array();
   for (const PlanBucket& b : buckets)
     j["buckets"].push_back({b.first_key, b.first_brick, b.bricks, b.points});
   j["warnings"] = warnings;
@@ -56,7 +67,7 @@ Plan Plan::load(const std::filesystem::path& file) {
   const std::string text = read_text(file);
   Plan p;
   try {
-    const nlohmann::json j = parse_json(text);
+    const Json j = parse_json(text);
     const int version = j.at("version").get<int>();
     if (version != kPlanVersion)
       throw InputError(file.string() + ": plan version " + std::to_string(version) + ", this tool reads " +
@@ -78,12 +89,12 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("brick_max").get_to(p.brick_max);
     j.at("bricks").get_to(p.bricks);
     j.at("faces_estimate").get_to(p.faces_estimate);
-    j.at("points").get_to(p.dispositions);
+    for (const auto& [key, count] : kDispositions) j.at("points").at(key).get_to(p.dispositions.*count);
     for (const auto& b : j.at("buckets"))
       p.buckets.push_back({b.at(0).get<std::uint64_t>(), b.at(1).get<std::uint64_t>(),
                            b.at(2).get<std::uint64_t>(), b.at(3).get<std::uint64_t>()});
     j.at("warnings").get_to(p.warnings);
-  } catch (const nlohmann::json::exception& e) {
+  } catch (const JsonError& e) {
     throw InputError(file.string() + ": damaged plan (" + e.what() + "); run again with --force");
   }
   return p;

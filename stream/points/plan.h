@@ -9,9 +9,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "octree/lattice.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -72,7 +71,7 @@ struct Plan {
   bool has_normals() const { return normal_fraction > 0.0; }
   std::uint64_t points() const { return dispositions.kept; }
 
-  nlohmann::json to_json() const;
+  Json to_json() const;
   void save(const std::filesystem::path& file) const;
   /// \throws InputError naming the file when it is missing, damaged or of another version
   static Plan load(const std::filesystem::path& file);

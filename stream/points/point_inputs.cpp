@@ -5,10 +5,9 @@
 #include <string>
 #include <tuple>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "octree/points.h"
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/points/projection.h"
@@ -113,9 +112,9 @@ void PointInputs::require_one_crs() {
   }
 }
 
-nlohmann::json to_json(const Crs& crs) {
+Json to_json(const Crs& crs) {
   if (!crs.known()) return nullptr;
-  nlohmann::json j = {{"name", json_text(crs.name)}};
+  Json j = {{"name", json_text(crs.name)}};
   if (!crs.wkt.empty()) j["wkt"] = json_text(crs.wkt);
   if (crs.horizontal != 0) j["epsg"] = crs.horizontal;
   if (crs.vertical != 0) j["epsg_vertical"] = crs.vertical;

@@ -101,7 +101,7 @@ class PointInputs {
 };
 
 /// {name, wkt, epsg, epsg_vertical}, without what is not known; null for an unknown system.
-nlohmann::json to_json(const Crs& crs);
+Json to_json(const Crs& crs);
 
 /// Opens the inputs of a job, packed ones as unpacked by then. \param colours  ReadOptions::colours
 /// \throws InputError as open_point_file

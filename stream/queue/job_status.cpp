@@ -17,7 +17,6 @@ namespace tessera {
 namespace {
 
 namespace fs = std::filesystem;
-using json = nlohmann::json;
 using Tasks = std::map<std::int64_t, const TaskRecord*>;
 
 std::string task_name(const NotedTask& task) {
@@ -26,7 +25,7 @@ std::string task_name(const NotedTask& task) {
 }
 
 /// A file of the work directory that may not be there, or not be whole.
-json optional_json(const fs::path& path) {
+Json optional_json(const fs::path& path) {
   if (!fs::exists(path)) return nullptr;
   return try_parse_json(read_text(path));
 }
@@ -34,9 +33,9 @@ json optional_json(const fs::path& path) {
 /// What the plan of a reconstruction told of each stage.
 std::map<std::string, double> forecast_seconds(const fs::path& work) {
   std::map<std::string, double> seconds;
-  const json forecast = optional_json(work / "forecast.json");
+  const Json forecast = optional_json(work / "forecast.json");
   if (!forecast.is_object()) return seconds;
-  for (const json& stage : forecast.value("forecast", json::array()))
+  for (const Json& stage : forecast.value("forecast", Json::array()))
     if (stage.is_object()) seconds[stage.value("stage", "")] = stage.value("seconds", 0.0);
   return seconds;
 }
@@ -138,9 +137,9 @@ JobStatus job_status(const fs::path& path, const JobFinder& find_job) {
     }
     status.stages.push_back(std::move(stage));
   }
-  const json mark = optional_json(work.path() / kQueueMark);
+  const Json mark = optional_json(work.path() / kQueueMark);
   if (mark.is_object())
-    for (const json& number : mark.value("jobs", json::array()))
+    for (const Json& number : mark.value("jobs", Json::array()))
       status.queued.push_back(number.get<std::string>());
   tell_time(status);
   return status;

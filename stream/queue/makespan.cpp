@@ -4,10 +4,10 @@
 #include <cmath>
 #include <functional>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <queue>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 namespace {
@@ -95,13 +95,14 @@ class Player {
 
 }  // namespace
 
-std::vector<StageCost> stage_costs(const nlohmann::json& report, const std::string& name) {
+std::vector<StageCost> stage_costs(const Json& report, const std::string& name) {
   std::vector<StageCost> stages;
   try {
-    for (const nlohmann::json& s : report.at("stages"))
-      stages.push_back({s.at("name"), s.at("tasks"), s.at("tasks_s"), s.at("longest_task_s"), s.at("end_s"),
-                        s.at("bytes_read").get<double>() + s.at("bytes_written").get<double>()});
-  } catch (const nlohmann::json::exception& e) {
+    for (const Json& s : report.at("stages"))
+      stages.push_back({s.at("name").string(), s.at("tasks").natural(), s.at("tasks_s").number(),
+                        s.at("longest_task_s").number(), s.at("end_s").number(),
+                        s.at("bytes_read").number() + s.at("bytes_written").number()});
+  } catch (const JsonError& e) {
     throw InputError(name + ": is no report of a job of this version (" + e.what() + ")");
   }
   return stages;

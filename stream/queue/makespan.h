@@ -9,8 +9,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/queue/queue_steps.h"
 
 namespace tessera {
@@ -27,7 +26,7 @@ struct StageCost {
 
 /// The stages that a job reported, in the order of the run. \param name  of the report, for messages
 /// \throws InputError when it is no report of a job
-std::vector<StageCost> stage_costs(const nlohmann::json& report, const std::string& name);
+std::vector<StageCost> stage_costs(const Json& report, const std::string& name);
 
 /// The same job on `factor` times as much of the same kind: tasks grow in number, not in size; ends grow with the data.
 std::vector<StageCost> scaled(std::vector<StageCost> stages, double factor);

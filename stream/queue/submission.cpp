@@ -5,10 +5,10 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/runtime/log.h"
 #include "stream/runtime/work_dir.h"
@@ -17,10 +17,8 @@ namespace tessera {
 namespace {
 
 namespace fs = std::filesystem;
-using json = nlohmann::json;
-
 void write_mark(const SlurmJob& job, const std::vector<std::string>& numbers) {
-  const json mark = {{"token", job.token}, {"jobs", numbers}, {"submitted", utc_now()}};
+  const Json mark = {{"token", job.token}, {"jobs", numbers}, {"submitted", utc_now()}};
   write_durably(job.work / kQueueMark, dump_json(mark, 1) + "\n");
 }
 
@@ -33,10 +31,10 @@ void remove_mark(const fs::path& work) {
 
 std::vector<std::string> queued_jobs(const fs::path& work) {
   if (!fs::exists(work / kQueueMark)) return {};
-  const json mark = try_parse_json(read_text(work / kQueueMark));
+  const Json mark = try_parse_json(read_text(work / kQueueMark));
   std::vector<std::string> numbers;
   if (mark.is_object())
-    for (const json& number : mark.value("jobs", json::array()))
+    for (const Json& number : mark.value("jobs", Json::array()))
       if (number.is_string()) numbers.push_back(number.get<std::string>());
   return numbers;
 }

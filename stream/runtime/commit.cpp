@@ -172,9 +172,9 @@ bool files_match(const JobState& state, const TaskRecord& record, bool hash) {
   });
 }
 
-TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
+TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vector<Json>& summaries,
                           const JobState& state, const std::string& basis, const std::string& plan,
-                          JournalWriter& journal, const std::function<nlohmann::json()>& stage_stats,
+                          JournalWriter& journal, const std::function<Json()>& stage_stats,
                           const TaskAids& aids) {
   const auto start = std::chrono::steady_clock::now();
   const double cpu_start = thread_cpu_seconds();

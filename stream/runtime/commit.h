@@ -43,9 +43,9 @@ struct TaskAids {
 /// \param summaries    of all tasks in order; finish only
 /// \param stage_stats  called for finish only, just before its line is written: TaskRecord::stage_stats
 /// \throws what the stage throws; std::runtime_error naming stage and task for what is no tessera::Error
-TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
+TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vector<Json>& summaries,
                           const JobState& state, const std::string& basis, const std::string& plan,
-                          JournalWriter& journal, const std::function<nlohmann::json()>& stage_stats,
+                          JournalWriter& journal, const std::function<Json()>& stage_stats,
                           const TaskAids& aids);
 
 }  // namespace tessera

@@ -190,8 +190,8 @@ class Driver {
                       const std::map<std::int64_t, TaskRecord>& done) const;
 
   StageRecords run_stage(std::size_t index, const Journal& journal);
-  TaskRecord run_one(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
-                     const std::function<nlohmann::json()>& stats);
+  TaskRecord run_one(const Stage& stage, std::int64_t task, const std::vector<Json>& summaries,
+                     const std::function<Json()>& stats);
   TaskRecord run_child(const std::string& stage, std::int64_t task);
 
   const JobState& state_;
@@ -290,7 +290,7 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   StageRecords records;
   for (auto& [task, record] : done) records.tasks.push_back(std::move(record));
   const auto stats = [&] {
-    nlohmann::json j = {{"name", name}, {"tasks", count}, {"tasks_resumed", resumed}};
+    Json j = {{"name", name}, {"tasks", count}, {"tasks_resumed", resumed}};
     std::uint64_t read = 0;
     std::uint64_t written = 0;
     for (const TaskRecord& record : records.tasks) {
@@ -306,20 +306,19 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
     j["unit"] = stage->unit_name();
     return j;
   };
-  const std::vector<nlohmann::json> summaries = records.summaries();
+  const std::vector<Json> summaries = records.summaries();
   pool_.run_tasks(
       1, [&](std::size_t) { return stage->finish_bytes() + own_base; }, budget,
       [&](std::size_t) { records.finish = run_one(*stage, kFinishTask, summaries, stats); });
   if (!idle) progress_.end_stage();
   log_.info("stage {}: committed: {}", name, dump_json(records.finish.stage_stats));
-  for (const nlohmann::json& w : warnings_of(records.finish.summary))
+  for (const Json& w : warnings_of(records.finish.summary))
     log_.warn("stage {}: {}", name, w.get<std::string>());
   return records;
 }
 
-TaskRecord Driver::run_one(const Stage& stage, std::int64_t task,
-                           const std::vector<nlohmann::json>& summaries,
-                           const std::function<nlohmann::json()>& stats) {
+TaskRecord Driver::run_one(const Stage& stage, std::int64_t task, const std::vector<Json>& summaries,
+                           const std::function<Json()>& stats) {
   try {
     // finish() of a process job stays here: it is one task, and its statistics are the driver's.
     if (!state_.run.processes || task == kFinishTask)
@@ -431,9 +430,9 @@ JobTaker job_taker;
 
 /// What is settled before the work directory is opened.
 struct Prepared {
-  nlohmann::json identity;
+  Json identity;
   std::string cap_text;
-  nlohmann::json done;  ///< the report of an earlier run that left nothing to do, else null
+  Json done;  ///< the report of an earlier run that left nothing to do, else null
 };
 
 /// Resolves what the state leaves open and refuses what cannot be written.
@@ -458,7 +457,7 @@ Prepared prepare(JobState& state, const JobDescription& job) {
   s.identity = job_identity(job.command, state, fingerprints);
   check_job_writes(state, job, WorkDir::holds(state.work, s.identity));
   require_not_queued(state.work);
-  if (nlohmann::json report;
+  if (Json report;
       job.only_stages == 0 && output_is_done(state, s.identity, sidecar_paths(state, job, true), report)) {
     WorkDir::remove_discarded(state.work);
     s.done = std::move(report);
@@ -482,7 +481,7 @@ bool begin_job(JobState& state, const JobDescription& job, bool make) {
   return true;
 }
 
-nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink) {
+Json run_job(JobState state, const JobDescription& job, const ProgressSink& sink) {
   if (job_taker) {
     const JobTaker taker = std::exchange(job_taker, nullptr);  // who takes a job may run jobs
     taker(state, job);
@@ -490,7 +489,7 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   }
   const auto start = std::chrono::steady_clock::now();
   const Prepared prepared = prepare(state, job);
-  const nlohmann::json& identity = prepared.identity;
+  const Json& identity = prepared.identity;
   const std::string& cap_text = prepared.cap_text;
   if (!prepared.done.is_null()) {
     if (job.page.make && state.run.page && !fs::exists(job.page.path(report_path(state))))
@@ -513,7 +512,7 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
                        {cap_text, seconds_since(start), cpu_seconds(),
                         peak_resident_bytes() + driver->child_peak_bytes(), driver->resumed_stages()});
   };
-  nlohmann::json report;
+  Json report;
   try {
     driver.emplace(state, job, work, progress, *log);
     driver->run();

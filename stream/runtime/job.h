@@ -12,8 +12,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/progress.h"
 #include "stream/runtime/stage.h"
 
@@ -25,16 +24,14 @@ struct SidecarOutput {
   std::string option;      ///< what asks for it: "--keep-raw"
   bool is_result = false;  ///< the job is not done without it
   /// What it holds, from the report of a job that is done; nothing, no file. Where empty, a stage writes it.
-  std::function<std::string(const nlohmann::json& report)> text = {};
+  std::function<std::string(const Json& report)> text = {};
 };
 
 /// The report for people. It draws and measures while the report can still say what that took, and writes when the report
 /// is final; refusals have one too.
 struct JobPage {
   std::function<std::filesystem::path(const std::filesystem::path& report)> path;
-  std::function<std::function<void(const nlohmann::json& report)>(const JobState&,
-                                                                  const nlohmann::json& report)>
-      make;
+  std::function<std::function<void(const Json& report)>(const JobState&, const Json& report)> make;
   std::function<bool(const std::filesystem::path&)> is_page;  ///< one of these, which may be replaced
 };
 
@@ -45,7 +42,7 @@ struct JobDescription {
   /// Stop once so many stages are committed and keep the work directory (`plan`); 0 = run all
   std::size_t only_stages = 0;
   /// Adds what the report says of the whole job, from its `stages`; may be empty
-  std::function<void(nlohmann::json&)> summarise;
+  std::function<void(Json&)> summarise;
   std::vector<SidecarOutput> sidecars = {};  ///< files that stages write beside the output
   JobPage page = {};                         ///< may be empty
   /// By what is known before the first stage, under the cap of the state. A cap below what stages that are still to come
@@ -59,7 +56,7 @@ struct JobDescription {
 /// \throws ResourceError  cap or disk cannot suffice; what is committed stays, the same command goes on
 /// \throws StoppedError   a signal or --until
 /// \throws what stages throw
-nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink);
+Json run_job(JobState state, const JobDescription& job, const ProgressSink& sink);
 
 /// Makes the work directory of a job that others will run, task by task (task_run.h), and refuses what run_job() refuses
 /// before its first stage. \param[in,out] state  resolved as run_job() resolves it \param make  false: only refuse

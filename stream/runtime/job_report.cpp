@@ -49,12 +49,12 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-std::string cost_text(const nlohmann::json& report) {
+std::string cost_text(const Json& report) {
   return fmt::format("{:.1f} s, peak {}", report.at("wall_s").get<double>(),
                      format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
 }
 
-void write_reports(const JobState& state, const JobDescription& job, nlohmann::json& report,
+void write_reports(const JobState& state, const JobDescription& job, Json& report,
                    std::chrono::steady_clock::time_point start) {
   for (const SidecarOutput& b : job.sidecars) {
     const fs::path path = b.path(state.output);
@@ -82,9 +82,9 @@ void write_reports(const JobState& state, const JobDescription& job, nlohmann::j
 }
 
 void report_refusal(const JobState& state, const JobDescription& job, const Error& refusal,
-                    const std::function<nlohmann::json()>& report_now) {
+                    const std::function<Json()>& report_now) {
   try {
-    nlohmann::json report = report_now();
+    Json report = report_now();
     report["refused"] = {{"code", static_cast<int>(refusal.code())},
                          {"meaning", meaning(refusal.code())},
                          {"message", json_text(std::string(refusal.what()))}};

@@ -25,22 +25,22 @@ constexpr std::string_view kMiddle = "\",\"record\":";
 constexpr std::size_t kHexDigits = 16;
 constexpr int kNameTries = 100;
 
-nlohmann::json to_json(const TaskRecord& r) {
-  nlohmann::json files = nlohmann::json::array();
+Json to_json(const TaskRecord& r) {
+  Json files = Json::array();
   for (const FileRecord& f : r.files)
     files.push_back({{"name", f.name}, {"bytes", f.bytes}, {"xxh3", hex64(f.xxh3)}});
-  nlohmann::json j = {{"stage", r.stage},
-                      {"task", r.task},
-                      {"basis", r.basis},
-                      {"plan", r.plan},
-                      {"files", std::move(files)},
-                      {"seconds", r.seconds},
-                      {"cpu_seconds", r.cpu_seconds},
-                      {"peak_bytes", r.peak_bytes},
-                      {"bytes_read", r.bytes_read},
-                      {"bytes_written", r.bytes_written},
-                      {"units", r.units},
-                      {"summary", r.summary}};
+  Json j = {{"stage", r.stage},
+            {"task", r.task},
+            {"basis", r.basis},
+            {"plan", r.plan},
+            {"files", std::move(files)},
+            {"seconds", r.seconds},
+            {"cpu_seconds", r.cpu_seconds},
+            {"peak_bytes", r.peak_bytes},
+            {"bytes_read", r.bytes_read},
+            {"bytes_written", r.bytes_written},
+            {"units", r.units},
+            {"summary", r.summary}};
   if (r.task == kFinishTask) {
     j["tasks"] = r.tasks;
     j["obsolete"] = r.obsolete;
@@ -49,13 +49,13 @@ nlohmann::json to_json(const TaskRecord& r) {
   return j;
 }
 
-TaskRecord from_json(const nlohmann::json& j) {
+TaskRecord from_json(const Json& j) {
   TaskRecord r;
   r.stage = j.at("stage").get<std::string>();
   r.task = j.at("task").get<std::int64_t>();
   r.basis = j.at("basis").get<std::string>();
   r.plan = j.at("plan").get<std::string>();
-  for (const nlohmann::json& f : j.at("files")) {
+  for (const Json& f : j.at("files")) {
     r.files.push_back({f.at("name").get<std::string>(), f.at("bytes").get<std::uint64_t>(),
                        std::stoull(f.at("xxh3").get<std::string>(), nullptr, 16)});
   }
@@ -93,7 +93,7 @@ bool parse_journal_line(const std::string& line, TaskRecord& record) {
   try {
     record = from_json(parse_json(text));
     // A checksum is easily made: who can write here may say anything.
-  } catch (const nlohmann::json::exception&) {
+  } catch (const JsonError&) {
     return false;
   } catch (const std::logic_error&) {  // not a number in hexadecimal digits
     return false;

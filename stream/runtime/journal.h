@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -41,10 +41,10 @@ struct TaskRecord {
   std::uint64_t bytes_read = 0;
   std::uint64_t bytes_written = 0;
   std::uint64_t units = 0;  ///< of progress
-  nlohmann::json summary;
+  Json summary;
   std::uint64_t tasks = 0;            ///< finish only: tasks of the stage
   std::vector<std::string> obsolete;  ///< finish only: Stage::obsolete()
-  nlohmann::json stage_stats;         ///< finish only: wall, cpu, peak, bytes of the whole stage
+  Json stage_stats;                   ///< finish only: wall, cpu, peak, bytes of the whole stage
 };
 
 /// Lines, without the newline. parse_line returns false for a torn or damaged one.

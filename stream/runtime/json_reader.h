@@ -6,9 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "octree/lattice.h"
+#include "stream/files/json_text.h"
 
 namespace tessera {
 
@@ -20,22 +19,20 @@ class JsonReader {
 
   [[noreturn]] void fail(const std::string& what) const;
   /// As parse_json().
-  nlohmann::json parsed(const std::string& text) const;
+  Json parsed(const std::string& text) const;
   /// An object with no keys but these.
-  void known(const nlohmann::json& object, const std::string& what,
-             const std::vector<std::string>& keys) const;
-  const nlohmann::json& member(const nlohmann::json& object, const char* key, const std::string& what) const;
+  void known(const Json& object, const std::string& what, const std::vector<std::string>& keys) const;
+  const Json& member(const Json& object, const char* key, const std::string& what) const;
   /// A member that is a list of at least so many.
-  const nlohmann::json& list(const nlohmann::json& object, const char* key, std::size_t minimum,
-                             const std::string& what) const;
-  bool flag(const nlohmann::json& value, const std::string& what) const;
-  std::string text(const nlohmann::json& value, const std::string& what) const;
+  const Json& list(const Json& object, const char* key, std::size_t minimum, const std::string& what) const;
+  bool flag(const Json& value, const std::string& what) const;
+  std::string text(const Json& value, const std::string& what) const;
   /// Finite ones.
-  double number(const nlohmann::json& value, const std::string& what) const;
-  std::vector<double> numbers(const nlohmann::json& value, std::size_t count, const std::string& what) const;
-  Double3 point(const nlohmann::json& value, const std::string& what) const;
+  double number(const Json& value, const std::string& what) const;
+  std::vector<double> numbers(const Json& value, std::size_t count, const std::string& what) const;
+  Double3 point(const Json& value, const std::string& what) const;
   /// A list of at least one.
-  std::vector<Double3> points(const nlohmann::json& value, const std::string& what) const;
+  std::vector<Double3> points(const Json& value, const std::string& what) const;
 
  private:
   std::string name_;

@@ -8,9 +8,9 @@
 
 #include <fmt/format.h>
 #include <spdlog/sinks/basic_file_sink.h>
-#include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 
@@ -46,7 +46,7 @@ std::shared_ptr<spdlog::logger> open_log(const std::filesystem::path& file, int 
   }
 }
 
-nlohmann::json machine_description() {
+Json machine_description() {
   utsname os = {};
   ::uname(&os);
   const std::string memory = field("/proc/meminfo", "MemTotal");

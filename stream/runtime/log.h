@@ -7,7 +7,8 @@
 #include <string>
 
 #include <spdlog/logger.h>
-#include <nlohmann/json_fwd.hpp>
+
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -16,7 +17,7 @@ namespace tessera {
 std::shared_ptr<spdlog::logger> open_log(const std::filesystem::path& file, int verbosity);
 
 /// Host, system, processor, cores, memory.
-nlohmann::json machine_description();
+Json machine_description();
 /// A word as one types it for a shell, quoted where it must be.
 std::string shell_word(const std::string& word);
 /// The command line of this process, as one would type it.

@@ -6,9 +6,9 @@
 #include <sstream>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/runtime/memory_budget.h"
@@ -128,38 +128,36 @@ struct Reader {
 
 struct ToJson {
   template <typename T>
-  nlohmann::json operator()(const T* field) const {
+  Json operator()(const T* field) const {
     return *field;
   }
-  nlohmann::json operator()(const std::filesystem::path* field) const { return json_text(*field); }
-  nlohmann::json operator()(const std::string* field) const { return json_text(*field); }
-  nlohmann::json operator()(const std::vector<std::string>* field) const {
-    nlohmann::json list = nlohmann::json::array();
+  Json operator()(const std::filesystem::path* field) const { return json_text(*field); }
+  Json operator()(const std::string* field) const { return json_text(*field); }
+  Json operator()(const std::vector<std::string>* field) const {
+    Json list = Json::array();
     for (const std::string& text : *field) list.push_back(json_text(text));
     return list;
   }
-  nlohmann::json operator()(const std::optional<Double3>* field) const {
-    return *field ? nlohmann::json(**field) : nlohmann::json();
-  }
-  nlohmann::json operator()(const OptionSetter&) const { return nullptr; }
+  Json operator()(const std::optional<Double3>* field) const { return *field ? Json(**field) : Json(); }
+  Json operator()(const OptionSetter&) const { return nullptr; }
 };
 
 /// The word that is typed for a JSON value.
-std::string word_of(const std::string& key, const nlohmann::json& value) {
+std::string word_of(const std::string& key, const Json& value) {
   if (value.is_string()) return bytes_of_json_text(value.get<std::string>());
   if (value.is_boolean() || value.is_number()) return dump_json(value);
   std::vector<std::string> numbers;
-  for (const nlohmann::json& item : value.is_array() ? value : nlohmann::json::array())
+  for (const Json& item : value.is_array() ? value : Json::array())
     if (item.is_number()) numbers.push_back(dump_json(item));
   if (value.empty() || numbers.size() != value.size())
     throw UsageError("the value of '" + key + "' must be a string, number, boolean or a list of these");
   return joined(numbers, ",");
 }
 
-std::vector<std::string> words_of(const std::string& key, const nlohmann::json& value) {
+std::vector<std::string> words_of(const std::string& key, const Json& value) {
   std::vector<std::string> words;
   if (value.is_array() && !value.empty() && !value.front().is_number()) {
-    for (const nlohmann::json& item : value) words.push_back(word_of(key, item));
+    for (const Json& item : value) words.push_back(word_of(key, item));
   } else if (!value.is_null() && !(value.is_array() && value.empty())) {
     words.push_back(word_of(key, value));
   }
@@ -190,14 +188,14 @@ bool OptionRow::is_list() const {
 
 std::string OptionRow::value_text() const {
   if (is_flag || is_list()) return "";
-  const nlohmann::json value = value_json();
+  const Json value = value_json();
   if (value.is_string()) return value.get<std::string>();
   if (value.is_null() || value.is_array()) return "";
   if (is_bytes) return value == 0 ? "" : format_bytes(value.get<std::uint64_t>());
   return value.is_number_float() ? number_text(value.get<double>()) : dump_json(value);
 }
 
-nlohmann::json OptionRow::value_json() const {
+Json OptionRow::value_json() const {
   const auto* number = std::get_if<double*>(&field);
   if (number != nullptr && !word.empty() && **number == word_value) return word;
   return std::visit(ToJson{}, field);
@@ -242,15 +240,14 @@ const OptionRow* OptionTable::find(const std::string& name) const {
   return nullptr;
 }
 
-nlohmann::json OptionTable::to_json() const {
-  nlohmann::json values = nlohmann::json::object();
+Json OptionTable::to_json() const {
+  Json values = Json::object();
   for (const OptionRow& row : rows_)
     if (!std::holds_alternative<OptionSetter>(row.field)) values[row.names.front()] = row.value_json();
   return values;
 }
 
-void OptionTable::from_json(const nlohmann::json& values,
-                            const std::function<bool(const OptionRow&)>& keep) const {
+void OptionTable::from_json(const Json& values, const std::function<bool(const OptionRow&)>& keep) const {
   for (const auto& [key, value] : values.items()) {
     const OptionRow* row = find(key);
     if (row == nullptr) {

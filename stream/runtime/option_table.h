@@ -19,9 +19,8 @@
 #include <variant>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "octree/lattice.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -64,7 +63,7 @@ struct OptionRow {
   bool is_list() const;
   /// What the field holds; empty where that says nothing: false, no text, no cap.
   std::string value_text() const;
-  nlohmann::json value_json() const;
+  Json value_json() const;
   /// Reads what was typed. \throws UsageError naming the option, the value and what is possible
   void set(const std::vector<std::string>& typed_words) const;
 };
@@ -83,12 +82,12 @@ class OptionTable {
   const OptionRow* find(const std::string& name) const;
 
   /// Values by key; null for what is not set.
-  nlohmann::json to_json() const;
+  Json to_json() const;
   /// Reads values by key, written as to_json() does or as they are typed. A list of numbers is one vector, a list of
   /// strings or of lists an option given more than once.
   /// \param keep  rows that stay as they are
   /// \throws UsageError for an unknown key (with the nearest one) or a value that makes no sense
-  void from_json(const nlohmann::json& values, const std::function<bool(const OptionRow&)>& keep = {}) const;
+  void from_json(const Json& values, const std::function<bool(const OptionRow&)>& keep = {}) const;
 
   /// Rows of a table in Markdown: option, default, meaning.
   std::string markdown() const;

@@ -1,8 +1,8 @@
 #include "stream/runtime/options.h"
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/runtime/option_table.h"
 
@@ -37,13 +37,13 @@ OptionTable option_table(RunOptions& o) {
   return t;
 }
 
-nlohmann::json plan_to_json(const RunOptions& run) {
+Json plan_to_json(const RunOptions& run) {
   return {{"memory", run.memory_bytes}, {"threads", run.threads}, {"tile-size", run.tile_cells}};
 }
 
-std::string first_difference(const nlohmann::json& was, const nlohmann::json& is) {
+std::string first_difference(const Json& was, const Json& is) {
   for (const auto& [key, value] : is.items()) {
-    const nlohmann::json before = was.is_object() && was.contains(key) ? was.at(key) : nlohmann::json();
+    const Json before = was.is_object() && was.contains(key) ? was.at(key) : Json();
     if (before != value) return fmt::format("{} was {} and is {}", key, dump_json(before), dump_json(value));
   }
   return "";

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -30,9 +30,9 @@ class OptionTable;
 OptionTable option_table(RunOptions& options);
 
 /// What of RunOptions decides how work is cut into tasks.
-nlohmann::json plan_to_json(const RunOptions& run);
+Json plan_to_json(const RunOptions& run);
 
 /// "resolution was 0.1 and is 0.2": the first difference between two flat objects, empty if there is none.
-std::string first_difference(const nlohmann::json& was, const nlohmann::json& is);
+std::string first_difference(const Json& was, const Json& is);
 
 }  // namespace tessera

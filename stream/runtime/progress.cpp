@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/runtime/memory_budget.h"
 
@@ -92,7 +92,7 @@ void Progress::say(const std::string& text) {
   const std::lock_guard lock(mutex_);
   if (mode_ == ProgressMode::kNone) return;
   if (mode_ == ProgressMode::kJson) {
-    sink_.write(dump_json(nlohmann::json({{"event", "message"}, {"text", text}})) + "\n");
+    sink_.write(dump_json(Json({{"event", "message"}, {"text", text}})) + "\n");
     return;
   }
   sink_.write((mode_ == ProgressMode::kBar ? "\r\x1b[K" : "") + text + "\n");
@@ -142,17 +142,17 @@ void Progress::draw(bool last) {
   const double eta = rate > 0 && total_ > done ? static_cast<double>(total_ - done) / rate : 0.0;
   const std::uint64_t peak = peak_resident_bytes();
   if (mode_ == ProgressMode::kJson) {
-    const nlohmann::json j = {{"event", last ? "stage_end" : "progress"},
-                              {"stage", name_},
-                              {"stage_index", index_},
-                              {"stages", count_},
-                              {"unit", unit_},
-                              {"done", done},
-                              {"total", total_},
-                              {"seconds", seconds},
-                              {"rate_per_s", rate},
-                              {"eta_s", last ? 0.0 : eta},
-                              {"peak_bytes", peak}};
+    const Json j = {{"event", last ? "stage_end" : "progress"},
+                    {"stage", name_},
+                    {"stage_index", index_},
+                    {"stages", count_},
+                    {"unit", unit_},
+                    {"done", done},
+                    {"total", total_},
+                    {"seconds", seconds},
+                    {"rate_per_s", rate},
+                    {"eta_s", last ? 0.0 : eta},
+                    {"peak_bytes", peak}};
     sink_.write(dump_json(j) + "\n");
     return;
   }

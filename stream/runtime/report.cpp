@@ -15,18 +15,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string job_hash(const nlohmann::json& identity) {
+std::string job_hash(const Json& identity) {
   return hex64(hash_text(dump_json(identity)));
 }
 
-nlohmann::json describe_file(const fs::path& path, std::uint64_t bytes, std::uint64_t hash) {
+Json describe_file(const fs::path& path, std::uint64_t bytes, std::uint64_t hash) {
   return {{"path", json_text(path)}, {"bytes", bytes}, {"xxh3", hex64(hash)}};
 }
-nlohmann::json describe_file(const fs::path& path) {
+Json describe_file(const fs::path& path) {
   return describe_file(path, fs::file_size(path), hash_file(path));
 }
 
-nlohmann::json describe_output(const JobState& state, const std::vector<StageRecords>& done) {
+Json describe_output(const JobState& state, const std::vector<StageRecords>& done) {
   if (state.output.empty() || !fs::exists(state.output)) return nullptr;
   for (const StageRecords& records : done)
     for (const FileRecord& file : records.finish.files)
@@ -35,7 +35,7 @@ nlohmann::json describe_output(const JobState& state, const std::vector<StageRec
 }
 
 /// Whether the file at `path` is the one that a report describes.
-bool stands(const fs::path& path, const nlohmann::json& described) {
+bool stands(const fs::path& path, const Json& described) {
   std::error_code error;
   return described.is_object() && fs::is_regular_file(path, error) &&
          described.value("bytes", std::uint64_t{0}) == fs::file_size(path, error) && !error &&
@@ -43,41 +43,40 @@ bool stands(const fs::path& path, const nlohmann::json& described) {
 }
 
 /// What report_path() holds; null if that is no report.
-nlohmann::json earlier_report(const JobState& state) {
+Json earlier_report(const JobState& state) {
   const fs::path path = report_path(state);
   if (!fs::is_regular_file(path)) return nullptr;
-  nlohmann::json report = try_parse_json(read_text(path));
-  return report.is_object() && report.value("tool", nlohmann::json()) == "tessera" ? report : nullptr;
+  Json report = try_parse_json(read_text(path));
+  return report.is_object() && report.value("tool", Json()) == "tessera" ? report : nullptr;
 }
 
 /// What it says of a file beside the output.
-nlohmann::json described_sidecar(const nlohmann::json& report, const fs::path& file) {
+Json described_sidecar(const Json& report, const fs::path& file) {
   if (report.is_object())
-    for (const nlohmann::json& entry : report.value("beside", nlohmann::json::array()))
+    for (const Json& entry : report.value("beside", Json::array()))
       if (entry.is_object() && entry.value("path", "") == json_text(file)) return entry;
   return nullptr;
 }
 
 }  // namespace
 
-nlohmann::json warnings_of(const nlohmann::json& entry) {
-  return entry.is_object() ? entry.value("warnings", nlohmann::json::array()) : nlohmann::json::array();
+Json warnings_of(const Json& entry) {
+  return entry.is_object() ? entry.value("warnings", Json::array()) : Json::array();
 }
 
-nlohmann::json result_of(const nlohmann::json& report, const std::string& stage) {
-  for (const nlohmann::json& entry : report.at("stages"))
+Json result_of(const Json& report, const std::string& stage) {
+  for (const Json& entry : report.at("stages"))
     if (entry.at("name") == stage) return entry.at("result");
   return nullptr;
 }
 
-nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
-                           const std::vector<StageRecords>& done, const std::vector<fs::path>& sidecars,
-                           const RunFigures& figures) {
-  nlohmann::json stages = nlohmann::json::array();
-  nlohmann::json warnings = nlohmann::json::array();
+Json make_report(const JobState& state, const Json& identity, const std::vector<StageRecords>& done,
+                 const std::vector<fs::path>& sidecars, const RunFigures& figures) {
+  Json stages = Json::array();
+  Json warnings = Json::array();
   std::uint64_t peak = figures.peak_bytes;
   for (const StageRecords& records : done) {
-    nlohmann::json stage = records.finish.stage_stats;
+    Json stage = records.finish.stage_stats;
     double sum = 0.0, longest = 0.0;
     for (const TaskRecord& task : records.tasks) {
       sum += task.seconds;
@@ -87,11 +86,11 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
     stage["longest_task_s"] = longest;
     stage["end_s"] = records.finish.seconds;
     stage["result"] = records.finish.summary;
-    for (const nlohmann::json& w : warnings_of(records.finish.summary)) warnings.push_back(w);
+    for (const Json& w : warnings_of(records.finish.summary)) warnings.push_back(w);
     peak = std::max(peak, stage.value("peak_bytes", std::uint64_t{0}));
     stages.push_back(std::move(stage));
   }
-  nlohmann::json others = nlohmann::json::array();
+  Json others = Json::array();
   for (const fs::path& path : sidecars)
     if (fs::exists(path)) others.push_back(describe_file(path));
   return {{"schema", kReportSchema},
@@ -120,9 +119,9 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
           {"beside", std::move(others)}};
 }
 
-void add_sidecar(nlohmann::json& report, const fs::path& file) {
-  nlohmann::json others = nlohmann::json::array();
-  for (const nlohmann::json& entry : report.at("beside"))
+void add_sidecar(Json& report, const fs::path& file) {
+  Json others = Json::array();
+  for (const Json& entry : report.at("beside"))
     if (entry.at("path") != json_text(file)) others.push_back(entry);
   others.push_back(describe_file(file));
   report["beside"] = std::move(others);
@@ -135,26 +134,26 @@ fs::path report_path(const JobState& state) {
   return path;
 }
 
-void write_report(const JobState& state, const nlohmann::json& report) {
+void write_report(const JobState& state, const Json& report) {
   const std::string text = dump_json(report, 1) + "\n";
   write_durably(state.work / "report.json", text);
   write_durably(report_path(state), text);
 }
 
 bool is_own_earlier_file(const JobState& state, const fs::path& file) {
-  const nlohmann::json report = earlier_report(state);
+  const Json report = earlier_report(state);
   if (!report.is_object()) return false;
-  const nlohmann::json output = report.value("output", nlohmann::json());
+  const Json output = report.value("output", Json());
   if (!output.is_object() || output.value("path", "") != json_text(state.output)) return false;
   return file == report_path(state) || stands(file, described_sidecar(report, file));
 }
 
-bool output_is_done(const JobState& state, const nlohmann::json& identity,
-                    const std::vector<fs::path>& results, nlohmann::json& report) {
+bool output_is_done(const JobState& state, const Json& identity, const std::vector<fs::path>& results,
+                    Json& report) {
   if (state.run.force || !fs::exists(state.output) || fs::exists(state.work / "job.json")) return false;
   report = earlier_report(state);
   if (report.is_object() && report.value("job", "") == job_hash(identity) &&
-      stands(state.output, report.value("output", nlohmann::json()))) {
+      stands(state.output, report.value("output", Json()))) {
     return std::all_of(results.begin(), results.end(),
                        [&](const fs::path& file) { return stands(file, described_sidecar(report, file)); });
   }

@@ -25,8 +25,8 @@ std::string content(const TaskRecord& record) {
 
 }  // namespace
 
-std::vector<nlohmann::json> StageRecords::summaries() const {
-  std::vector<nlohmann::json> list;
+std::vector<Json> StageRecords::summaries() const {
+  std::vector<Json> list;
   for (const TaskRecord& record : tasks) list.push_back(record.summary);
   return list;
 }

@@ -20,7 +20,7 @@ namespace tessera {
 struct StageRecords {
   std::vector<TaskRecord> tasks;  ///< in task order
   TaskRecord finish;
-  std::vector<nlohmann::json> summaries() const;
+  std::vector<Json> summaries() const;
 };
 
 /// TaskRecord::plan of a job that runs like this.

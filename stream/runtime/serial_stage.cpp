@@ -2,11 +2,9 @@
 
 #include <utility>
 
-#include <nlohmann/json.hpp>
+#include "stream/files/json.h"
 
 namespace tessera {
-
-using json = nlohmann::json;
 
 namespace {
 
@@ -16,7 +14,7 @@ class IdleStage : public SerialStage {
   std::string name() const override { return name_; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "faces"; }
-  json finish(const std::vector<json>&, TaskContext&) const override { return json::object(); }
+  Json finish(const std::vector<Json>&, TaskContext&) const override { return Json::object(); }
   std::uint64_t finish_bytes() const override { return 0; }
 
  private:
@@ -25,7 +23,7 @@ class IdleStage : public SerialStage {
 
 }  // namespace
 
-json SerialStage::run(std::size_t, TaskContext&) const {
+Json SerialStage::run(std::size_t, TaskContext&) const {
   return {};
 }
 

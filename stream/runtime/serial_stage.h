@@ -12,7 +12,7 @@ class SerialStage : public Stage {
  public:
   std::size_t task_count() const final { return 0; }
   std::uint64_t task_bytes(std::size_t) const final { return 0; }
-  nlohmann::json run(std::size_t, TaskContext&) const final;
+  Json run(std::size_t, TaskContext&) const final;
 };
 
 /// What stands for a stage in a round that is not needed: an empty entry in the report.

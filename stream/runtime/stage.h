@@ -9,8 +9,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/options.h"
 
 namespace tessera {
@@ -55,10 +54,10 @@ class Stage {
   virtual std::string unit_name() const = 0;
   /// Pure in what it writes: same inputs and options, same bytes, on any thread, on any retry.
   /// Returns a small summary, journaled, handed to finish() in task order.
-  virtual nlohmann::json run(std::size_t task, TaskContext& context) const = 0;
+  virtual Json run(std::size_t task, TaskContext& context) const = 0;
   /// Once, after the last task: reduces summaries (task order), may create files, returns the stage's entry in the
   /// report. Runs as one more journaled task. Sentences under `warnings` are logged, and shown when the job is done.
-  virtual nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const = 0;
+  virtual Json finish(const std::vector<Json>& summaries, TaskContext& context) const = 0;
   /// Upper bound of the memory finish() allocates.
   virtual std::uint64_t finish_bytes() const = 0;
   /// Files of earlier stages, or of its own tasks, that nobody needs once this stage is committed (relative names;

@@ -1,7 +1,6 @@
 #include "stream/runtime/stage_runner.h"
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 
@@ -30,11 +29,11 @@ class PlainContext : public TaskContext {
 
 }  // namespace
 
-std::vector<nlohmann::json> run_stages(const JobState& state, const std::vector<StageEntry>& stages,
-                                       const std::function<void()>& check_stop) {
+std::vector<Json> run_stages(const JobState& state, const std::vector<StageEntry>& stages,
+                             const std::function<void()>& check_stop) {
   WorkerPool pool(state.run.threads);
   keep_freed_memory(state.run.memory_bytes, state.run.threads);
-  std::vector<nlohmann::json> reports;
+  std::vector<Json> reports;
   for (const StageEntry& entry : stages) {
     trim_allocator();
     const std::unique_ptr<Stage> stage = entry.make(state);
@@ -43,7 +42,7 @@ std::vector<nlohmann::json> run_stages(const JobState& state, const std::vector<
       budget.require(stage->task_bytes(k), "task " + std::to_string(k) + " of stage " + entry.name);
     budget.require(stage->finish_bytes(), "the end of stage " + entry.name);
     PlainContext context(state.work, check_stop);
-    std::vector<nlohmann::json> summaries(stage->task_count());
+    std::vector<Json> summaries(stage->task_count());
     pool.run_tasks(
         summaries.size(), [&](std::size_t k) { return stage->task_bytes(k); }, budget,
         [&](std::size_t k) { summaries[k] = stage->run(k, context); });

@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
@@ -16,7 +15,7 @@ namespace tessera {
 /// Runs all tasks of all stages within state.run.memory_bytes and state.run.threads (both > 0) in state.work.
 /// What a stage makes obsolete is deleted. Returns what each finish returned. \throws what stages throw,
 /// ResourceError when a task exceeds the memory, StoppedError through check_stop
-std::vector<nlohmann::json> run_stages(const JobState& state, const std::vector<StageEntry>& stages,
-                                       const std::function<void()>& check_stop);
+std::vector<Json> run_stages(const JobState& state, const std::vector<StageEntry>& stages,
+                             const std::function<void()>& check_stop);
 
 }  // namespace tessera

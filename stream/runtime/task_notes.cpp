@@ -12,9 +12,9 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "stream/files/file_time.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 
 namespace tessera {
@@ -64,7 +64,7 @@ void read_file(const fs::path& path, double now, Notes& notes) {
   const auto own = [&] { return std::span(notes.tasks).subspan(first); };
   std::string host;
   for (std::string line; std::getline(in, line);) {
-    const nlohmann::json j = try_parse_json(line);
+    const Json j = try_parse_json(line);
     if (!j.is_object()) continue;
     try {
       if (j.contains("host")) {
@@ -87,12 +87,12 @@ void read_file(const fs::path& path, double now, Notes& notes) {
             noted.failure = j.at("why").get<std::string>();
           }
       }
-    } catch (const nlohmann::json::exception&) {  // a line of another version tells nothing
+    } catch (const JsonError&) {  // a line of another version tells nothing
     }
   }
 }
 
-std::string dumped(const nlohmann::json& line) {
+std::string dumped(const Json& line) {
   return dump_json(line) + "\n";
 }
 

@@ -78,10 +78,10 @@ class StageTasks {
   void do_tasks(const std::vector<std::int64_t>& tasks);
   void do_finish();
   /// What fails counts as done when another process has committed it meanwhile.
-  void run_one(std::int64_t task, const std::vector<nlohmann::json>& summaries);
+  void run_one(std::int64_t task, const std::vector<Json>& summaries);
   /// Whether another process has committed it meanwhile.
   bool is_elsewhere(std::int64_t task, TaskRecord& record) const;
-  nlohmann::json figures() const;
+  Json figures() const;
   MemoryBudget& budget();
 
   const TaskRunOptions& options_;
@@ -165,7 +165,7 @@ bool StageTasks::is_elsewhere(std::int64_t task, TaskRecord& record) const {
   return true;
 }
 
-void StageTasks::run_one(std::int64_t task, const std::vector<nlohmann::json>& summaries) {
+void StageTasks::run_one(std::int64_t task, const std::vector<Json>& summaries) {
   TaskAids aids{nullptr, notes_.get(), options_.scratch, {}};
   aids.elsewhere = [&](TaskRecord& record) { return is_elsewhere(task, record); };
   try {
@@ -199,7 +199,7 @@ void StageTasks::do_tasks(const std::vector<std::int64_t>& tasks) {
   pool_->run_tasks(missing.size(), need, budget(), [&](std::size_t i) { run_one(missing[i], {}); });
 }
 
-nlohmann::json StageTasks::figures() const {
+Json StageTasks::figures() const {
   double cpu = 0.0;
   std::uint64_t peak = peak_resident_bytes(), read = 0, written = 0;
   for (const auto& [task, record] : done_) {
@@ -226,7 +226,7 @@ nlohmann::json StageTasks::figures() const {
 
 void StageTasks::do_finish() {
   const auto count = static_cast<std::int64_t>(stage_->task_count());
-  std::vector<nlohmann::json> summaries;
+  std::vector<Json> summaries;
   for (;;) {
     summaries.clear();
     std::int64_t absent = -1;

@@ -89,12 +89,12 @@ int lock_folder(const fs::path& work, int mode) {
   throw_write_error(path, error);
 }
 
-nlohmann::json read_job_file(const fs::path& work) {
+Json read_job_file(const fs::path& work) {
   const fs::path path = job_file(work);
   try {
-    const nlohmann::json job = parse_json(read_text(path));
+    const Json job = parse_json(read_text(path));
     if (job.at("identity").at("schema").is_number()) return job;
-  } catch (const nlohmann::json::exception&) {
+  } catch (const JsonError&) {
   }
   throw InputError(fmt::format("{}: damaged: discard the work directory with --force", path.string()));
 }
@@ -109,13 +109,13 @@ void remove_parts(const fs::path& work) {
   for (const fs::path& part : parts) fs::remove(part);
 }
 
-std::string difference(const nlohmann::json& was, const nlohmann::json& is) {
+std::string difference(const Json& was, const Json& is) {
   for (const char* key : {"schema", "version", "command"}) {
-    if (was.value(key, nlohmann::json()) != is.at(key)) {
-      return first_difference({{key, was.value(key, nlohmann::json())}}, {{key, is.at(key)}});
+    if (was.value(key, Json()) != is.at(key)) {
+      return first_difference({{key, was.value(key, Json())}}, {{key, is.at(key)}});
     }
   }
-  const std::string options = first_difference(was.value("options", nlohmann::json()), is.at("options"));
+  const std::string options = first_difference(was.value("options", Json()), is.at("options"));
   return options.empty() ? "its input files are others or have changed" : "option " + options;
 }
 
@@ -143,8 +143,8 @@ InputFingerprint fingerprint_input(const fs::path& path) {
   return f;
 }
 
-void require_same_inputs(const nlohmann::json& identity) {
-  for (const nlohmann::json& input : identity.at("inputs")) {
+void require_same_inputs(const Json& identity) {
+  for (const Json& input : identity.at("inputs")) {
     const std::string path = bytes_of_json_text(input.at("path").get<std::string>());
     struct stat status = {};
     if (::stat(path.c_str(), &status) == 0 &&
@@ -157,16 +157,16 @@ void require_same_inputs(const nlohmann::json& identity) {
   }
 }
 
-nlohmann::json to_json(const InputFingerprint& f) {
+Json to_json(const InputFingerprint& f) {
   return {{"path", json_text(f.path)},
           {"bytes", f.bytes},
           {"modified_ns", f.modified_ns},
           {"xxh3_sampled", hex64(f.xxh3)}};
 }
 
-nlohmann::json job_identity(const std::string& command, const JobState& state,
-                            const std::vector<InputFingerprint>& inputs) {
-  nlohmann::json list = nlohmann::json::array();
+Json job_identity(const std::string& command, const JobState& state,
+                  const std::vector<InputFingerprint>& inputs) {
+  Json list = Json::array();
   for (const InputFingerprint& input : inputs) list.push_back(to_json(input));
   return {{"schema", kWorkSchema},
           {"version", TESSERA_VERSION},
@@ -183,7 +183,7 @@ fs::path work_path(const fs::path& output, const fs::path& temp) {
 
 void require_not_queued(const fs::path& work) {
   if (!fs::exists(work / kQueueMark)) return;
-  const nlohmann::json mark = try_parse_json(read_text(work / kQueueMark));
+  const Json mark = try_parse_json(read_text(work / kQueueMark));
   const char* token = std::getenv(kQueueToken);
   if (token != nullptr && mark.is_object() && mark.value("token", "") == token) return;
   throw UsageError(
@@ -192,7 +192,7 @@ void require_not_queued(const fs::path& work) {
                   work.string()));
 }
 
-WorkDir WorkDir::open_job(const fs::path& path, const nlohmann::json& identity, bool force) {
+WorkDir WorkDir::open_job(const fs::path& path, const Json& identity, bool force) {
   remove_discarded(path);
   WorkDir dir;
   dir.path_ = path;
@@ -207,7 +207,7 @@ WorkDir WorkDir::open_job(const fs::path& path, const nlohmann::json& identity, 
     if (!fs::exists(job_file(path))) break;
     std::string why;
     try {
-      const nlohmann::json was = read_job_file(path).at("identity");
+      const Json was = read_job_file(path).at("identity");
       if (was == identity) {
         remove_parts(path);
         make_folders(dir.journal_folder());
@@ -230,7 +230,7 @@ WorkDir WorkDir::open_job(const fs::path& path, const nlohmann::json& identity, 
   return dir;
 }
 
-bool WorkDir::holds(const fs::path& path, const nlohmann::json& identity) {
+bool WorkDir::holds(const fs::path& path, const Json& identity) {
   try {
     return fs::exists(job_file(path)) && read_job_file(path).at("identity") == identity;
   } catch (const InputError&) {
@@ -268,21 +268,21 @@ std::string WorkDir::job_hash() const {
 }
 
 void WorkDir::write_run(const JobState& state) {
-  nlohmann::json run = plan_to_json(state.run);
+  Json run = plan_to_json(state.run);
   run["keep"] = state.run.keep;
-  const nlohmann::json job = {{"identity", identity_},
-                              {"job", job_hash()},
-                              {"output", json_text(fs::absolute(state.output).lexically_normal())},
-                              {"run", std::move(run)}};
+  const Json job = {{"identity", identity_},
+                    {"job", job_hash()},
+                    {"output", json_text(fs::absolute(state.output).lexically_normal())},
+                    {"run", std::move(run)}};
   write_durably(job_file(path_), dump_json(job, 1) + "\n");
 }
 
 JobState WorkDir::read_state() const {
-  const nlohmann::json job = read_job_file(path_);
+  const Json job = read_job_file(path_);
   JobState state;
   state.work = path_;
   state.output = bytes_of_json_text(job.at("output").get<std::string>());
-  for (const nlohmann::json& input : identity_.at("inputs"))
+  for (const Json& input : identity_.at("inputs"))
     state.inputs.emplace_back(bytes_of_json_text(input.at("path").get<std::string>()));
   state.settings = dump_json(identity_.at("options"));
   option_table(state.run).from_json(job.at("run"));

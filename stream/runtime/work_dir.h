@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
@@ -24,14 +23,14 @@ struct InputFingerprint {
 };
 /// \throws InputError
 InputFingerprint fingerprint_input(const std::filesystem::path& path);
-nlohmann::json to_json(const InputFingerprint& fingerprint);
+Json to_json(const InputFingerprint& fingerprint);
 
 /// \throws InputError when an input of this identity is not of the size and time that it was begun with
-void require_same_inputs(const nlohmann::json& identity);
+void require_same_inputs(const Json& identity);
 
 /// What makes a job this job: schema, tool version, command, effective options, inputs.
-nlohmann::json job_identity(const std::string& command, const JobState& state,
-                            const std::vector<InputFingerprint>& inputs);
+Json job_identity(const std::string& command, const JobState& state,
+                  const std::vector<InputFingerprint>& inputs);
 
 /// <output>.tessera beside the output, or of that name in `temp`.
 std::filesystem::path work_path(const std::filesystem::path& output, const std::filesystem::path& temp);
@@ -55,9 +54,9 @@ class WorkDir {
   /// Creates the directory for this job, or opens the one that is there.
   /// \throws UsageError when it belongs to another job (and `force` does not discard it), is in use by another
   ///         process, or is no work directory; ResourceError when the disk is full
-  static WorkDir open_job(const std::filesystem::path& path, const nlohmann::json& identity, bool force);
+  static WorkDir open_job(const std::filesystem::path& path, const Json& identity, bool force);
   /// Whether a work directory of this very job is there; changes nothing.
-  static bool holds(const std::filesystem::path& path, const nlohmann::json& identity);
+  static bool holds(const std::filesystem::path& path, const Json& identity);
   /// Opens what open_job made. \param locked false: the parent process holds the lock
   /// \throws InputError when it is no work directory or of another schema or version
   static WorkDir open_existing(const std::filesystem::path& path, bool locked);
@@ -69,7 +68,7 @@ class WorkDir {
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path journal_folder() const { return path_ / "journal"; }
   bool created() const { return created_; }  ///< false: it was there and goes on
-  const nlohmann::json& identity() const { return identity_; }
+  const Json& identity() const { return identity_; }
   std::string job_hash() const;
   int lock() const { return lock_; }  ///< descriptor that holds the lock
 
@@ -91,7 +90,7 @@ class WorkDir {
  private:
   WorkDir() = default;
   std::filesystem::path path_;
-  nlohmann::json identity_;
+  Json identity_;
   bool created_ = false;
   int lock_ = -1;
 };

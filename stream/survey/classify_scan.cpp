@@ -6,9 +6,9 @@
 #include <string>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/points/las_copy.h"
@@ -191,8 +191,8 @@ class ScanJob {
   std::uint64_t first_cache_ = 0, last_cache_ = 0;
 };
 
-nlohmann::json counts(const ClassifiedScan& scan) {
-  nlohmann::json classes = nlohmann::json::object();
+Json counts(const ClassifiedScan& scan) {
+  Json classes = Json::object();
   for (std::size_t k = 0; k < scan.classes.size(); ++k)
     if (scan.classes[k] > 0) classes[std::to_string(k)] = scan.classes[k];
   return {{"points", scan.points}, {"kept", scan.kept}, {"classes", classes}};
@@ -213,14 +213,14 @@ ClassifyReport classify_scans(const std::vector<ScanToClassify>& scans, const Cl
   return ScanJob(scans, options).run();
 }
 
-nlohmann::json to_json(const ClassifyReport& report) {
-  nlohmann::json out = counts(report.total());
+Json to_json(const ClassifyReport& report) {
+  Json out = counts(report.total());
   out["cell"] = report.cell;
   if (report.metres > 0.0) out["metres_per_unit"] = report.metres;
   out["cells"] = report.cells, out["cells_empty"] = report.empty;
-  out["files"] = nlohmann::json::array();
+  out["files"] = Json::array();
   for (const ClassifiedScan& scan : report.scans) {
-    nlohmann::json file = counts(scan);
+    Json file = counts(scan);
     file["input"] = json_text(scan.input), file["output"] = json_text(scan.output),
     file["bytes"] = scan.bytes;
     out["files"].push_back(file);

@@ -6,8 +6,7 @@
 #include <filesystem>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/survey/class_writer.h"
 
 namespace tessera {
@@ -44,6 +43,6 @@ struct ClassifyReport {
 ///   suffice; StoppedError
 ClassifyReport classify_scans(const std::vector<ScanToClassify>& scans, const ClassifyOptions& options);
 
-nlohmann::json to_json(const ClassifyReport& report);
+Json to_json(const ClassifyReport& report);
 
 }  // namespace tessera

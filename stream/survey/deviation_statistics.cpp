@@ -6,8 +6,8 @@
 #include <limits>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 
 namespace tessera {
@@ -51,10 +51,10 @@ DeviationStatistics::DeviationStatistics(double max_distance, double tolerance,
   groups_.emplace_back();
   groups_.front().row.name = "all";
   if (!areas.empty())
-    for (const nlohmann::json& polygon : parse_json(ClipPolygon::text_of_file(areas))) {
+    for (const Json& polygon : parse_json(ClipPolygon::text_of_file(areas))) {
       Group group;
       group.row.name = std::to_string(groups_.size());
-      group.area = ClipPolygon::from_text(dump_json(nlohmann::json::array({polygon})));
+      group.area = ClipPolygon::from_text(dump_json(Json::array({polygon})));
       groups_.push_back(std::move(group));
     }
   for (Group& g : groups_) g.sum = FixedSum(max_distance), g.squares = FixedSum(max_distance * max_distance);
@@ -209,10 +209,10 @@ std::string histogram_csv(const DeviationTable& table) {
   return text;
 }
 
-nlohmann::json to_json(const DeviationTable& table, double tolerance) {
-  nlohmann::json rows = nlohmann::json::array();
+Json to_json(const DeviationTable& table, double tolerance) {
+  Json rows = Json::array();
   for (const DeviationSummary& r : table.rows) {
-    nlohmann::json row = {{"area", r.name}, {"points", r.count}, {"far", r.far}, {"border", r.border}};
+    Json row = {{"area", r.name}, {"points", r.count}, {"far", r.far}, {"border", r.border}};
     if (r.count > 0) {
       row.update({{"mean", r.mean},
                   {"rms", r.rms},
@@ -226,10 +226,10 @@ nlohmann::json to_json(const DeviationTable& table, double tolerance) {
     }
     rows.push_back(row);
   }
-  nlohmann::json histogram = nlohmann::json::array();
+  Json histogram = Json::array();
   for (const DeviationBin& b : table.histogram)
-    histogram.push_back({{"low", std::isfinite(b.low) ? nlohmann::json(b.low) : nlohmann::json()},
-                         {"high", std::isfinite(b.high) ? nlohmann::json(b.high) : nlohmann::json()},
+    histogram.push_back({{"low", std::isfinite(b.low) ? Json(b.low) : Json()},
+                         {"high", std::isfinite(b.high) ? Json(b.high) : Json()},
                          {"points", b.count}});
   return {{"areas", rows}, {"histogram", histogram}};
 }

@@ -10,11 +10,10 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "octree/vector.h"
 #include "stream/check/fixed_sum.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/points/clip_polygon.h"
 #include "stream/survey/point_distances.h"
 
@@ -91,6 +90,6 @@ std::string describe(const DeviationTable& table, double tolerance);
 /// A row for all points and one for each area.
 std::string to_csv(const DeviationTable& table, double tolerance);
 std::string histogram_csv(const DeviationTable& table);
-nlohmann::json to_json(const DeviationTable& table, double tolerance);
+Json to_json(const DeviationTable& table, double tolerance);
 
 }  // namespace tessera

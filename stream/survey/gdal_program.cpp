@@ -6,10 +6,9 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
@@ -55,9 +54,8 @@ std::string surveyed_crs(const std::filesystem::path& mesh, const std::string& g
   return text;
 }
 
-std::string write_by_gdal(const std::filesystem::path& scratch, const std::string& command,
-                          nlohmann::json request, std::uint64_t memory_bytes,
-                          const std::filesystem::path& output) {
+std::string write_by_gdal(const std::filesystem::path& scratch, const std::string& command, Json request,
+                          std::uint64_t memory_bytes, const std::filesystem::path& output) {
   const std::filesystem::path result = scratch / "result", file = scratch / "request.json";
   request["result"] = json_text(result);
   write_durably(file, dump_json(request));

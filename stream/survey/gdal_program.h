@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -21,8 +21,7 @@ std::string surveyed_crs(const std::filesystem::path& mesh, const std::string& g
 /// \param command  of tools/survey/gdal_export.cpp \param request  what it reads; `result` is added
 /// \returns what it warns of, lines; may be empty
 /// \throws what it fails by; as OutputFile
-std::string write_by_gdal(const std::filesystem::path& scratch, const std::string& command,
-                          nlohmann::json request, std::uint64_t memory_bytes,
-                          const std::filesystem::path& output);
+std::string write_by_gdal(const std::filesystem::path& scratch, const std::string& command, Json request,
+                          std::uint64_t memory_bytes, const std::filesystem::path& output);
 
 }  // namespace tessera

@@ -11,12 +11,12 @@
 #include <mutex>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/survey/relief.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/fault.h"
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"
@@ -245,7 +245,7 @@ RasterReport write_rasters(const std::filesystem::path& mesh, const RasterOption
                                    name_of(outputs[k].layer)));
   }
   for (std::size_t k = 0; k < outputs.size(); ++k) {
-    nlohmann::json request = sampler.values(k).description();
+    Json request = sampler.values(k).description();
     request["raw"] = json_text(sampler.raw(k));
     request["columns"] = frame.columns, request["rows"] = frame.rows;
     request["west"] = frame.west, request["north"] = frame.north, request["cell"] = frame.cell;

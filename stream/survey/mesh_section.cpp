@@ -9,12 +9,12 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "kernels/survey/line_clip.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"

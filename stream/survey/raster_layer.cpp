@@ -5,10 +5,9 @@
 #include <cstring>
 #include <limits>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/survey/relief.h"
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
@@ -16,7 +15,7 @@ namespace {
 
 constexpr std::uint32_t kOutside = 255, kHole = 1;
 
-nlohmann::json statistics_json(double minimum, double maximum, double mean, double deviation) {
+Json statistics_json(double minimum, double maximum, double mean, double deviation) {
   return {{"minimum", minimum}, {"maximum", maximum}, {"mean", mean}, {"deviation", deviation}};
 }
 
@@ -116,7 +115,7 @@ void LayerValues::merge(const LayerValues& other) {
       histogram_[band][v] += other.histogram_[band][v];
 }
 
-nlohmann::json LayerValues::statistics_of_bytes(std::size_t band) const {
+Json LayerValues::statistics_of_bytes(std::size_t band) const {
   const auto& h = histogram_[band];
   std::uint64_t sum = 0, squares = 0;
   std::size_t minimum = h.size(), maximum = 0;
@@ -131,20 +130,20 @@ nlohmann::json LayerValues::statistics_of_bytes(std::size_t band) const {
                          std::sqrt(std::max(0.0, static_cast<double>(squares) / n - mean * mean)));
 }
 
-nlohmann::json LayerValues::description() const {
+Json LayerValues::description() const {
   static const std::array<const char*, 7> kQuantities = {"height", "height", "height", "angle",
                                                          "light",  "colour", "mask"};
   const bool ortho = layer_ == RasterLayer::kOrtho;
-  nlohmann::json out = {{"layer", name_of(layer_)},
-                        {"quantity", kQuantities[static_cast<std::size_t>(layer_)]},
-                        {"type", is_float() ? "float" : "byte"},
-                        {"bands", ortho ? 4 : 1},
-                        // Of a mask the middle of ones and zeros says nothing.
-                        {"overviews", layer_ == RasterLayer::kMissing ? "NEAREST" : "AVERAGE"}};
+  Json out = {{"layer", name_of(layer_)},
+              {"quantity", kQuantities[static_cast<std::size_t>(layer_)]},
+              {"type", is_float() ? "float" : "byte"},
+              {"bands", ortho ? 4 : 1},
+              // Of a mask the middle of ones and zeros says nothing.
+              {"overviews", layer_ == RasterLayer::kMissing ? "NEAREST" : "AVERAGE"}};
   if (is_float()) out["nodata"] = static_cast<double>(settings_.nodata);
   if (layer_ == RasterLayer::kHillshade) out["nodata"] = 0;
   if (layer_ == RasterLayer::kMissing) out["nodata"] = kOutside;
-  out["statistics"] = nlohmann::json::array();
+  out["statistics"] = Json::array();
   if (count_ == 0) return out;
   if (is_float()) {
     const auto n = static_cast<double>(count_);

@@ -7,10 +7,9 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/survey/plan_raster.h"
 #include "stream/check/fixed_sum.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -51,14 +50,14 @@ class LayerValues {
   void merge(const LayerValues& other);
 
   /// Bands, types, value for no data, statistics and the rule for overviews, as tools/survey/gdal_export.cpp reads them.
-  nlohmann::json description() const;
+  Json description() const;
   std::uint64_t count() const { return count_; }  ///< cells with a value
 
  private:
   float float_value(const RasterCell& cell) const;
   std::uint32_t byte_values(const RasterCell& cell, bool inside) const;
   void add(float value);
-  nlohmann::json statistics_of_bytes(std::size_t band) const;
+  Json statistics_of_bytes(std::size_t band) const;
 
   RasterLayer layer_;
   LayerSettings settings_;

@@ -5,11 +5,11 @@
 #include <limits>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/commands/convert_mesh.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/json.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/points/las_copy.h"
 #include "stream/import/crs_sidecar.h"
@@ -309,8 +309,8 @@ ScanDeviationReport measure_deviation(const std::vector<std::filesystem::path>& 
   return DeviationJob(inputs, reference, options, outputs).run();
 }
 
-nlohmann::json to_json(const ScanDeviationReport& report, double tolerance) {
-  nlohmann::json out = to_json(report.table, tolerance);
+Json to_json(const ScanDeviationReport& report, double tolerance) {
+  Json out = to_json(report.table, tolerance);
   out["points"] = report.points;
   out["left_out"] = report.left_out;
   out["searched"] = report.searched;

@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/survey/deviation_statistics.h"
 
 namespace tessera {
@@ -54,6 +53,6 @@ ScanDeviationReport measure_deviation(const std::vector<std::filesystem::path>& 
                                       const ScanDeviationOptions& options,
                                       const std::vector<std::filesystem::path>& outputs);
 
-nlohmann::json to_json(const ScanDeviationReport& report, double tolerance);
+Json to_json(const ScanDeviationReport& report, double tolerance);
 
 }  // namespace tessera

@@ -1,6 +1,6 @@
 // Edits, poses and control points of `deform`. An edit's own text parses as the edit.
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/stages/deform/edit_script.h"
 #include "tests/fuzz/text_check.h"
 

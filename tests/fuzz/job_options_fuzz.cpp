@@ -1,6 +1,6 @@
 // The option tables of all jobs: a job file's values, and words as typed. What a table took it gives back, the same.
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/options.h"
@@ -31,7 +31,7 @@ void try_table(const std::string& text) {
   const OptionTable table = option_table(options);
   const bool took = fuzz::accepted([&] {
     if (text.starts_with('{')) {
-      const nlohmann::json values = nlohmann::json::parse(text, nullptr, false);
+      const Json values = parse_json(text, nullptr, false);
       if (values.is_discarded()) throw UsageError("no JSON");
       table.from_json(values);
     } else {

@@ -1,8 +1,8 @@
 // A line of a journal counts only under its own checksum. Half of the inputs are given the right one, so that what a line
 // may say is tried as well: it is a record, whose own line reads back as the same, or it counts as never written.
-#include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/runtime/journal.h"
 #include "tests/fuzz/text_check.h"
 

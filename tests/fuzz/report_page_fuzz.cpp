@@ -1,12 +1,11 @@
 // Whatever JSON a report holds, it makes a page, and no tag of the page comes from it.
+#include "stream/files/json_text.h"
 #include "stream/page/page_text.h"
-
-#include <nlohmann/json.hpp>
 
 #include "tests/fuzz/point_reader_check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const nlohmann::json report = nlohmann::json::parse(data, data + size, nullptr, false);
+  const tessera::Json report = tessera::parse_json(data, data + size, nullptr, false);
   if (report.is_discarded()) return 0;
   const std::string page = tessera::page_text(report, {});
   tessera::fuzz::require(page.starts_with("<!DOCTYPE html>"), "a page");

@@ -6,9 +6,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/vector.h"
+#include "stream/files/json_text.h"
 
 namespace tessera::test {
 
@@ -25,12 +24,10 @@ std::string packed_numbers(const std::vector<From>& numbers) {
 
 class GlbFile {
  public:
-  using json = nlohmann::json;
-
   /// Returns the view's number.
   std::size_t view(const std::string& bytes, std::size_t stride = 0) {
     bin_.resize((bin_.size() + 3) / 4 * 4, '\0');
-    json v = {{"buffer", 0}, {"byteOffset", bin_.size()}, {"byteLength", bytes.size()}};
+    tessera::Json v = {{"buffer", 0}, {"byteOffset", bin_.size()}, {"byteLength", bytes.size()}};
     if (stride > 0) v["byteStride"] = stride;
     bin_ += bytes;
     views_.push_back(std::move(v));
@@ -40,7 +37,7 @@ class GlbFile {
   std::size_t packed_view(const std::string& packed, std::size_t count, std::size_t stride,
                           const std::string& mode, const std::string& filter = "NONE") {
     view(packed);
-    json extension = views_.back();
+    tessera::Json extension = views_.back();
     extension.update({{"count", count}, {"byteStride", stride}, {"mode", mode}, {"filter", filter}});
     views_.back() = {{"buffer", 1},
                      {"byteLength", count * stride},
@@ -49,7 +46,7 @@ class GlbFile {
   }
   /// Returns the accessor's number. \param more  what it has besides
   std::size_t accessor(std::size_t view, int type, std::size_t count, const std::string& shape,
-                       const json& more = json::object()) {
+                       const tessera::Json& more = tessera::Json::object()) {
     accessors_.push_back({{"bufferView", view}, {"componentType", type}, {"count", count}, {"type", shape}});
     accessors_.back().update(more);
     return accessors_.size() - 1;
@@ -62,24 +59,25 @@ class GlbFile {
   std::size_t indices(const std::vector<std::uint32_t>& corners) {
     return accessor(view(packed_numbers<std::uint16_t>(corners)), 5123, corners.size(), "SCALAR");
   }
-  json& last_accessor() { return accessors_.back(); }
-  json& last_view() { return views_.back(); }
+  tessera::Json& last_accessor() { return accessors_.back(); }
+  tessera::Json& last_view() { return views_.back(); }
 
   /// \param nodes  all of the scene; none: one with the mesh  \param more  at the top of the document
-  std::string bytes(const json& primitives, const json& nodes = json::array({{{"mesh", 0}}}),
-                    const json& more = json::object()) const {
-    json scene = json::array();
+  std::string bytes(const tessera::Json& primitives,
+                    const tessera::Json& nodes = tessera::Json::array({{{"mesh", 0}}}),
+                    const tessera::Json& more = tessera::Json::object()) const {
+    tessera::Json scene = tessera::Json::array();
     for (std::size_t i = 0; i < nodes.size(); ++i) scene.push_back(i);
-    json all = {{"asset", {{"version", "2.0"}}},
-                {"scene", 0},
-                {"scenes", {{{"nodes", scene}}}},
-                {"nodes", nodes},
-                {"meshes", {{{"primitives", primitives}}}},
-                {"accessors", accessors_},
-                {"bufferViews", views_},
-                {"buffers", {{{"byteLength", bin_.size()}}, {{"byteLength", 0}}}}};
+    tessera::Json all = {{"asset", {{"version", "2.0"}}},
+                         {"scene", 0},
+                         {"scenes", {{{"nodes", scene}}}},
+                         {"nodes", nodes},
+                         {"meshes", {{{"primitives", primitives}}}},
+                         {"accessors", accessors_},
+                         {"bufferViews", views_},
+                         {"buffers", {{{"byteLength", bin_.size()}}, {{"byteLength", 0}}}}};
     all.update(more);
-    std::string text = all.dump(), bin = bin_;
+    std::string text = tessera::dump_json(all), bin = bin_;
     text.resize((text.size() + 3) / 4 * 4, ' ');
     bin.resize((bin.size() + 3) / 4 * 4, '\0');
     return "glTF" + words({2, 28 + text.size() + bin.size(), text.size()}) + "JSON" + text +
@@ -90,7 +88,7 @@ class GlbFile {
   static std::string words(const std::vector<std::size_t>& numbers) {
     return packed_numbers<std::uint32_t>(numbers);
   }
-  json views_ = json::array(), accessors_ = json::array();
+  tessera::Json views_ = tessera::Json::array(), accessors_ = tessera::Json::array();
   std::string bin_;
 };
 

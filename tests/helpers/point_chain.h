@@ -31,7 +31,7 @@ struct ChainResult {
   Plan plan;
   std::vector<PlanBrick> bricks;
   std::vector<PointRecord> points;  ///< of all bricks, in order
-  nlohmann::json survey, distribute, order;
+  tessera::Json survey, distribute, order;
 };
 
 inline JobState chain_job(const std::filesystem::path& work, const ChainSetup& setup) {

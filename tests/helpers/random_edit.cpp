@@ -5,15 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <string>
 
+#include "stream/files/json.h"
 #include "tests/helpers/random.h"
 
 namespace tessera::test {
 namespace {
 
-using json = nlohmann::json;
 using Points = std::span<const Double3>;
 using Faces = std::span<const std::array<std::uint64_t, 3>>;
 
@@ -28,7 +27,7 @@ Double3 direction(Random& random) {
   }
 }
 
-json list(const Double3& p) {
+tessera::Json list(const Double3& p) {
   return {p[0], p[1], p[2]};
 }
 
@@ -50,15 +49,15 @@ double quantile(const std::vector<double>& sorted, double share) {
   return sorted[static_cast<std::size_t>(share * static_cast<double>(sorted.size() - 1))];
 }
 
-json half_space(const Double3& d, double at) {
+tessera::Json half_space(const Double3& d, double at) {
   return {{"point", list(d * at)}, {"normal", list(d)}};
 }
 
 /// Turns about a centre, and moves: no point within `radius` of it goes farther than `maximum`.
-json motion(Random& random, const Double3& centre, double radius, double maximum) {
+tessera::Json motion(Random& random, const Double3& centre, double radius, double maximum) {
   const double rotation = random.unit(),
                degrees = std::min(40.0, rotation * maximum / radius * 180.0 / 3.14159265);
-  json steps = json::array();
+  tessera::Json steps = tessera::Json::array();
   steps.push_back(
       {{"rotate", {{"axis", list(direction(random))}, {"angle", degrees}, {"centre", list(centre)}}}});
   steps.push_back({{"move", list(direction(random) * ((1.0 - rotation) * maximum))}});
@@ -66,7 +65,7 @@ json motion(Random& random, const Double3& centre, double radius, double maximum
 }
 
 /// What is beyond a plane, against what is before another.
-void bend(Random& random, Points points, json& edit) {
+void bend(Random& random, Points points, tessera::Json& edit) {
   Double3 d;
   double low = 0.0, high = 0.0;
   do {
@@ -87,12 +86,12 @@ void bend(Random& random, Points points, json& edit) {
   edit["handles"]["end"] = motion(random, centre, radius, kMaxMove * (high - low));
 }
 
-json sphere(const Double3& centre, double radius) {
+tessera::Json sphere(const Double3& centre, double radius) {
   return {{"centre", list(centre)}, {"radius", radius}};
 }
 
 /// A spot in the middle of a disk.
-void pull(Random& random, Points points, json& edit) {
+void pull(Random& random, Points points, tessera::Json& edit) {
   const Double3 centre = points[random.below(points.size())];
   const double radius = random.in(0.15, 0.3) * diagonal(points), spot = radius / 3.0;
   edit["regions"].push_back({{"role", "support"}, {"sphere", sphere(centre, radius)}});
@@ -101,7 +100,7 @@ void pull(Random& random, Points points, json& edit) {
 }
 
 /// Three spots of a surface whose one end stays.
-void add_random_points(Random& random, Points points, json& edit) {
+void add_random_points(Random& random, Points points, tessera::Json& edit) {
   const Double3 d = direction(random);
   const double low = quantile(heights(points, d), 0.2);
   std::array<Double3, 3> centre;
@@ -157,9 +156,9 @@ Matrix nearest_rotation(const Matrix& m) {
 
 }  // namespace
 
-json random_edit(Points points, std::uint64_t seed) {
+tessera::Json random_edit(Points points, std::uint64_t seed) {
   Random random(seed);
-  json edit = {{"regions", json::array()}, {"handles", json::object()}};
+  tessera::Json edit = {{"regions", tessera::Json::array()}, {"handles", tessera::Json::object()}};
   edit["order"] = 1 + random.below(3);
   if (random.below(3) == 0) edit["details"] = "volumes";
   const std::uint64_t kind = random.below(3);

@@ -7,9 +7,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"
@@ -25,16 +24,16 @@ inline std::vector<std::string> reconstruct_words(const std::string& in, const s
 }
 
 /// Its report. \pre the job is to succeed
-inline nlohmann::json reconstructed(const std::string& in, const std::filesystem::path& out,
-                                    const std::vector<std::string>& more) {
+inline tessera::Json reconstructed(const std::string& in, const std::filesystem::path& out,
+                                   const std::vector<std::string>& more) {
   const CommandResult r = tessera_command(reconstruct_words(in, out, more));
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  return tessera::parse_json(file_bytes(out.string() + ".report.json"));
 }
 
 /// What the end of a stage told; null where there is none.
-inline nlohmann::json stage_result(const nlohmann::json& report, const std::string& name) {
+inline tessera::Json stage_result(const tessera::Json& report, const std::string& name) {
   for (const auto& entry : report.at("stages"))
     if (entry.at("name") == name) return entry.at("result");
   return {};

@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/stage.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -31,10 +30,10 @@ class SerialContext : public TaskContext {
 };
 
 /// Runs all tasks (last first when `backwards`) and the finish. Returns its report.
-inline nlohmann::json run_stage(const Stage& stage, const std::filesystem::path& work,
-                                bool backwards = false) {
+inline tessera::Json run_stage(const Stage& stage, const std::filesystem::path& work,
+                               bool backwards = false) {
   SerialContext context(work);
-  std::vector<nlohmann::json> summaries(stage.task_count());
+  std::vector<tessera::Json> summaries(stage.task_count());
   for (std::size_t i = 0; i < summaries.size(); ++i) {
     const std::size_t k = backwards ? summaries.size() - 1 - i : i;
     summaries[k] = stage.run(k, context);

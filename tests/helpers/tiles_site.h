@@ -11,9 +11,9 @@
 #include <vector>
 
 #include <meshoptimizer.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/vector.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera::test {
@@ -57,8 +57,6 @@ class SiteReader {
   Site site;
 
  private:
-  using json = nlohmann::json;
-
   static void need(bool holds, const std::string& what) {
     if (!holds) throw std::runtime_error(what);
   }
@@ -66,7 +64,7 @@ class SiteReader {
   void read(const std::filesystem::path& file, std::size_t parent, bool external) {
     need(std::filesystem::is_regular_file(file), file.string() + " is named and not there");
     site.files.push_back(file.lexically_normal());
-    const json all = json::parse(file_bytes(file));
+    const tessera::Json all = tessera::parse_json(file_bytes(file));
     need(all.at("asset").at("version") == "1.1", "version");
     need(all.at("geometricError").get<double>() >= all.at("root").at("geometricError").get<double>(),
          "the error of a tileset is at least that of its root");
@@ -76,7 +74,7 @@ class SiteReader {
   }
 
   /// \param stands  the tile of the outer tileset stands for this root
-  void tile(const json& j, const std::filesystem::path& folder, std::size_t parent, bool stands) {
+  void tile(const tessera::Json& j, const std::filesystem::path& folder, std::size_t parent, bool stands) {
     SiteTile t;
     t.parent = parent;
     t.error = j.at("geometricError").get<double>();
@@ -107,7 +105,8 @@ class SiteReader {
     site.tiles.push_back(t);
     if (own > 0) site.tiles[parent].children.push_back(own);
     (void)stands;
-    for (const json& child : j.value("children", json::array())) tile(child, folder, own, false);
+    for (const tessera::Json& child : j.value("children", tessera::Json::array()))
+      tile(child, folder, own, false);
   }
 };
 
@@ -116,7 +115,6 @@ inline Site read_site(const std::filesystem::path& tileset) {
 }
 
 inline DecodedTile decode_tile(const std::string& glb) {
-  using json = nlohmann::json;
   const auto word = [&](std::size_t at) {
     std::uint32_t w = 0;
     std::memcpy(&w, glb.data() + at, 4);
@@ -124,12 +122,12 @@ inline DecodedTile decode_tile(const std::string& glb) {
   };
   if (word(0) != 0x46546c67 || word(4) != 2 || word(8) != glb.size()) throw std::runtime_error("not a GLB");
   const std::size_t text = word(12), bin = 20 + text + 8;
-  const json all = json::parse(glb.substr(20, text));
+  const tessera::Json all = tessera::parse_json(glb.substr(20, text));
   if (bin + word(20 + text) != glb.size()) throw std::runtime_error("chunks do not fill the GLB");
   const auto bytes_of = [&](std::size_t accessor, std::size_t& count, std::size_t& stride) {
-    const json& view =
+    const tessera::Json& view =
         all.at("bufferViews").at(all.at("accessors").at(accessor).at("bufferView").get<std::size_t>());
-    const json& packed = view.at("extensions").at("EXT_meshopt_compression");
+    const tessera::Json& packed = view.at("extensions").at("EXT_meshopt_compression");
     count = packed.at("count").get<std::size_t>();
     stride = packed.at("byteStride").get<std::size_t>();
     if (all.at("accessors").at(accessor).at("count") != count) throw std::runtime_error("counts differ");
@@ -145,10 +143,10 @@ inline DecodedTile decode_tile(const std::string& glb) {
     return out;
   };
   DecodedTile tile;
-  const json& node = all.at("nodes").at(0);
+  const tessera::Json& node = all.at("nodes").at(0);
   const auto shift = node.at("translation").get<Double3>(), scale = node.at("scale").get<Double3>();
-  const json& primitive = all.at("meshes").at(0).at("primitives").at(0);
-  const json& attributes = primitive.at("attributes");
+  const tessera::Json& primitive = all.at("meshes").at(0).at("primitives").at(0);
+  const tessera::Json& attributes = primitive.at("attributes");
   std::size_t count = 0, stride = 0;
   const auto position = attributes.at("POSITION").get<std::size_t>();
   const auto maximum = all.at("accessors").at(position).at("max").get<Double3>();

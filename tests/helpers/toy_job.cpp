@@ -15,11 +15,11 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/job.h"
 #include "stream/runtime/journal.h"
@@ -88,23 +88,23 @@ class ToyStage : public Stage {
   std::string unit_name() const override { return "pieces"; }
   std::uint64_t finish_bytes() const override { return 100000; }
 
-  nlohmann::json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     if (toy("fail") == name_ + "/" + std::to_string(task)) throw InputError("toy: task was told to fail");
     const std::string sleep = toy("sleep");
     for (int ms = sleep.empty() ? 0 : std::atoi(sleep.c_str()); ms > 0; ms -= 5) {
       context.check_stop();
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
-    nlohmann::json summary = work(task, context);
+    Json summary = work(task, context);
     context.advance(1);
     return summary;
   }
-  nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     return {{"tasks", summaries.size()}};
   }
 
  protected:
-  virtual nlohmann::json work(std::size_t task, TaskContext& context) const = 0;
+  virtual Json work(std::size_t task, TaskContext& context) const = 0;
   JobState state_;
 
  private:
@@ -128,7 +128,7 @@ class Make : public ToyStage {
  public:
   static constexpr std::size_t kPieces = 36;
   explicit Make(const JobState& s) : ToyStage(s, "make", s.run.tile_cells == 64 ? 18 : 9) {}
-  nlohmann::json work(std::size_t task, TaskContext& context) const override {
+  Json work(std::size_t task, TaskContext& context) const override {
     // The pieces do not depend on how they are dealt out to tasks.
     const std::size_t each = kPieces / task_count();
     for (std::size_t p = task * each; p < (task + 1) * each; ++p) {
@@ -149,7 +149,7 @@ class Mix : public ToyStage {
     const std::string fat = toy("fat");
     return fat.empty() ? 1000000 : std::stoull(fat);
   }
-  nlohmann::json work(std::size_t task, TaskContext& context) const override {
+  Json work(std::size_t task, TaskContext& context) const override {
     const std::string all = all_of(state_.work / "a");
     context.count_read(all.size());
     write_file(context.create("b/" + std::to_string(task)), noise(all + std::to_string(task)));
@@ -161,12 +161,12 @@ class Mix : public ToyStage {
 class Sum : public ToyStage {
  public:
   explicit Sum(const JobState& s) : ToyStage(s, "sum", 2) {}
-  nlohmann::json work(std::size_t task, TaskContext&) const override {
+  Json work(std::size_t task, TaskContext&) const override {
     return {{"hash", hex64(hash_text(all_of(state_.work / "b") + std::to_string(task)))}};
   }
-  nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     std::string text;
-    for (const nlohmann::json& summary : summaries) text += summary.at("hash").get<std::string>();
+    for (const Json& summary : summaries) text += summary.at("hash").get<std::string>();
     write_file(context.create("c/all"), noise(text));
     return {{"sums", summaries.size()}};
   }
@@ -175,7 +175,7 @@ class Sum : public ToyStage {
 class Write : public ToyStage {
  public:
   explicit Write(const JobState& s) : ToyStage(s, "write", 2) {}
-  nlohmann::json work(std::size_t task, TaskContext&) const override {
+  Json work(std::size_t task, TaskContext&) const override {
     const std::string text = noise(read_text(state_.work / "c/all") + std::to_string(task));
     const fs::path part = state_.output.string() + ".part";
     const int fd = ::open(part.c_str(), O_WRONLY | O_CREAT, 0644);
@@ -186,7 +186,7 @@ class Write : public ToyStage {
     if (wrote != static_cast<ssize_t>(text.size())) throw_write_error(part, wrote < 0 ? error : ENOSPC);
     return nullptr;
   }
-  nlohmann::json finish(const std::vector<nlohmann::json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     context.create(kOutputName);
     return nullptr;
   }

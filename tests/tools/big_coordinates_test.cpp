@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
@@ -25,8 +24,6 @@ using namespace tessera::test;
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
-
 const Double3 kSurvey = {500000, 5400000, 1e7};
 
 double product(const Double3& a, const Double3& b) {
@@ -127,8 +124,8 @@ void write_text(const fs::path& path, const WholeMesh& mesh) {
   spill(path, text);
 }
 
-json report_of(const fs::path& out) {
-  return json::parse(file_bytes(out.string() + ".report.json"));
+Json report_of(const fs::path& out) {
+  return parse_json(file_bytes(out.string() + ".report.json"));
 }
 
 void check_sound(const fs::path& path) {
@@ -142,13 +139,13 @@ void check_sound(const fs::path& path) {
 }
 
 /// Runs a job and holds what it wrote against the bound in its report.
-json proven(const std::vector<std::string>& words, const fs::path& in, const fs::path& out) {
+Json proven(const std::vector<std::string>& words, const fs::path& in, const fs::path& out) {
   std::vector<std::string> all = words;
   all.insert(all.end(), {"-o", out.string(), "--progress", "none", "-q", "--no-html"});
   const CommandResult r = tessera_command(all);
   INFO(out << ": " << r.errors);
   REQUIRE(r.code == 0);
-  json report = report_of(out);
+  Json report = report_of(out);
   const double bound = report.at("certificate").at("certified_max").get<double>();
   const WholeMesh given = read_whole(in), result = read_whole(out);
   CHECK(farthest(result, given) <= bound + 1e-12);
@@ -165,7 +162,7 @@ TEST_CASE("survey coordinates: what decimate, remesh and resample write keeps th
   const fs::path in = write_survey(folder.path() / "in.ply");
   const std::string extension = GENERATE("ply", "obj", "stl", "glb", "STL", "GLB", "PLY");
   CAPTURE(extension);
-  const json small =
+  const Json small =
       proven({"decimate", in.string(), "--tolerance", "0.02"}, in, folder.path() / ("d." + extension));
   CHECK(small.at("certificate").at("certified_max").get<double>() <= 0.02);
   const bool floats = extension.size() == 3 && (extension[0] == 's' || extension[0] == 'g' ||
@@ -177,7 +174,7 @@ TEST_CASE("survey coordinates: what decimate, remesh and resample write keeps th
   CHECK(small.at("warnings").size() == (stl ? 1u : 0u));
   if (extension.find_first_of("SGP") == 0) return;  // the rest once for each format
   proven({"remesh", in.string(), "--edge", "0.12"}, in, folder.path() / ("r." + extension));
-  const json even = proven({"remesh", in.string(), "--edge", "0.12", "--tolerance", "0.03"}, in,
+  const Json even = proven({"remesh", in.string(), "--edge", "0.12", "--tolerance", "0.03"}, in,
                            folder.path() / ("t." + extension));
   CHECK(even.at("certificate").at("certified_max").get<double>() <= 0.03);
   proven({"resample", in.string(), "--tolerance", "0.01"}, in, folder.path() / ("s." + extension));
@@ -322,7 +319,7 @@ TEST_CASE("survey coordinates: reconstruct writes what it proved, with and witho
                          "above", "--tolerance", tolerance, "--progress", "none", "-q"});
     INFO(r.errors);
     REQUIRE(r.code == 0);
-    const json report = report_of(out);
+    const Json report = report_of(out);
     CHECK(report.at("mesh").contains("origin") == (extension != "ply"));
     CHECK(fs::exists(out.string() + ".shift") == (extension == "stl"));
     if (tolerance != "0") {

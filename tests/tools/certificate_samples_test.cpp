@@ -8,8 +8,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
@@ -174,7 +173,7 @@ void check_samples(const std::vector<fs::path>& meshes, std::size_t samples) {
                                              said, "--progress", "none", "-q", "--no-html", "--force"});
     INFO(r.errors);
     REQUIRE(r.code == 0);
-    const auto report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+    const auto report = parse_json(file_bytes(out.string() + ".report.json"));
     const double proven = report.at("certificate").at("certified_max").get<double>();
     REQUIRE(proven > 0.0);
     REQUIRE(proven <= tolerance);

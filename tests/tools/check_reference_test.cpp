@@ -4,9 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/check/mesh_compare.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/surfaces.h"
@@ -114,18 +113,18 @@ TEST_CASE("check --reference: the same report for any threads and memory, nothin
     REQUIRE(
         check(mesh, reference, std::string("--tolerance 0.003 --force --report ") + report + " " + variant)
             .code == 0);
-    nlohmann::json json = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+    Json json = parse_json(test::file_bytes(report)).at("deviation");
     CHECK(json.at("proven") == true);
     CHECK(json.at("cells") > 1);
     CHECK(json.at("mesh_to_reference").at("measure").get<double>() == Approx(1.0).epsilon(0.01));
     for (const char* direction : {"mesh_to_reference", "reference_to_mesh"}) {
-      const nlohmann::json& d = json.at(direction);
+      const Json& d = json.at(direction);
       CHECK(d.at("certified_max").get<double>() <= 1.0501 * d.at("found_max").get<double>());
     }
     json.erase("seconds");
     json.erase("import_seconds");
-    if (first.empty()) first = json.dump();
-    CHECK(json.dump() == first);
+    if (first.empty()) first = dump_json(json);
+    CHECK(dump_json(json) == first);
   }
   for (const auto& entry : std::filesystem::directory_iterator(folder.path())) CHECK(entry.is_regular_file());
 }
@@ -133,7 +132,7 @@ TEST_CASE("check --reference: the same report for any threads and memory, nothin
 namespace {
 
 /// Whether everything in `part` stands in `all` as well.
-bool is_part(const nlohmann::json& part, const nlohmann::json& all) {
+bool is_part(const Json& part, const Json& all) {
   if (!part.is_object()) return part == all;
   for (const auto& [key, value] : part.items())
     if (!all.contains(key) || !is_part(value, all.at(key))) return false;
@@ -182,7 +181,7 @@ TEST_CASE("check --method: exact, raster and auto give one answer", "[property]"
     INFO(pair.what);
     const std::string mesh = file(folder, "mesh.ply", pair.mesh);
     const std::string reference = file(folder, "reference.ply", pair.reference);
-    nlohmann::json exact, first;
+    Json exact, first;
     std::string complaint;
     for (const std::string variant : {"exact", "raster", "raster -t 3 --memory 100M", "auto"}) {
       INFO(variant);
@@ -191,7 +190,7 @@ TEST_CASE("check --method: exact, raster and auto give one answer", "[property]"
           check(mesh, reference,
                 "--tolerance " + pair.tolerance + " --force --report " + report + " --method " + variant);
       CHECK(outcome.code == pair.code);
-      nlohmann::json json = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+      Json json = parse_json(test::file_bytes(report)).at("deviation");
       json.erase("seconds");
       json.erase("import_seconds");
       CHECK((outcome.said.find("certificate   proven") != std::string::npos) == (pair.code == 0));
@@ -265,16 +264,16 @@ TEST_CASE(
   const std::string report = (folder / "report.json").string();
   for (const std::string tolerance : {"0.02", "0.5", "1"}) {
     REQUIRE(check(wave, two, "--tolerance " + tolerance + " --force --report " + report).code == 0);
-    const auto deviation = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+    const auto deviation = parse_json(test::file_bytes(report)).at("deviation");
     for (const char* variant : {"mesh_to_reference", "reference_to_mesh"}) {
-      const double rms = deviation.at(variant).at("rms");
+      const double rms = deviation.at(variant).at("rms").number();
       CHECK(rms <= deviation.at(variant).at("found_max").get<double>());
       // Of the sine 0.00707, a little less of its chords; back it is less by the slopes.
       CHECK(rms == Approx(0.0069).epsilon(0.05));
     }
   }
   CHECK(check(wave, two, "--tolerance 0.002 --force --report " + report).code == 6);
-  const auto deviation = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+  const auto deviation = parse_json(test::file_bytes(report)).at("deviation");
   CHECK(deviation.at("mesh_to_reference").at("rms").is_null());
 }
 

@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "tests/helpers/aerial_scene.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"
@@ -84,7 +83,7 @@ TEST_CASE("classify: ground, vegetation, houses and noise of a known scene, and 
   CHECK(high > 1000);
   CHECK(roofs > 1900);
   CHECK(crowns_as_roofs < 60);  // those beside a house
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(folder / "r.json"));
+  const tessera::Json report = tessera::parse_json(file_bytes(folder / "r.json"));
   CHECK(report.at("points") == points.size());
   CHECK(report.at("kept") == 3);
   CHECK(report.at("classes").at("2") == std::count(classes.begin(), classes.end(), 2));

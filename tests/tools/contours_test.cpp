@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/height_sheet.h"
 #include "tests/helpers/shell.h"
@@ -53,18 +52,18 @@ TEST_CASE(
                  out = folder / "lines.geojson";
   make({mesh.string(), "-o", out.string(), "--interval", "2.5", "--index", "2", "--crs",
         folder.write("utm.txt", "EPSG:25832\n").string()});
-  const nlohmann::json lines = nlohmann::json::parse(file_bytes(out));
+  const tessera::Json lines = tessera::parse_json(file_bytes(out));
   REQUIRE(lines.at("features").size() == 32 + 7);  // the tip at 120 is a point
   CHECK(lines.at("crs").at("properties").at("name").get<std::string>().find("25832") != std::string::npos);
   for (std::size_t k = 0; k < 39; ++k) {
-    const nlohmann::json& f = lines.at("features")[k];
+    const tessera::Json& f = lines.at("features")[k];
     const std::size_t number = k < 32 ? k / 4 : k - 24;
     const double level = 82.5 + 2.5 * static_cast<double>(number), half = 120.0 - level;
     CAPTURE(k, level);
     CHECK(f.at("properties").at("elevation") == level);
     CHECK(f.at("properties").at("closed") == (k < 32 ? 0 : 1));
     CHECK(f.at("properties").at("index_line") == (number % 2 == 1 ? 1 : 0));
-    const nlohmann::json& p = f.at("geometry").at("coordinates");
+    const tessera::Json& p = f.at("geometry").at("coordinates");
     double area = 0.0;
     bool on_line = true;
     for (std::size_t i = 0; i < p.size(); ++i) {
@@ -95,13 +94,13 @@ TEST_CASE("contours: over many patches every line is closed or ends at the borde
     make({mesh.string(), "-o", b, "--interval", "0.5", "--memory", "192M", "-t", "1"});
     CHECK((file_bytes(a) == file_bytes(b)));
   }
-  const nlohmann::json lines = nlohmann::json::parse(file_bytes(folder / "a.geojson"));
+  const tessera::Json lines = tessera::parse_json(file_bytes(folder / "a.geojson"));
   std::size_t closed = 0, open = 0;
   double last = -1e9;
   bool at_border = true, ascends = true;
-  for (const nlohmann::json& f : lines.at("features")) {
-    const nlohmann::json& p = f.at("geometry").at("coordinates");
-    const auto border = [](const nlohmann::json& q) {
+  for (const tessera::Json& f : lines.at("features")) {
+    const tessera::Json& p = f.at("geometry").at("coordinates");
+    const auto border = [](const tessera::Json& q) {
       const double x = q[0].get<double>() - kX, y = q[1].get<double>() - kY;
       return x == 0.0 || y == 0.0 || x == 320.0 || y == 320.0;
     };

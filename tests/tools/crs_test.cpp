@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <nlohmann/json.hpp>
+#include "stream/files/json_text.h"
 #include "stream/formats/proj_library.h"
 
 #include "tests/helpers/command.h"
@@ -62,7 +62,7 @@ void check_commands(const TempFolder& folder, const std::string& scan, const std
   INFO(r.errors);
   REQUIRE(r.code == 0);
   CHECK(file_bytes(sidecar).rfind(begins, 0) == 0);
-  const auto report = nlohmann::json::parse(file_bytes(mesh.string() + ".report.json"));
+  const auto report = tessera::parse_json(file_bytes(mesh.string() + ".report.json"));
   CHECK(report.at("coordinate_system").at("wkt") == file_bytes(sidecar));
   CHECK(report.at("beside").back().at("path") == sidecar.string());
   CHECK(tessera_command(words).code == 0);  // done already, the file is its own
@@ -153,7 +153,8 @@ TEST_CASE("coordinate system: a scan in degrees is no surface: refused at once, 
   const auto report = reconstructed(scan, mesh, {"--project", "auto"});
   CHECK(report.at("coordinate_system").at("epsg") == 32632);
   CHECK(file_bytes(mesh + ".prj").find("UTM zone 32N") != std::string::npos);
-  CHECK(report.at("warnings").dump().find("projected to WGS 84 / UTM zone 32N") != std::string::npos);
+  CHECK(tessera::dump_json(report.at("warnings")).find("projected to WGS 84 / UTM zone 32N") !=
+        std::string::npos);
   const auto& points = stage_result(report, "survey");
   CHECK(points.at("spacing").get<double>() > 0.2);
   CHECK(points.at("spacing").get<double>() < 0.5);

@@ -5,9 +5,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
@@ -44,8 +43,8 @@ std::vector<std::string> words(const fs::path& in, const fs::path& out,
   return w;
 }
 
-nlohmann::json report_of(const fs::path& out) {
-  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+Json report_of(const fs::path& out) {
+  return parse_json(file_bytes(out.string() + ".report.json"));
 }
 
 }  // namespace
@@ -66,7 +65,7 @@ TEST_CASE("decimate: same bytes over threads, memory, processes, order of the in
     return file_bytes(out);
   };
   const std::string bytes = run(in, {"-t", "1", "--memory", "1G"});
-  const nlohmann::json report = report_of(folder.path() / "out.ply");
+  const Json report = report_of(folder.path() / "out.ply");
   CHECK(report.at("mesh").at("faces").get<int>() < 2 * kSide * kSide / 10);
   CHECK(report.at("certificate").at("proven") == true);
   CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.05);
@@ -97,7 +96,7 @@ TEST_CASE("decimate: what the certificate sends back is made again until it is p
     INFO(r.errors);
     REQUIRE(r.code == 0);
     const std::string bytes = file_bytes(out);
-    const nlohmann::json certificate = report_of(out).at("certificate");
+    const Json certificate = report_of(out).at("certificate");
     CHECK(certificate.at("proven") == true);
     CHECK(certificate.at("rounds_again").get<int>() >= 1);
     CHECK(certificate.at("cells_kept").get<int>() < certificate.at("cells").get<int>());
@@ -257,7 +256,7 @@ TEST_CASE("reconstruct --tolerance: the mesh shrinks within a proven distance, s
                          "--resolution", "0.02", "--tolerance", "0.01", "-t", threads});
     INFO(r.errors);
     REQUIRE(r.code == 0);
-    const nlohmann::json report = report_of(out);
+    const Json report = report_of(out);
     CHECK(report.at("certificate").at("proven") == true);
     CHECK(report.at("mesh").at("faces").get<int>() < report.at("raw_mesh").at("faces").get<int>() / 4);
     if (bytes.empty()) bytes = file_bytes(out);

@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/files/file_extension.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/made_meshes.h"
@@ -28,8 +27,6 @@ using namespace tessera::test;
 namespace {
 
 namespace fs = std::filesystem;
-using json = nlohmann::json;
-
 /// Of the diagonal: faces no higher turn over by how their corners are rounded.
 constexpr double kRounding = 1e-5;
 constexpr unsigned kPatience_ms = 120000;  ///< for soups whose faces contradict each other
@@ -100,14 +97,15 @@ void try_edits(const fs::path& mesh, std::uint64_t seeds, const std::vector<std:
   const fs::path script = mesh.parent_path() / "edit.json", out = mesh.parent_path() / "edited.ply";
   const WholeMesh before = read_whole(mesh);
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
-    const json edit = random_edit(before.points, seed_of(mesh) + seed);
-    std::ofstream(script) << edit.dump();
+    const Json edit = random_edit(before.points, seed_of(mesh) + seed);
+    std::ofstream(script) << dump_json(edit);
     std::vector<std::string> words = {"deform", mesh.string(), script.string(), "-o", out.string()};
     words.insert(words.end(), options.begin(), options.end());
     const CommandResult r = quietly(words);
-    std::cout << mesh.stem().string() << ", " << before.faces.size() << " faces, order " << edit["order"]
-              << ", " << edit.value("details", "turned") << ", " << edit["handles"].size() << " handles: ";
-    INFO(mesh.filename() << " " << edit.dump() << " " << r.errors);
+    std::cout << mesh.stem().string() << ", " << before.faces.size() << " faces, order "
+              << dump_json(edit["order"]) << ", " << edit.value("details", "turned") << ", "
+              << edit["handles"].size() << " handles: ";
+    INFO(mesh.filename() << " " << dump_json(edit) << " " << r.errors);
     if (r.code != 0) {
       std::cout << r.errors << std::flush;
       CHECK(r.code == 3);
@@ -119,13 +117,15 @@ void try_edits(const fs::path& mesh, std::uint64_t seeds, const std::vector<std:
     REQUIRE(after.faces == before.faces);
     const FlippedFaces t =
         flipped_faces(before.points, after.points, before.faces, kRounding * diagonal(before));
-    const json report = json::parse(file_bytes(out.string() + ".report.json"));
-    const json& figures = report.at("mesh");
-    std::cout << t.count << " and " << t.thin << " thin turn over; base of " << report.at("base").at("faces")
+    const Json report = parse_json(file_bytes(out.string() + ".report.json"));
+    const Json& figures = report.at("mesh");
+    std::cout << t.count << " and " << t.thin << " thin turn over; base of "
+              << dump_json(report.at("base").at("faces"))
               << (report.at("base").at("own").get<bool>() ? ", its own: " : ": ")
-              << figures.at("base_flipped_by_turns") << ", then " << figures.at("base_flipped_faces")
-              << "; cross " << figures.at("base_crossing_faces_before") << ", then "
-              << figures.at("base_crossing_faces") << std::endl;
+              << dump_json(figures.at("base_flipped_by_turns")) << ", then "
+              << dump_json(figures.at("base_flipped_faces")) << "; cross "
+              << dump_json(figures.at("base_crossing_faces_before")) << ", then "
+              << dump_json(figures.at("base_crossing_faces")) << std::endl;
     CHECK(t.not_finite == 0);
     sum.base_flipped += figures.at("base_flipped_faces").get<std::size_t>();
     CHECK(figures.at("largest_move").get<double>() > 0.0);

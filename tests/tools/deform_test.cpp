@@ -6,10 +6,9 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/placement.h"
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
@@ -25,8 +24,6 @@ using namespace tessera::test;
 namespace {
 
 namespace fs = std::filesystem;
-using json = nlohmann::json;
-
 constexpr double kLength = 10.0;
 
 /// A closed bar along x with fine waves on it; `side` squares around, 4 `side` along.
@@ -61,19 +58,19 @@ fs::path write_bar(const fs::path& path, int side) {
   return path;
 }
 
-fs::path write_json(const fs::path& path, const json& value) {
-  std::ofstream(path) << value.dump();
+fs::path write_json(const fs::path& path, const Json& value) {
+  std::ofstream(path) << dump_json(value);
   return path;
 }
 
-const json kBend = {
+const Json kBend = {
     {"handles", {{"end", {{"rotate", {{"axis", {0, 0, 1}}, {"angle", 60}, {"centre", {5, 0, 0}}}}}}}}};
 
 /// The bar between x = 2 and x = 8 follows, what is beyond 8 is the handle.
-json edit() {
-  json e = kBend;
+Json edit() {
+  Json e = kBend;
   e["order"] = 2;
-  e["regions"] = json::array();
+  e["regions"] = Json::array();
   e["regions"].push_back({{"role", "support"}, {"box", {{2, -2, -2}, {8, 2, 2}}}});
   e["regions"].push_back(
       {{"role", "handle"}, {"name", "end"}, {"half_space", {{"point", {8, 0, 0}}, {"normal", {-1, 0, 0}}}}});
@@ -87,8 +84,8 @@ CommandResult deform(const std::vector<std::string>& more) {
   return tessera_command(w);
 }
 
-json report_of(const fs::path& out) {
-  return json::parse(file_bytes(out.string() + ".report.json"));
+Json report_of(const fs::path& out) {
+  return parse_json(file_bytes(out.string() + ".report.json"));
 }
 
 const Placement kRotation = rotation({0, 0, 1}, 60.0).about({5, 0, 0});
@@ -115,23 +112,23 @@ TEST_CASE("deform: a mesh that is its own base", "[pipeline]") {
   INFO(r.errors);
   REQUIRE(r.code == 0);
   require_bent(in, out, 1e-5);
-  const json report = report_of(out);
+  const Json report = report_of(out);
   CHECK(report.at("base").at("own") == true);
   CHECK(report.at("edit").at("residual").get<double>() < 1e-8);
   CHECK(report.at("mesh").at("base_flipped_faces") == 0);
   CHECK(report.at("mesh").at("largest_move").get<double>() > 2.0);
 
   SECTION("details keep their volumes") {
-    json e = edit();
+    Json e = edit();
     e["details"] = "volumes";
     const fs::path kept = folder.path() / "kept.ply";
     const fs::path with = write_json(folder.path() / "volumes.json", e);
     REQUIRE(deform({in.string(), with.string(), "-o", kept.string()}).code == 0);
     require_bent(in, kept, 1e-5);
-    const json mesh = report_of(kept).at("mesh");
+    const Json mesh = report_of(kept).at("mesh");
     CHECK(mesh.at("details").at("volumes_off").get<double>() < 0.05);
     CHECK(mesh.at("details").at("volumes_off_before").get<double>() > 0.05);
-    const auto change = [](const json& m) {
+    const auto change = [](const Json& m) {
       return std::fabs(m.at("base_volume").get<double>() / m.at("base_volume_before").get<double>() - 1.0);
     };
     CHECK(change(mesh) < 0.6 * change(report.at("mesh")));
@@ -183,7 +180,7 @@ TEST_CASE("deform: a mesh larger than its base follows with its details", "[prop
   };
   const std::string bytes = run({"-t", "1", "--memory", "1G"});
   require_bent(in, folder.path() / "out.ply", 1e-4);
-  const json report = report_of(folder.path() / "out.ply");
+  const Json report = report_of(folder.path() / "out.ply");
   CHECK(report.at("base").at("own") == false);
   CHECK(report.at("edit").at("base_vertices").get<std::uint64_t>() < 9000);
   CHECK(report.at("mesh").at("base_flipped_faces") == 0);
@@ -194,12 +191,12 @@ TEST_CASE("deform: a mesh larger than its base follows with its details", "[prop
     const fs::path basis = folder.path() / "basis.tsb", out = folder.path() / "posed.ply";
     REQUIRE(deform({"prepare", in.string(), script.string(), "-o", basis.string(), "--base-vertices", "6000"})
                 .code == 0);
-    const json prepared = report_of(basis).at("mesh");
+    const Json prepared = report_of(basis).at("mesh");
     CHECK(prepared.at("reconstruction_error").get<double>() <= 1e-6 * prepared.at("diagonal").get<double>());
     REQUIRE(deform({"apply", basis.string(), "--pose", script.string(), "-o", out.string()}).code == 0);
     CHECK(file_bytes(out) == bytes);
-    const json series = {{"poses",
-                          {{{"name", "still"}, {"handles", json::object()}},
+    const Json series = {{"poses",
+                          {{{"name", "still"}, {"handles", Json::object()}},
                            {{"name", "bent"}, {"handles", kBend.at("handles")}}}}};
     const fs::path poses = write_json(folder.path() / "poses.json", series);
     REQUIRE(
@@ -224,7 +221,7 @@ TEST_CASE("deform: a mesh is fitted to control points", "[pipeline]") {
   const CommandResult r = deform({in.string(), "--fit", points.string(), "-o", out.string()});
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  const json targets = report_of(out).at("mesh").at("targets");
+  const Json targets = report_of(out).at("mesh").at("targets");
   CHECK(targets.at("count") == 3);
   CHECK(targets.at("largest_before").get<double>() > 0.3);
   CHECK(targets.at("largest_after").get<double>() < 0.01);
@@ -244,8 +241,8 @@ TEST_CASE("deform: regions by paint and by creases", "[pipeline]") {
   for (const Double3& p : mesh.points)
     mesh.rgba.push_back(p[0] > 8 ? 0xff0000ffu : p[0] > 2 ? 0xffff2020u : 0xffffffffu);
   write_whole(painted, mesh);
-  json e = kBend;
-  e["regions"] = json::array();
+  Json e = kBend;
+  e["regions"] = Json::array();
   e["regions"].push_back({{"role", "support"}, {"painted", {{"colour", {0, 0, 255}}}}});
   e["regions"].push_back(
       {{"role", "handle"}, {"name", "end"}, {"painted", {{"colour", {255, 0, 0}}, {"within", 10}}}});
@@ -307,19 +304,19 @@ TEST_CASE("deform: goes on after a stop", "[fault]") {
 TEST_CASE("deform: what makes no sense is said", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_bar(folder.path() / "in.ply", 20);
-  const auto run = [&](const json& script) {
+  const auto run = [&](const Json& script) {
     const CommandResult r = deform({in.string(), write_json(folder.path() / "edit.json", script).string(),
                                     "-o", (folder.path() / "out.ply").string()});
     CHECK_FALSE(fs::exists(folder.path() / "out.ply"));
     fs::remove_all(folder.path() / "out.ply.tessera");
     return r;
   };
-  const auto refused = [&](const json& script, const std::string& with) {
+  const auto refused = [&](const Json& script, const std::string& with) {
     const CommandResult r = run(script);
     CHECK(r.code == 3);
     CHECK_THAT(r.errors, Catch::Contains(with));
   };
-  json e = edit();
+  Json e = edit();
   e["regions"][0]["boxx"] = 1;
   refused(e, "\"boxx\" is not known in region 1, did you mean box?");
   e = edit();
@@ -329,8 +326,8 @@ TEST_CASE("deform: what makes no sense is said", "[pipeline]") {
   e["handles"]["knob"] = {{"move", {1, 2, 3}}};
   refused(e, "no handle of this name");
   e = edit();
-  e["regions"] = json::array({{{"role", "support"}, {"all", true}}});
-  e["handles"] = json::object();
+  e["regions"] = Json::array({{{"role", "support"}, {"all", true}}});
+  e["handles"] = Json::object();
   refused(e, "lacks constraints");
   e = edit();
   e["regions"][1]["half_space"]["point"] = {80, 0, 0};
@@ -340,7 +337,7 @@ TEST_CASE("deform: what makes no sense is said", "[pipeline]") {
   refused(e, "\"colour\" takes numbers from 0 to 255");
   e["regions"][0] = {{"role", "support"}, {"patch", {{"points", {{0, 0, 0}}}, {"crease", 0}}}};
   refused(e, "\"crease\" is an angle between 0 and 180 degrees");
-  e["regions"][0] = {{"role", "support"}, {"patch", {{"points", json::array()}}}};
+  e["regions"][0] = {{"role", "support"}, {"patch", {{"points", Json::array()}}}};
   refused(e, "region 1: \"patch\"");
   e = edit();
   e["order"] = 4;
@@ -359,23 +356,23 @@ TEST_CASE("deform: what makes no sense is said", "[pipeline]") {
 TEST_CASE("deform: a mesh that is mirrored as a whole keeps its inside, one in part is told", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_bar(folder.path() / "in.ply", 20), out = folder.path() / "out.ply";
-  const auto run = [&](const fs::path& mesh, const json& regions, const json& motion,
+  const auto run = [&](const fs::path& mesh, const Json& regions, const Json& motion,
                        const std::string& details) {
-    const json e = {{"regions", regions}, {"handles", {{"end", motion}}}, {"details", details}};
+    const Json e = {{"regions", regions}, {"handles", {{"end", motion}}}, {"details", details}};
     return deform(
         {mesh.string(), write_json(folder.path() / "edit.json", e).string(), "-o", out.string(), "--force"});
   };
-  const json handle = {{"role", "handle"}, {"name", "end"}, {"all", true}};
-  const json middle = {{"role", "support"}, {"box", {{4, -2, -2}, {6, 2, 2}}}};
+  const Json handle = {{"role", "handle"}, {"name", "end"}, {"all", true}};
+  const Json middle = {{"role", "support"}, {"box", {{4, -2, -2}, {6, 2, 2}}}};
   const WholeMesh before = read_whole(in);
-  const std::vector<std::pair<json, Placement>> mirrors = {
+  const std::vector<std::pair<Json, Placement>> mirrors = {
       {{{"scale", {{"factor", {1, -1, 1}}}}}, {{1, 0, 0, 0, -1, 0, 0, 0, 1}, {0, 0, 0}}},
       {{{"matrix", {-2, 0, 0, 7, 0, 2, 0, 0, 0, 0, 2, 0}}}, {{-2, 0, 0, 0, 2, 0, 0, 0, 2}, {7, 0, 0}}}};
   for (const std::string details : {"turned", "volumes"})
     for (const auto& [motion, map] : mirrors) {
       if (details == "volumes" && map.determinant() < -1.5) continue;  // it keeps those
-      CAPTURE(motion.dump(), details);
-      const CommandResult r = run(in, json::array({handle, middle}), motion, details);
+      CAPTURE(dump_json(motion), details);
+      const CommandResult r = run(in, Json::array({handle, middle}), motion, details);
       CAPTURE(r.errors);
       REQUIRE(r.code == 0);
       const WholeMesh after = read_whole(out);
@@ -389,10 +386,10 @@ TEST_CASE("deform: a mesh that is mirrored as a whole keeps its inside, one in p
       CHECK(report_of(out).at("mesh").at("mirrored") == true);
     }
   // Only one end: the bar stays in one piece, and its faces keep their side.
-  const json far = {
+  const Json far = {
       {"role", "handle"}, {"name", "end"}, {"half_space", {{"point", {8, 0, 0}}, {"normal", {-1, 0, 0}}}}};
-  const json between = {{"role", "support"}, {"box", {{2, -2, -2}, {8, 2, 2}}}};
-  REQUIRE(run(in, json::array({between, far}), mirrors[0].first, "turned").code == 0);
+  const Json between = {{"role", "support"}, {"box", {{2, -2, -2}, {8, 2, 2}}}};
+  REQUIRE(run(in, Json::array({between, far}), mirrors[0].first, "turned").code == 0);
   CHECK(read_whole(out).faces == before.faces);
   CHECK_FALSE(report_of(out).at("mesh").contains("mirrored"));
   // One of two bars.
@@ -404,10 +401,10 @@ TEST_CASE("deform: a mesh that is mirrored as a whole keeps its inside, one in p
   two.header.vertices = two.points.size();
   two.header.faces = two.faces.size();
   write_whole(folder.path() / "two.ply", two);
-  const json near = {
+  const Json near = {
       {"role", "handle"}, {"name", "end"}, {"half_space", {{"point", {0, 10, 0}}, {"normal", {0, -1, 0}}}}};
   const CommandResult r =
-      run(folder.path() / "two.ply", json::array({near, middle}), mirrors[0].first, "turned");
+      run(folder.path() / "two.ply", Json::array({near, middle}), mirrors[0].first, "turned");
   CHECK(r.code == 3);
   CHECK_THAT(r.errors, Catch::Contains("'end' mirrors a whole part of the mesh"));
 }

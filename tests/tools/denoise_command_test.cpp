@@ -4,10 +4,9 @@
 #include <array>
 #include <cmath>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/closest_face.h"
 #include "octree/vector.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
@@ -24,7 +23,7 @@ namespace fs = std::filesystem;
 namespace {
 
 /// Denoises the mesh with noise of a fifth of its edges on it. \returns how many times nearer to the truth it is
-double gain(const WholeMesh& clean, nlohmann::json& figures) {
+double gain(const WholeMesh& clean, Json& figures) {
   const TempFolder folder;
   const fs::path in = folder.path() / "noisy.ply", out = folder.path() / "denoised.ply";
   std::vector<std::array<std::uint32_t, 3>> faces;
@@ -51,7 +50,7 @@ double gain(const WholeMesh& clean, nlohmann::json& figures) {
       sum += std::sqrt(truth.closest(p - clean.points[0], 1e300, ClosestFaces::kNone).square);
     return sum / static_cast<double>(mesh.points.size());
   };
-  figures = nlohmann::json::parse(file_bytes(out.string() + ".report.json")).at("mesh");
+  figures = parse_json(file_bytes(out.string() + ".report.json")).at("mesh");
   return distance(noisy) / distance(read_whole(out));
 }
 
@@ -59,7 +58,7 @@ double gain(const WholeMesh& clean, nlohmann::json& figures) {
 
 TEST_CASE("smooth: denoising brings a bracket several times nearer to the truth and turns faces back",
           "[property]") {
-  nlohmann::json mesh;
+  Json mesh;
   CHECK(gain(made_bracket(30), mesh) > 3.9);
   const int before = mesh.at("turned_faces_before").get<int>();
   CHECK(before > 150);
@@ -70,7 +69,7 @@ TEST_CASE(
     "smooth: denoising brings the rocker arm nearly four times nearer to the truth and turns faces back",
     "[property][.shared]") {
   if (!has_shared_data()) return;
-  nlohmann::json mesh;
+  Json mesh;
   CHECK(gain(read_whole(kSharedData / "meshes/rocker-arm.ply"), mesh) > 3.9);
   CHECK(mesh.at("turned_faces_before").get<int>() > 1000);
   CHECK(mesh.at("turned_faces").get<int>() < 20);  // on creases, which stay

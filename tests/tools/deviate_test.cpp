@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/vector.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/points/las_records.h"
 #include "tests/helpers/aerial_scene.h"
 #include "tests/helpers/command.h"
@@ -121,8 +120,8 @@ TEST_CASE("deviate: points around a box have its signed distances, figures are t
   CHECK(wrong == 0);
   CHECK(std::isnan(rows.back()[3]));
 
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(folder / "out.json"));
-  const nlohmann::json& all = report.at("areas")[0];
+  const Json report = parse_json(file_bytes(folder / "out.json"));
+  const Json& all = report.at("areas")[0];
   const double n = static_cast<double>(values.size());
   CHECK(all.at("points") == values.size());
   CHECK(all.at("far") == 1);
@@ -245,7 +244,7 @@ TEST_CASE("deviate: LAS gets extra bytes and keeps every other one, LAZ the same
                    (folder / "parts.json").string()}) == 0);
   CHECK(file_bytes(folder / "parts/scan.las") == written);
   CHECK(LasRecords(folder / "parts/half.las").points() == 100);
-  const nlohmann::json parts_report = nlohmann::json::parse(file_bytes(folder / "parts.json"));
+  const Json parts_report = parse_json(file_bytes(folder / "parts.json"));
   CHECK(parts_report.at("points") == 3100 - 62);
   CHECK(parts_report.at("left_out") == 62);
   CHECK(deviate({scan.string(), box.string(), "--to", box.string(), "-o", parts, "--force"}, &errors) == 3);
@@ -313,7 +312,7 @@ TEST_CASE("deviate: areas have figures of their own", "[pipeline]") {
       {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [[[1.95,0],[4,0],[4,1.45],[1.95,1.45],[1.95,0]]]}}]})");
   REQUIRE(deviate({scan.string(), "--to", box.string(), "--within", areas.string(), "--report",
                    (folder / "out.json").string()}) == 0);
-  const nlohmann::json rows = nlohmann::json::parse(file_bytes(folder / "out.json")).at("areas");
+  const Json rows = parse_json(file_bytes(folder / "out.json")).at("areas");
   REQUIRE(rows.size() == 3);
   CHECK(rows[0].at("points") == 600);
   CHECK(rows[1].at("points") == 300);

@@ -5,10 +5,10 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
-#include <nlohmann/json.hpp>
 
 #include "kernels/solid/distance_octree.h"
 #include "octree/vector.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/octree_file.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
@@ -190,7 +190,7 @@ TEST_CASE("field: an octree is within its tolerance at samples, and far smaller 
     }
     CHECK(worst <= tolerance);
     CHECK(worst > 0.1 * tolerance);
-    const nlohmann::json field = nlohmann::json::parse(file_bytes(out + ".report.json")).at("field");
+    const Json field = parse_json(file_bytes(out + ".report.json")).at("field");
     CHECK(field.at("cells") == cells);
     CHECK(field.at("bytes") == file_bytes(out).size());
     CHECK(field.at("worst_error").get<double>() <= tolerance);

@@ -4,8 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/serial_job.h"
@@ -39,7 +38,7 @@ TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes
     const fs::path out = folder.path() / "out.ply";
     fs::remove(out);
     more.insert(more.end(), base.begin(), base.end());
-    const nlohmann::json report = reconstructed(in, out, more);
+    const Json report = reconstructed(in, out, more);
     CHECK_FALSE(fs::exists(out.string() + ".tessera"));
     // All levels take part.
     for (const auto& faces : stage_result(report, "surface").at("faces_of_level"))
@@ -69,10 +68,10 @@ TEST_CASE("reconstruct --levels: one manifold, finer where the scan is dense, as
   if (estimate) more.insert(more.end(), {"--normals", "estimate", "--max-uncertain", "1"});
   const fs::path one = folder.path() / "one.ply", many = folder.path() / "many.ply",
                  small = folder.path() / "small.ply";
-  const nlohmann::json flat = reconstructed(in, one, more);
+  const Json flat = reconstructed(in, one, more);
   const double h = stage_result(flat, "surface").at("h").get<double>();
   more.insert(more.end(), {"--levels", "3"});
-  const nlohmann::json levels = reconstructed(in, many, more);
+  const Json levels = reconstructed(in, many, more);
   CHECK(stage_result(levels, "surface").at("h").get<double>() == h);
   CHECK(stage_result(levels, "surface").at("finest_h").get<double>() == h / 4);
   const MeshCheck a = checked(one, folder.path()), b = checked(many, folder.path());
@@ -81,8 +80,8 @@ TEST_CASE("reconstruct --levels: one manifold, finer where the scan is dense, as
   CHECK(b.area > 0.99 * a.area);
   CHECK(b.area < 1.05 * a.area);
 
-  more.insert(more.end(), {"--tolerance", nlohmann::json(0.1 * h).dump()});
-  const nlohmann::json decimated = reconstructed(in, small, more);
+  more.insert(more.end(), {"--tolerance", dump_json(Json(0.1 * h))});
+  const Json decimated = reconstructed(in, small, more);
   CHECK(decimated.at("certificate").at("proven") == true);
   CHECK(checked(small, folder.path()).defects().empty());
   CHECK(decimated.at("mesh").at("faces").get<std::uint64_t>() * 2 < b.faces);
@@ -92,18 +91,18 @@ TEST_CASE("reconstruct --levels: smoothed before it is decimated", "[pipeline]")
   const TempFolder folder;
   const std::string in = town(folder.path(), "120000", {"--normals", "--noise", "0.15"});
   const fs::path out = folder.path() / "out.ply";
-  const nlohmann::json report = reconstructed(
+  const Json report = reconstructed(
       in, out, {"--levels", "3", "--tolerance", "0.6", "--min-component", "1", "--smooth", "implicit"});
   CHECK(report.at("certificate").at("proven") == true);
   CHECK(checked(out, folder.path()).defects().empty());
-  const nlohmann::json& noise = report.at("smoothing").at("noise");
+  const Json& noise = report.at("smoothing").at("noise");
   CHECK(noise.at("after").get<double>() < 0.8 * noise.at("before").get<double>());
 }
 
 TEST_CASE("reconstruct --levels: levels that noise forbids are named", "[pipeline]") {
   const TempFolder folder;
   const std::string in = town(folder.path(), "60000", {"--normals", "--noise", "1"});
-  const nlohmann::json report = reconstructed(in, folder.path() / "out.ply", {"--levels", "4"});
+  const Json report = reconstructed(in, folder.path() / "out.ply", {"--levels", "4"});
   const auto used = stage_result(report, "levels").at("noise_levels").get<int>();
   REQUIRE(used < 4);
   REQUIRE(report.at("warnings").size() == 1);

@@ -7,8 +7,7 @@
 #include <cmath>
 #include <functional>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "stream/render/doubt.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/e57_writer.h"
@@ -41,8 +40,8 @@ CommandResult reconstruct(const std::filesystem::path& in, const std::filesystem
   return tessera_command(words);
 }
 
-nlohmann::json orient_entry(const std::filesystem::path& out) {
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+tessera::Json orient_entry(const std::filesystem::path& out) {
+  const tessera::Json report = tessera::parse_json(file_bytes(out.string() + ".report.json"));
   for (const auto& stage : report.at("stages"))
     if (stage.at("name") == "orient") return stage.at("result");
   return nullptr;
@@ -58,8 +57,8 @@ TEST_CASE("orient: simulated scans without normals show the right side", "[pipel
       reconstruct(scan(folder, scene, "surface", scene == "statue" ? "300000" : "100000"), out, {});
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  const nlohmann::json entry = orient_entry(out);
-  INFO(entry.dump());
+  const tessera::Json entry = orient_entry(out);
+  INFO(tessera::dump_json(entry));
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.998);
 }
 
@@ -69,8 +68,8 @@ TEST_CASE("orient: a furnished room shows inwards, with no viewpoint given", "[p
   const CommandResult r = reconstruct(scan(folder, "indoor", "terrestrial", "300000"), out, {});
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  const nlohmann::json entry = orient_entry(out);
-  INFO(entry.dump());
+  const tessera::Json entry = orient_entry(out);
+  INFO(tessera::dump_json(entry));
   CHECK(entry.at("enclosed_fraction").get<double>() > 0.01);
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.98);
 }
@@ -81,8 +80,8 @@ TEST_CASE("orient: a city scanned from the air shows upwards, roofs too, with no
   const CommandResult r = reconstruct(scan(folder, "city", "airborne", "150000"), out, {});
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  const nlohmann::json entry = orient_entry(out);
-  INFO(entry.dump());
+  const tessera::Json entry = orient_entry(out);
+  INFO(tessera::dump_json(entry));
   CHECK(entry.at("scene") == "from above");
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.997);
 }
@@ -96,8 +95,8 @@ TEST_CASE("orient: a wide city is oriented block by block, the same bytes under 
     const CommandResult r = reconstruct(in, out, {"--resolution", "1", "-t", threads, "--memory", cap});
     INFO(r.errors);
     REQUIRE(r.code == 0);
-    const nlohmann::json entry = orient_entry(out);
-    INFO(entry.dump());
+    const tessera::Json entry = orient_entry(out);
+    INFO(tessera::dump_json(entry));
     CHECK(entry.at("scene") == "from above");
     CHECK(entry.at("anchors").get<int>() > 0);
     CHECK(entry.at("agreement").at("fraction").get<double>() > 0.997);
@@ -127,9 +126,9 @@ TEST_CASE("orient: an animal of a few rings of points is an object, in one piece
   for (const double x : {15.0, 165.0})
     for (const double y : {-14.0, 14.0}) limb({x, y, 0}, {0, 0, 1}, 80, 8);
   const auto out = folder.path() / "mesh.ply";
-  const nlohmann::json report = reconstructed(folder.write("animal.xyz", text), out, {});
-  const nlohmann::json entry = orient_entry(out);
-  INFO(entry.dump());
+  const tessera::Json report = reconstructed(folder.write("animal.xyz", text), out, {});
+  const tessera::Json entry = orient_entry(out);
+  INFO(tessera::dump_json(entry));
   CHECK(entry.at("scene") == "object");
   CHECK(entry.at("covered_fraction").get<double>() > 0.3);
   CHECK(checked(out, folder.path()).components == 1);
@@ -150,8 +149,8 @@ TEST_CASE("orient: a forest without return numbers was seen from above", "[pipel
   }
   const auto out = folder.path() / "mesh.ply";
   reconstructed(folder.write("forest.xyz", text), out, {});
-  const nlohmann::json entry = orient_entry(out);
-  INFO(entry.dump());
+  const tessera::Json entry = orient_entry(out);
+  INFO(tessera::dump_json(entry));
   CHECK(entry.at("scene") == "from above");
   CHECK(entry.at("covered_fraction").get<double>() > 0.3);
   CHECK(entry.at("roofed_fraction").get<double>() < 0.1);
@@ -196,11 +195,11 @@ TEST_CASE("orient: notable doubt is a warning in summary and report, and a pictu
       {"reconstruct", in.string(), "-o", out.string(), "--normals", "estimate", "--progress", "none"});
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  const nlohmann::json entry = orient_entry(out);
-  INFO(entry.dump());
+  const tessera::Json entry = orient_entry(out);
+  INFO(tessera::dump_json(entry));
   REQUIRE(entry.at("uncertain_fraction").get<double>() > 0.01);
   REQUIRE(entry.at("uncertain_fraction").get<double>() < 0.5);
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  const tessera::Json report = tessera::parse_json(file_bytes(out.string() + ".report.json"));
   REQUIRE(report.at("warnings").size() == 1);
   CHECK(report.at("warnings")[0] == entry.at("warnings")[0]);
   CHECK(r.errors.find("warning: " + entry.at("warnings")[0].get<std::string>()) != std::string::npos);
@@ -231,7 +230,7 @@ TEST_CASE("orient: little doubt is no warning", "[pipeline]") {
   const CommandResult r = reconstruct(scan(folder, "torus", "surface", "30000"), out, {});
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  const tessera::Json report = tessera::parse_json(file_bytes(out.string() + ".report.json"));
   CHECK(report.at("warnings").empty());
   CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.png"));
   CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.ply"));
@@ -305,7 +304,7 @@ std::string ball(const TempFolder& folder,
 struct Ball {
   std::uint64_t loops = 0;
   double volume = 0.0;
-  nlohmann::json report;
+  tessera::Json report;
 };
 Ball ball_of(const TempFolder& folder, const std::string& in, const std::vector<std::string>& more = {}) {
   const auto out = folder.path() / "mesh.ply";
@@ -357,7 +356,7 @@ TEST_CASE("orient: given normals that most agree on decide the side, and those a
     return chance % 100 < 8 ? 1.0f : -1.0f;
   });
   CHECK(ball_of(folder, in).volume == Approx(-kBall).epsilon(0.02));
-  const nlohmann::json report = ball_of(folder, in, {"--normals", "given"}).report;
+  const tessera::Json report = ball_of(folder, in, {"--normals", "given"}).report;
   CHECK(report.at("normals").at("from") == "given");
   CHECK_THAT(report.at("warnings")[0].get<std::string>(), Catch::Contains("as --normals given asks"));
 }

@@ -4,8 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/copc_file.h"
 #include "tests/helpers/killed_command.h"
@@ -40,7 +39,7 @@ const TempFolder& scans() {
 
 struct Made {
   std::string mesh;
-  nlohmann::json report;
+  tessera::Json report;
 };
 
 Made mesh_of(const std::vector<std::string>& inputs, const std::vector<std::string>& more) {
@@ -54,10 +53,10 @@ Made mesh_of(const std::vector<std::string>& inputs, const std::vector<std::stri
   INFO(r.errors);
   REQUIRE(r.code == 0);
   CHECK_FALSE(fs::exists(out.string() + ".tessera"));
-  return {file_bytes(out), nlohmann::json::parse(file_bytes(out.string() + ".report.json"))};
+  return {file_bytes(out), tessera::parse_json(file_bytes(out.string() + ".report.json"))};
 }
 
-nlohmann::json dispositions(const Made& made) {
+tessera::Json dispositions(const Made& made) {
   for (const auto& stage : made.report.at("stages"))
     if (stage.at("name") == "survey") return stage.at("result").at("points");
   return {};
@@ -103,7 +102,7 @@ TEST_CASE("parts: one point of a cube, the same whatever format and order of the
   const std::string laz = (scans() / "scan.laz").string(), las = (scans() / "scan.las").string();
   const std::vector<std::string> options = {"--thin", "12", "--resolution", "15"};
   const Made want = mesh_of({laz}, options);
-  const nlohmann::json f = dispositions(want);
+  const tessera::Json f = dispositions(want);
   CHECK(f.at("read") == 60000);
   CHECK(f.at("thinned").get<int>() > 10000);
   CHECK(f.at("thinned").get<int>() + f.at("kept").get<int>() == 60000);
@@ -268,7 +267,7 @@ TEST_CASE(
     REQUIRE(tessera_command({"check", mesh.string(), "--truth", ptx + ".truth.json", "--report",
                              report_path.string(), "--force"})
                 .code == 0);
-    return nlohmann::json::parse(file_bytes(report_path));
+    return tessera::parse_json(file_bytes(report_path));
   };
   CHECK(off(grid).at("truth").at("vertices").at("mean_h").get<double>() <
         off(fitted).at("truth").at("vertices").at("mean_h").get<double>());

@@ -9,8 +9,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/height_sheet.h"
 #include "tests/helpers/shell.h"
@@ -45,13 +44,13 @@ bool has_gdal() {
   return false;
 }
 
-nlohmann::json info(const fs::path& file) {
+tessera::Json info(const fs::path& file) {
   const Outcome r = shell("gdalinfo -json " + file.string());
   INFO(r.said);
   REQUIRE(r.code == 0);
   CHECK(r.said.find("Warning") == std::string::npos);
   CHECK(r.said.find("ERROR") == std::string::npos);
-  return nlohmann::json::parse(r.said);
+  return tessera::parse_json(r.said);
 }
 
 /// Values of cells, rows from the north.
@@ -85,13 +84,13 @@ TEST_CASE("raster: a plane at survey coordinates has its exact heights, slope, p
   make({mesh.string(), "-o", out.string(), "--cell", "0.5", "--layer", "top", "--layer", "slope", "--layer",
         "hillshade"});
   const fs::path top = folder / "dtm.top.tif";
-  const nlohmann::json about = info(top);
+  const tessera::Json about = info(top);
   // 40.25 in cells of 0.5: the last ones have their centres on the border, which belongs to the mesh.
-  REQUIRE(about.at("size") == nlohmann::json({81, 81}));
-  CHECK(about.at("geoTransform") == nlohmann::json({kX, 0.5, 0.0, kY + 40.5, 0.0, -0.5}));
+  REQUIRE(about.at("size") == tessera::Json({81, 81}));
+  CHECK(about.at("geoTransform") == tessera::Json({kX, 0.5, 0.0, kY + 40.5, 0.0, -0.5}));
   CHECK(about.at("coordinateSystem").at("wkt").get<std::string>().find("UTM zone 32N") != std::string::npos);
   CHECK(about.at("metadata").at("IMAGE_STRUCTURE").at("LAYOUT") == "COG");
-  const nlohmann::json& band = about.at("bands")[0];
+  const tessera::Json& band = about.at("bands")[0];
   CHECK(band.at("noDataValue") == -9999.0);
   CHECK(band.at("unit") == "metre");
   const std::vector<float> cells = values<float>(top);
@@ -106,7 +105,7 @@ TEST_CASE("raster: a plane at survey coordinates has its exact heights, slope, p
       low = std::min(low, value), high = std::max(high, value), sum += value;
     }
   CHECK(exact);
-  const nlohmann::json& statistics = band.at("metadata").at("");
+  const tessera::Json& statistics = band.at("metadata").at("");
   const auto number = [&](const char* key) { return std::stod(statistics.at(key).get<std::string>()); };
   CHECK(number("STATISTICS_MINIMUM") == Approx(low).margin(1e-5));
   CHECK(number("STATISTICS_MAXIMUM") == Approx(high).margin(1e-5));
@@ -180,7 +179,7 @@ TEST_CASE("raster: an orthophoto has the colours of the vertices, holes are tran
   CHECK(pixel(0, 0) == std::vector<int>{150, 25, 10, 255});  // weights 3/4, 1/8, 1/8
   CHECK(pixel(2, 0) == std::vector<int>{50, 125, 10, 255});
   CHECK(pixel(3, 3) == std::vector<int>{0, 0, 0, 0});
-  const nlohmann::json about = info(folder / "o.tif");
+  const tessera::Json about = info(folder / "o.tif");
   CHECK(about.at("bands")[3].at("colorInterpretation") == "Alpha");
   const CommandResult none =
       tessera_command({"raster", folder.write("grey.off", heights(2, 4.0, ramp)).string(), "-o",
@@ -212,7 +211,7 @@ TEST_CASE("raster: the same bytes with any cap, threads and windows, with overvi
   CHECK((run("b", {"--memory", "128M", "-t", "1"}) == want));
   CHECK((run("c", {"--tile", "100", "-t", "2"}) == want));
   CHECK((run("d", {"--tile", "1024", "-t", "1"}) == want));
-  const nlohmann::json about = info(folder / "a.top.tif");
+  const tessera::Json about = info(folder / "a.top.tif");
   // GDAL's own judge of the format, where Python has it.
   const std::string judge = "osgeo_utils.samples.validate_cloud_optimized_geotiff";
   if (shell("/usr/bin/python3 -c 'import " + judge + "'").code == 0)

@@ -3,8 +3,8 @@
 
 #include <cstdlib>
 #include <map>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
@@ -42,10 +42,11 @@ std::vector<std::string> job(const std::vector<std::string>& inputs, const std::
 
 /// What the report says of what is missing, and its picture.
 std::string coverage_of(const std::filesystem::path& out) {
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  const tessera::Json report = tessera::parse_json(file_bytes(out.string() + ".report.json"));
   const std::string picture = out.string() + ".missing.png";
   REQUIRE(report.at("coverage").at("picture") == std::filesystem::exists(picture));
-  return report.at("coverage").dump() + (std::filesystem::exists(picture) ? file_bytes(picture) : "");
+  return tessera::dump_json(report.at("coverage")) +
+         (std::filesystem::exists(picture) ? file_bytes(picture) : "");
 }
 
 struct ScanResult {
@@ -117,11 +118,11 @@ TEST_CASE("reconstruct: check --scan tells of a mesh what its job told, and of l
                                              file.string(), "--force", "--memory", "256M"});
     INFO(r.errors);
     REQUIRE(r.code == 0);
-    return nlohmann::json::parse(file_bytes(file)).at("coverage");
+    return tessera::parse_json(file_bytes(file)).at("coverage");
   };
-  nlohmann::json want = nlohmann::json::parse(file_bytes(out.string() + ".report.json")).at("coverage");
+  tessera::Json want = tessera::parse_json(file_bytes(out.string() + ".report.json")).at("coverage");
   want.erase("picture");
-  nlohmann::json whole = told(out);
+  tessera::Json whole = told(out);
   REQUIRE(whole.at("measured") == true);
   whole.erase("measured");
   CHECK(whole == want);
@@ -135,7 +136,7 @@ TEST_CASE("reconstruct: check --scan tells of a mesh what its job told, and of l
   const auto half = folder.path() / "half.ply";
   const std::string box = "-1e9,-1e9,-1e9," + std::to_string(sum / count) + ",1e9,1e9";
   REQUIRE(tessera_command(job({scan().string()}, half, {"--bounds", box})).code == 0);
-  const nlohmann::json less = told(half);
+  const tessera::Json less = told(half);
   CHECK(less.at("points") == want.at("points"));
   CHECK(less.at("confirmed").get<double>() < 0.9);
   CHECK(less.at("plan").get<double>() < want.at("plan").get<double>());

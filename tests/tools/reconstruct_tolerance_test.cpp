@@ -4,8 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/reconstruct_command.h"
@@ -38,17 +37,16 @@ TEST_CASE("reconstruct --tolerance auto: a fifth of h or the noise, and the same
   const std::string in = scan(folder.path(), "terrain", "60000", {"--noise", noise});
   const fs::path out = folder.path() / "out.ply", given = folder.path() / "given.ply";
   const std::string border = noise == "0.1s" ? "auto" : "smooth";  // both ways to the mesh of full resolution
-  const nlohmann::json report =
+  const Json report =
       reconstructed(in, out, {"--tolerance", "auto", "--border", border, "--resolution", "4"});
-  const nlohmann::json& tolerance = report.at("tolerance");
+  const Json& tolerance = report.at("tolerance");
   const auto taken = tolerance.at("taken").get<double>();
   CHECK(tolerance.at("h") == 4.0);
   CHECK(taken == std::max(0.8, tolerance.at("noise").get<double>()));
   CHECK((taken > 0.8) == (noise == "0.5s"));
   CHECK(report.at("certificate").at("proven") == true);
   CHECK(report.at("certificate").at("tolerance").get<double>() == taken);
-  reconstructed(in, given,
-                {"--tolerance", nlohmann::json(taken).dump(), "--border", border, "--resolution", "4"});
+  reconstructed(in, given, {"--tolerance", dump_json(Json(taken)), "--border", border, "--resolution", "4"});
   CHECK(file_bytes(given) == file_bytes(out));
 }
 
@@ -61,7 +59,7 @@ TEST_CASE("reconstruct --tolerance: same bytes over tiles, threads, caps, proces
     const fs::path out = folder.path() / "out.ply";
     fs::remove(out);
     more.insert(more.end(), base.begin(), base.end());
-    const nlohmann::json report = reconstructed(in, out, more);
+    const Json report = reconstructed(in, out, more);
     CHECK_FALSE(fs::exists(out.string() + ".tessera"));
     CHECK(report.at("certificate").at("proven") == true);
     CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.4);
@@ -88,11 +86,9 @@ TEST_CASE("reconstruct --tolerance: the bound holds against the mesh that the jo
   const std::string in = scan(folder.path(), scene, "60000", {"--outliers", "0.001"});
   const fs::path raw = folder.path() / "raw.ply", small = folder.path() / "small.ply";
   const std::string border = GENERATE("raw", "smooth");
-  const nlohmann::json full = reconstructed(in, raw, {"--border", border});
-  const std::string tolerance =
-      nlohmann::json(0.2 * stage_result(full, "surface").at("h").get<double>()).dump();
-  const nlohmann::json report =
-      reconstructed(in, small, {"--tolerance", tolerance, "--keep-raw", "--border", border});
+  const Json full = reconstructed(in, raw, {"--border", border});
+  const std::string tolerance = dump_json(Json(0.2 * stage_result(full, "surface").at("h").get<double>()));
+  const Json report = reconstructed(in, small, {"--tolerance", tolerance, "--keep-raw", "--border", border});
   CHECK(report.at("raw_mesh").at("faces") == full.at("mesh").at("faces"));
   for (const char* key : {"components", "largest_component_faces", "islands_dropped", "island_faces_dropped"})
     CHECK(report.at("mesh").at(key) == full.at("mesh").at(key));
@@ -116,10 +112,9 @@ TEST_CASE("reconstruct --tolerance: marks of closing faces survive", "[property]
   const TempFolder folder;
   const std::string in = scan(folder.path(), "sphere", "40000", {"--missing", "0.2"});
   const fs::path raw = folder.path() / "raw.ply", small = folder.path() / "small.ply";
-  const nlohmann::json full = reconstructed(in, raw, {"--holes", "close"});
-  const std::string tolerance =
-      nlohmann::json(0.3 * stage_result(full, "surface").at("h").get<double>()).dump();
-  const nlohmann::json report = reconstructed(in, small, {"--holes", "close", "--tolerance", tolerance});
+  const Json full = reconstructed(in, raw, {"--holes", "close"});
+  const std::string tolerance = dump_json(Json(0.3 * stage_result(full, "surface").at("h").get<double>()));
+  const Json report = reconstructed(in, small, {"--holes", "close", "--tolerance", tolerance});
   const auto area = [](const fs::path& file, std::uint8_t mark) {
     const auto mesh = open_mesh_file(file);
     std::vector<Double3> position;
@@ -154,10 +149,10 @@ TEST_CASE(
   const TempFolder folder;
   const std::string in = scan(folder.path(), "sphere", "40000", {"--noise", "0.3s"});
   const fs::path out = folder.path() / "out.ply";
-  const double spacing = nlohmann::json::parse(file_bytes(in + ".truth.json")).at("spacing").get<double>();
+  const double spacing = parse_json(file_bytes(in + ".truth.json")).at("spacing").get<double>();
   const auto words = [&](double tolerance) {
-    return std::vector<std::string>{"--resolution", nlohmann::json(1.5 * spacing).dump(),
-                                    "--tolerance",  nlohmann::json(tolerance).dump(),
+    return std::vector<std::string>{"--resolution", dump_json(Json(1.5 * spacing)),
+                                    "--tolerance",  dump_json(Json(tolerance)),
                                     "--reference",  "points",
                                     "--outliers",   "off"};
   };
@@ -180,7 +175,7 @@ TEST_CASE(
   std::size_t faces[2];
   for (const int more : {0, 1}) {
     const double tolerance = minimum * (1 + more);
-    const nlohmann::json report = reconstructed(in, out, words(tolerance));
+    const Json report = reconstructed(in, out, words(tolerance));
     const double noise = report.at("points_to_surface").at("certified_max").get<double>();
     CHECK(noise <= minimum);
     CHECK(report.at("samples").at("certified_max").get<double>() <= tolerance);
@@ -192,8 +187,8 @@ TEST_CASE(
 
   // Exact points are as near as the surface is.
   const std::string exact = scan(folder.path(), "torus", "40000");
-  const nlohmann::json report = reconstructed(exact, out, words(0.4 * spacing));
-  const nlohmann::json& samples = report.at("samples");
+  const Json report = reconstructed(exact, out, words(0.4 * spacing));
+  const Json& samples = report.at("samples");
   CHECK(samples.at("samples") == 40000);
   CHECK(samples.at("certified_max").get<double>() <= 0.4 * spacing);
   CHECK(samples.at("certified_max").get<double>() > 0.2 * spacing);

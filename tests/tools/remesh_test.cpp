@@ -6,10 +6,9 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/portable_math.h"
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
@@ -61,8 +60,8 @@ MeshCheck checked(const fs::path& mesh) {
   return check_mesh(*open_mesh_file(mesh), options);
 }
 
-nlohmann::json report_of(const fs::path& out) {
-  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+Json report_of(const fs::path& out) {
+  return parse_json(file_bytes(out.string() + ".report.json"));
 }
 
 }  // namespace
@@ -82,10 +81,10 @@ TEST_CASE("remesh: same bytes over threads, memory, processes, order of the inpu
     return file_bytes(out);
   };
   const std::string bytes = run(in, {"-t", "1", "--memory", "1G"});
-  const nlohmann::json report = report_of(folder.path() / "out.ply");
+  const Json report = report_of(folder.path() / "out.ply");
   CHECK(report.at("certificate").at("proven") == true);
   CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.1);
-  const nlohmann::json quality = report.at("quality");
+  const Json quality = report.at("quality");
   CHECK(quality.at("mean_angle_deviation_deg").get<double>() < 9.0);
   CHECK(quality.at("mean_edge_deviation").get<double>() < 0.15);
   CHECK(quality.at("share_below_25_deg").get<double>() < 0.01);
@@ -116,7 +115,7 @@ TEST_CASE("remesh: blocks leave no trace in the number and the shape of faces", 
     CHECK(check.components == 1);
     return report_of(out).at("quality");
   };
-  const nlohmann::json one = quality("1000000"), many = quality("16384");
+  const Json one = quality("1000000"), many = quality("16384");
   CHECK(many.at("faces").get<double>() == Approx(one.at("faces").get<double>()).epsilon(0.03));
   CHECK(many.at("mean_angle_deviation_deg").get<double>() ==
         Approx(one.at("mean_angle_deviation_deg").get<double>()).epsilon(0.15));
@@ -147,7 +146,7 @@ TEST_CASE("remesh: the shape told is that of all faces, also where rounds of the
   const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "out.ply";
   REQUIRE(tessera_command(words(in, out, {"--edge", "3", "--tolerance", "0.0004", "--block-faces", "16384"}))
               .code == 0);
-  const nlohmann::json report = report_of(out);
+  const Json report = report_of(out);
   CHECK(report.at("certificate").at("rounds_again").get<int>() > 0);
   CHECK(report.at("quality").at("faces") == report.at("mesh").at("faces"));
 }

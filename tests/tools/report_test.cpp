@@ -1,12 +1,12 @@
 // The page of a job for people: what it says, that it is whole, that it costs and breaks nothing.
 #include <catch2/catch.hpp>
 
-#include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
 #include <vector>
 
 #include "kernels/picture/caption.h"
+#include "stream/files/json_text.h"
 #include "stream/page/html.h"
 #include "stream/page/page_text.h"
 #include "stream/page/report_page.h"
@@ -61,8 +61,8 @@ fs::path scan(const TempFolder& folder, const std::string& name = "scan.ply") {
   return path;
 }
 
-nlohmann::json report_of(const fs::path& mesh) {
-  return nlohmann::json::parse(file_bytes(mesh.string() + ".report.json"));
+Json report_of(const fs::path& mesh) {
+  return parse_json(file_bytes(mesh.string() + ".report.json"));
 }
 
 bool holds(const std::string& page, const std::string& text) {
@@ -80,7 +80,7 @@ TEST_CASE("report: the page is well formed, holds the figures, and loads nothing
   REQUIRE(r.code == 0);
   const std::string page = file_bytes(mesh.string() + ".report.html");
   CHECK(fault_of(page) == "");
-  const nlohmann::json report = report_of(mesh);
+  const Json report = report_of(mesh);
   const auto count = [&](const char* part, const char* key) {
     return with_commas(report.at(part).at(key).get<std::uint64_t>());
   };
@@ -154,7 +154,7 @@ TEST_CASE("report: a map of distances that would take longer than the job is lef
   const fs::path mesh = folder / "mesh.ply", less = folder / "less.ply";
   REQUIRE(tessera_command({"reconstruct", scan(folder).string(), "-o", mesh.string()}).code == 0);
   REQUIRE(tessera_command({"decimate", mesh.string(), "-o", less.string(), "--tolerance", "0.01"}).code == 0);
-  const auto report = nlohmann::json::parse(file_bytes(less.string() + ".report.json"));
+  const auto report = parse_json(file_bytes(less.string() + ".report.json"));
   PageRequest request{less, folder.path(), std::uint64_t{4} << 30, 3600.0};
   const PageParts whole = make_page_parts(report, request);
   CAPTURE(whole.deviation_note);
@@ -176,7 +176,7 @@ TEST_CASE("report: refused jobs have a page with the refusal, and their report m
   const CommandResult r = with_page(words);
   REQUIRE(r.code == 6);
   CHECK_FALSE(fs::exists(mesh));
-  const nlohmann::json report = report_of(mesh);
+  const Json report = report_of(mesh);
   CHECK(report.at("refused").at("code") == 6);
   const std::string page = file_bytes(mesh.string() + ".report.html");
   CHECK(fault_of(page) == "");
@@ -223,23 +223,23 @@ TEST_CASE("report: names of files are text and nothing else", "[unit]") {
   CHECK(html::base64("foobar") == "Zm9vYmFy");
   // Every text of a report, whatever its place, and values of the wrong kind.
   const std::string evil = "\"><script>alert(1)</script><img src=x onerror=y>";
-  const nlohmann::json stage = {{"name", evil}, {"tasks", 1}, {"units", evil}, {"result", {{"scene", evil}}}};
-  nlohmann::json report = {{"tool", "tessera"},
-                           {"command", evil},
-                           {"version", evil},
-                           {"finished", evil},
-                           {"warnings", {evil, 7}},
-                           {"stages", {stage, 3, nullptr}},
-                           {"machine", {{"host", evil}, {"cores", evil}}},
-                           {"inputs", {{{"path", evil}, {"bytes", -5}}}},
-                           {"options", {{evil, evil}, {"x", {evil}}}},
-                           {"output", {{"path", evil}}},
-                           {"mesh", {{"faces", evil}, {"vertices", -1e300}}},
-                           {"input", {{"format", evil}, {"repair", {{evil, 5}}}}},
-                           {"resolution", {{"h", 1.0}, {"reason", evil}}},
-                           {"certificate", {{"certified_max", 1e-3}, {"tolerance", evil}}},
-                           {"run", {{"memory_cap", evil}}},
-                           {"refused", {{"message", evil}, {"code", evil}, {"meaning", evil}}}};
+  const Json stage = {{"name", evil}, {"tasks", 1}, {"units", evil}, {"result", {{"scene", evil}}}};
+  Json report = {{"tool", "tessera"},
+                 {"command", evil},
+                 {"version", evil},
+                 {"finished", evil},
+                 {"warnings", {evil, 7}},
+                 {"stages", {stage, 3, nullptr}},
+                 {"machine", {{"host", evil}, {"cores", evil}}},
+                 {"inputs", {{{"path", evil}, {"bytes", -5}}}},
+                 {"options", {{evil, evil}, {"x", {evil}}}},
+                 {"output", {{"path", evil}}},
+                 {"mesh", {{"faces", evil}, {"vertices", -1e300}}},
+                 {"input", {{"format", evil}, {"repair", {{evil, 5}}}}},
+                 {"resolution", {{"h", 1.0}, {"reason", evil}}},
+                 {"certificate", {{"certified_max", 1e-3}, {"tolerance", evil}}},
+                 {"run", {{"memory_cap", evil}}},
+                 {"refused", {{"message", evil}, {"code", evil}, {"meaning", evil}}}};
   PageParts parts;
   parts.pictures_note = parts.deviation_note = parts.preview_note = parts.check_note = evil;
   const std::string page = page_text(report, parts);
@@ -247,8 +247,8 @@ TEST_CASE("report: names of files are text and nothing else", "[unit]") {
   CHECK_FALSE(holds(page, "<script>alert"));
   CHECK_FALSE(holds(page, "<img src=x"));
   CHECK(holds(page, "&lt;script&gt;alert(1)"));
-  CHECK(fault_of(page_text(nlohmann::json::object(), {})) == "");
-  CHECK(fault_of(page_text(nlohmann::json(), {})) == "");
+  CHECK(fault_of(page_text(Json::object(), {})) == "");
+  CHECK(fault_of(page_text(Json(), {})) == "");
   CHECK(fault_of("<!DOCTYPE html>\n<p><b></p></b>") != "");  // the measure itself
 }
 

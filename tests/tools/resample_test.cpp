@@ -7,9 +7,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/filleted.h"
@@ -58,8 +57,8 @@ std::vector<std::string> words(const fs::path& in, const fs::path& out,
   w.insert(w.end(), more.begin(), more.end());
   return w;
 }
-nlohmann::json report_of(const fs::path& out) {
-  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+Json report_of(const fs::path& out) {
+  return parse_json(file_bytes(out.string() + ".report.json"));
 }
 MeshCheck checked(const fs::path& mesh) {
   MeshCheckOptions options;
@@ -85,7 +84,7 @@ TEST_CASE("resample: same bytes over threads, memory, blocks, processes, order o
     return file_bytes(out);
   };
   const std::string bytes = run(in, {"-t", "1", "--memory", "1G"});
-  const nlohmann::json report = report_of(folder.path() / "out.ply");
+  const Json report = report_of(folder.path() / "out.ply");
   CHECK(report.at("resampled").at("changed") == 12);
   CHECK(report.at("certificate").at("proven") == true);
   CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.25);
@@ -125,13 +124,13 @@ TEST_CASE("resample: a closed box stays closed, vertices that are left keep thei
   const std::set<Double3> before(was.points.begin(), was.points.end());
   std::size_t kept = 0;
   for (const Double3& p : is.points) kept += before.count(p);
-  const nlohmann::json done = report_of(out).at("resampled");
+  const Json done = report_of(out).at("resampled");
   CHECK(kept > was.points.size() / 2);
   CHECK(was.faces.size() - done.at("faces_removed").get<std::size_t>() +
             done.at("faces_added").get<std::size_t>() ==
         is.faces.size());
-  for (const nlohmann::json& blend : done.at("blends")) {
-    CAPTURE(blend.dump());
+  for (const Json& blend : done.at("blends")) {
+    CAPTURE(dump_json(blend));
     REQUIRE(blend.at("changed") == true);
     CHECK(blend.at("radius").get<double>() == Approx(5.0).epsilon(0.05));
     for (const char* direction : {"along", "across"})
@@ -145,9 +144,9 @@ TEST_CASE("resample: a radius that is asked for comes out within 1 %, sharp edge
   const TempFolder folder;
   const fs::path in = write_box(folder.path() / "in.ply"), out = folder.path() / "out.ply";
   REQUIRE(tessera_command(words(in, out, {"--round", "7"})).code == 0);
-  nlohmann::json report = report_of(out);
+  Json report = report_of(out);
   CHECK(report.at("resampled").at("changed").get<int>() >= 10);
-  for (const nlohmann::json& blend : report.at("resampled").at("blends"))
+  for (const Json& blend : report.at("resampled").at("blends"))
     if (blend.at("changed") == true) CHECK(blend.at("new_radius").get<double>() == Approx(7.0).epsilon(0.01));
   CHECK(checked(out).boundary_edges == 0);
   fs::remove(out);
@@ -167,11 +166,11 @@ TEST_CASE("resample: all edges of a bracket become fillets, the concave one too"
   const fs::path in = folder.path() / "in.obj", out = folder.path() / "out.ply";
   write_whole(in, made_bracket(40));
   REQUIRE(tessera_command(words(in, out, {"--round", "0.06"})).code == 0);
-  const nlohmann::json done = report_of(out).at("resampled");
+  const Json done = report_of(out).at("resampled");
   CHECK(done.at("changed").get<int>() >= 18);
   std::size_t concave = 0;
-  for (const nlohmann::json& blend : done.at("blends")) {
-    CAPTURE(blend.dump());
+  for (const Json& blend : done.at("blends")) {
+    CAPTURE(dump_json(blend));
     if (blend.at("changed") == true)
       CHECK(blend.at("new_radius").get<double>() == Approx(0.06).epsilon(0.01));
     else
@@ -193,10 +192,10 @@ TEST_CASE(
   const TempFolder folder;
   const fs::path in = kSharedData / "meshes" / "fandisk-52k.obj", out = folder.path() / "out.ply";
   REQUIRE(tessera_command(words(in, out, {"--round", "0.006"})).code == 0);
-  const nlohmann::json done = report_of(out).at("resampled");
+  const Json done = report_of(out).at("resampled");
   CHECK(done.at("changed").get<int>() >= 20);
-  for (const nlohmann::json& blend : done.at("blends")) {
-    CAPTURE(blend.dump());
+  for (const Json& blend : done.at("blends")) {
+    CAPTURE(dump_json(blend));
     if (blend.at("changed") == true)
       CHECK(blend.at("new_radius").get<double>() == Approx(0.006).epsilon(0.01));
     else
@@ -222,7 +221,7 @@ TEST_CASE("resample: blends by hand, and profiles", "[pipeline]") {
         R"({"knots": [{"at": [0, 0], "way": [1, 0]}, {"at": [1, 0], "way": [1, 0]}]})");
   const std::string blends = (folder.path() / "blends.json").string();
   REQUIRE(tessera_command(words(in, out, {"--blends", blends, "--tolerance", "0.25"})).code == 0);
-  const nlohmann::json blend = report_of(out).at("resampled").at("blends").at(0);
+  const Json blend = report_of(out).at("resampled").at("blends").at(0);
   CHECK(blend.at("name") == "rim");
   CHECK(blend.at("changed") == true);
   CHECK(blend.at("convex") == s.convex);
@@ -295,11 +294,10 @@ TEST_CASE("resample: defects of the input are repaired, islands and blends that 
   const fs::path in = write_block(folder.path() / "in.ply", box), out = folder.path() / "out.ply";
   // Chords of the input itself are farther from an arc than that.
   REQUIRE(tessera_command(words(in, out, {"--tolerance", "0.001"})).code == 0);
-  const nlohmann::json done = report_of(out).at("resampled");
+  const Json done = report_of(out).at("resampled");
   CHECK(done.at("changed") == 0);
   CHECK(done.at("left").get<int>() > 8);
-  for (const nlohmann::json& blend : done.at("blends"))
-    CHECK(!blend.at("left_because").get<std::string>().empty());
+  for (const Json& blend : done.at("blends")) CHECK(!blend.at("left_because").get<std::string>().empty());
   CHECK(checked(out).nonmanifold_edges == 0);
   fs::remove(out);
   REQUIRE(tessera_command(words(in, out, {"--tolerance", "0.2"})).code == 0);

@@ -8,8 +8,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/height_sheet.h"
 #include "tests/helpers/shell.h"
@@ -72,17 +71,17 @@ std::vector<Line> table(const TempFolder& folder, std::vector<std::string> words
 
 /// A line over places beside (kX, kY).
 std::string axis(const TempFolder& folder, const std::vector<std::array<double, 2>>& corners) {
-  nlohmann::json line = nlohmann::json::array();
+  tessera::Json line = tessera::Json::array();
   for (const auto& c : corners) line.push_back({kX + c[0], kY + c[1]});
-  const nlohmann::json collection = {{"type", "FeatureCollection"},
-                                     {"features",
-                                      {{{"type", "Feature"},
-                                        {"properties", nullptr},
-                                        {"geometry", {{"type", "Point"}, {"coordinates", {1.0, 2.0}}}}},
-                                       {{"type", "Feature"},
-                                        {"properties", nullptr},
-                                        {"geometry", {{"type", "LineString"}, {"coordinates", line}}}}}}};
-  return folder.write("axis.geojson", collection.dump()).string();
+  const tessera::Json collection = {{"type", "FeatureCollection"},
+                                    {"features",
+                                     {{{"type", "Feature"},
+                                       {"properties", nullptr},
+                                       {"geometry", {{"type", "Point"}, {"coordinates", {1.0, 2.0}}}}},
+                                      {{"type", "Feature"},
+                                       {"properties", nullptr},
+                                       {"geometry", {{"type", "LineString"}, {"coordinates", line}}}}}}};
+  return folder.write("axis.geojson", tessera::dump_json(collection)).string();
 }
 
 /// 10 x 4 x 3, closed.
@@ -270,15 +269,15 @@ TEST_CASE("section: lines in place for other programs, and a drawing", "[pipelin
           "EPSG:25832"});
     return file_bytes(folder / name);
   };
-  const nlohmann::json json = nlohmann::json::parse(write("a.geojson"));
+  const tessera::Json json = tessera::parse_json(write("a.geojson"));
   REQUIRE(json.at("features").size() == 2);
   CHECK(json.at("crs").at("properties").at("name").get<std::string>().find("25832") != std::string::npos);
-  const nlohmann::json& f = json.at("features")[1];
+  const tessera::Json& f = json.at("features")[1];
   CHECK(f.at("properties").at("station") == 10.0);
   CHECK(f.at("properties").at("section") == 2);
   CHECK(f.at("properties").at("closed") == 1);
   CHECK(f.at("geometry").at("coordinates").front() == f.at("geometry").at("coordinates").back());
-  for (const nlohmann::json& p : f.at("geometry").at("coordinates")) {
+  for (const tessera::Json& p : f.at("geometry").at("coordinates")) {
     CHECK(p[0] == kX + 6.0);
     CHECK(p[1].get<double>() >= kY);
     CHECK(p[1].get<double>() <= kY + 4.0);

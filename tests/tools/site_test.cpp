@@ -6,9 +6,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/stages/reconstruct/site_after.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/shell.h"
@@ -23,7 +22,6 @@ using namespace tessera::test;
 namespace {
 
 namespace fs = std::filesystem;
-using json = nlohmann::json;
 using Words = std::vector<std::string>;
 
 /// A scan of about 160,000 faces, and places beside it.
@@ -47,7 +45,7 @@ class Workspace {
     words.insert(words.end(), more.begin(), more.end());
     return tessera_command(words);
   }
-  json report(const std::string& name) const { return json::parse(file_bytes(at(name))); }
+  Json report(const std::string& name) const { return parse_json(file_bytes(at(name))); }
 
  private:
   TempFolder folder_;
@@ -79,7 +77,7 @@ TEST_CASE("site: reconstruct --tiles writes what tiles makes of its mesh, and th
   CHECK_FALSE(fs::exists(workspace.at("mesh.ply.tessera")));
   CHECK_FALSE(fs::exists(workspace.at("site/tileset.json.tessera")));
 
-  const json tiles = workspace.report("mesh.ply.report.json").at("tiles");
+  const Json tiles = workspace.report("mesh.ply.report.json").at("tiles");
   CHECK(tiles.at("path") == site + "/tileset.json");
   CHECK(tiles.at("report") == site + ".report.json");
   CHECK(tiles.at("tiles") == workspace.report("site.report.json").at("tiles").at("tiles"));
@@ -188,7 +186,7 @@ TEST_CASE("site: tiles that will not fit a disk or a cap are told before they ar
   fs::remove(workspace.at("mesh.ply.report.json"));
   const CommandResult r = workspace.reconstruct({"--tiles", disk + "/site"});
   check_refused(r, 4, "the site");
-  const json stages = workspace.report("mesh.ply.report.json").at("stages");
+  const Json stages = workspace.report("mesh.ply.report.json").at("stages");
   CHECK(stages.back().at("name") == "forecast");  // no point was dealt out
   // Work elsewhere, it fits, and the command goes on.
   require_done(workspace.reconstruct({"--tiles", disk + "/site", "--temp", workspace.at("").string()}));

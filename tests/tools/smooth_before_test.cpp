@@ -8,11 +8,10 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/closest_face.h"
 #include "octree/vector.h"
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/command.h"
@@ -44,13 +43,13 @@ std::vector<std::string> words(const std::string& command, const std::string& in
   return w;
 }
 
-nlohmann::json run(const std::string& command, const std::string& in, const fs::path& out,
-                   const std::vector<std::string>& more) {
+Json run(const std::string& command, const std::string& in, const fs::path& out,
+         const std::vector<std::string>& more) {
   const CommandResult r = tessera_command(words(command, in, out, more));
   INFO(r.errors);
   REQUIRE(r.code == 0);
   CHECK_FALSE(fs::exists(out.string() + ".tessera"));
-  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  return parse_json(file_bytes(out.string() + ".report.json"));
 }
 
 /// Surface of a cube of edge 1, 80 squares a side, with Gaussian noise.
@@ -108,7 +107,7 @@ TEST_CASE("reconstruct --smooth: same bytes over tiles, threads, caps, processes
     const fs::path out = folder / "out.ply";
     fs::remove(out);
     more.insert(more.end(), base.begin(), base.end());
-    const nlohmann::json report = run("reconstruct", in, out, more);
+    const Json report = run("reconstruct", in, out, more);
     CHECK(report.at("certificate").at("proven") == true);
     CHECK(report.at("certificate").at("tolerance") == 1.5);
     CHECK(report.at("smoothing").at("method") == method);
@@ -137,7 +136,7 @@ TEST_CASE("reconstruct --smooth: the certificate is against the surface as it wa
   run("reconstruct", in, plain, base);
   std::vector<std::string> more = base;
   more.insert(more.end(), {"--smooth", "auto"});
-  const nlohmann::json report = run("reconstruct", in, out, more);
+  const Json report = run("reconstruct", in, out, more);
   CHECK(report.at("smoothing").at("method") == "denoise");
   const auto noise = report.at("smoothing").at("noise");
   CHECK(noise.at("after").get<double>() < 0.4 * noise.at("before").get<double>());
@@ -156,9 +155,9 @@ TEST_CASE("decimate --smooth: a noisy cube keeps its edges and corners", "[pipel
   const double noise = 0.0025, tolerance = 0.0125;  // a fifth of an edge, and an edge
   const fs::path in = write_noisy_cube(folder / "in.ply", noise);
   const fs::path plain = folder / "plain.ply", out = folder / "out.ply";
-  const std::string e = nlohmann::json(tolerance).dump();
+  const std::string e = dump_json(Json(tolerance));
   run("decimate", in.string(), plain, {"--tolerance", e});
-  const nlohmann::json report = run("decimate", in.string(), out, {"--tolerance", e, "--smooth", "auto"});
+  const Json report = run("decimate", in.string(), out, {"--tolerance", e, "--smooth", "auto"});
   CHECK(report.at("smoothing").at("method") == "denoise");
   CHECK(report.at("smoothing").at("noise").at("before").get<double>() == Approx(noise).epsilon(0.3));
   CHECK(report.at("smoothing").at("noise").at("after").get<double>() < 0.3 * noise);
@@ -205,8 +204,8 @@ TEST_CASE(
     "reconstruct --smooth: auto takes a plate where there is next to no noise, and hardly moves anything",
     "[pipeline]") {
   const TempFolder folder;
-  const nlohmann::json report = run("reconstruct", scan(folder, "0", "50000"), folder / "out.ply",
-                                    {"--tolerance", "1.5", "--smooth", "auto"});
+  const Json report = run("reconstruct", scan(folder, "0", "50000"), folder / "out.ply",
+                          {"--tolerance", "1.5", "--smooth", "auto"});
   const auto& smoothing = report.at("smoothing");
   CHECK(smoothing.at("method") == "implicit");
   CHECK(smoothing.at("noise").at("before").get<double>() <
@@ -227,8 +226,8 @@ TEST_CASE("decimate --tolerance auto: a fifth of the edges or the noise, and the
     more.insert(more.end(), smooth.begin(), smooth.end());
     return more;
   };
-  const nlohmann::json report = run("decimate", in.string(), out, with("auto"));
-  const nlohmann::json& tolerance = report.at("tolerance");
+  const Json report = run("decimate", in.string(), out, with("auto"));
+  const Json& tolerance = report.at("tolerance");
   const auto taken = tolerance.at("taken").get<double>();
   CHECK(report.at("options").at("tolerance") == "auto");
   CHECK(tolerance.at("noise").get<double>() == Approx(share * edge).epsilon(0.3));
@@ -238,7 +237,7 @@ TEST_CASE("decimate --tolerance auto: a fifth of the edges or the noise, and the
   CHECK(report.at("certificate").at("proven") == true);
   CHECK(report.at("certificate").at("tolerance").get<double>() == taken);
   CHECK(report.contains("smoothing") == !smooth.empty());
-  run("decimate", in.string(), given, with(nlohmann::json(taken).dump()));
+  run("decimate", in.string(), given, with(dump_json(Json(taken))));
   CHECK(file_bytes(given) == file_bytes(out));
 }
 
@@ -246,7 +245,7 @@ TEST_CASE("decimate --smooth: without a bound of distance a number of faces says
           "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_noisy_cube(folder / "in.ply", 0.0025);
-  const nlohmann::json report =
+  const Json report =
       run("decimate", in.string(), folder / "out.ply", {"--target-faces", "2000", "--smooth", "implicit"});
   CHECK(report.at("mesh").at("faces").get<int>() <= 2200);
   CHECK(report.at("smoothing").at("limited") == 0);

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <random>
 #include <set>
@@ -12,6 +11,7 @@
 #include "kernels/mesh/closest_face.h"
 #include "kernels/smooth/smooth.h"
 #include "octree/vector.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/import/import_mesh.h"
 #include "tests/helpers/command.h"
@@ -208,8 +208,7 @@ TEST_CASE("smooth command: moves are told from where vertices were given, whatev
     }
   });
   REQUIRE(count > 3000);
-  const nlohmann::json figures =
-      nlohmann::json::parse(test::file_bytes(folder / "out.ply.report.json")).at("mesh");
+  const Json figures = parse_json(test::file_bytes(folder / "out.ply.report.json")).at("mesh");
   CHECK(std::sqrt(maximum) > 0.05);
   CHECK(figures.at("largest_move").get<double>() == Approx(std::sqrt(maximum)));
   CHECK(figures.at("rms_move").get<double>() == Approx(std::sqrt(squares / static_cast<double>(count))));
@@ -336,7 +335,7 @@ TEST_CASE("smooth command: what the import repaired is in the report", "[pipelin
   mesh.position[210][0] = std::nan("");
   const fs::path in = write(mesh, folder / "in.ply"), out = folder / "out.ply";
   REQUIRE(test::tessera_command({"smooth", in.string(), "-o", out.string()}).code == 0);
-  const auto report = nlohmann::json::parse(std::ifstream(out.string() + ".report.json"));
+  const auto report = parse_json(test::file_bytes(out.string() + ".report.json"));
   CHECK(report.at("input").at("faces") == mesh.faces.size());
   CHECK(report.at("input").at("repair").at("nonfinite_vertices") == 1);
   CHECK(read(out).position.size() < mesh.position.size());

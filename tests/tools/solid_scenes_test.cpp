@@ -2,10 +2,10 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "octree/placement.h"
 #include "octree/portable_math.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/solid_command.h"
@@ -186,9 +186,9 @@ TEST_CASE("csg: crumbs of a wedge thinner than a cell are dropped and counted", 
     words.insert(words.end(), how.begin(), how.end());
     REQUIRE(solid_command(words).code == 0);
     CHECK(is_closed(read_whole(file)));
-    return nlohmann::json::parse(file_bytes(file + ".report.json")).at("mesh");
+    return parse_json(file_bytes(file + ".report.json")).at("mesh");
   };
-  const nlohmann::json mesh = mesh_of(out, {}), every = mesh_of(all, {"--min-component", "1"});
+  const Json mesh = mesh_of(out, {}), every = mesh_of(all, {"--min-component", "1"});
   CHECK(every.at("components").get<int>() > 10);
   CHECK(mesh.at("components").get<int>() <= 2);
   CHECK(mesh.at("islands_dropped").get<int>() ==
@@ -254,8 +254,8 @@ TEST_CASE("csg: other units are warned of, coordinates far out keep their shape"
       solid_command({"csg", (folder / "metres.off").string(), "+", (folder / "millimetres.off").string(),
                      "-o", out, "--resolution", "20"});
   REQUIRE(units.code == 0);
-  const auto report = nlohmann::json::parse(file_bytes(out + ".report.json"));
-  CHECK(report.at("warnings").dump().find("same units") != std::string::npos);
+  const auto report = parse_json(file_bytes(out + ".report.json"));
+  CHECK(dump_json(report.at("warnings")).find("same units") != std::string::npos);
   const Double3 far = {1e7, -2e7, 1.5e7};
   folder.write("a.off", box_text(far, far + Double3{2, 2, 2}));
   folder.write("b.off", box_text(far + Double3{1, 1, -1}, far + Double3{3, 3, 3}));

@@ -2,10 +2,10 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "octree/portable_math.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/stages/solid/csg_job.h"
 #include "tests/helpers/command.h"
@@ -129,7 +129,7 @@ TEST_CASE("resurface: what cannot work is told", "[pipeline]") {
   CHECK(open.code == 5);
   CHECK(open.errors.find("without an inside") != std::string::npos);
   // Told before its surface is computed.
-  const auto reported = nlohmann::json::parse(file_bytes(out + ".report.json"));
+  const auto reported = parse_json(file_bytes(out + ".report.json"));
   CHECK(reported.at("stages").back().at("name") == "lines");
   CHECK_FALSE(fs::exists(out));
   const std::string tetra = folder
@@ -235,8 +235,7 @@ TEST_CASE("csg: mirror images of meshes keep their inside", "[pipeline]") {
         {"csg", folder.write("s.json", scene).string(), "-o", out, "--resolution", "0.05", "--force"});
     CAPTURE(scene, r.errors);
     REQUIRE(r.code == 0);
-    for (const auto& operand :
-         nlohmann::json::parse(file_bytes(out + ".report.json")).at("solids").at("operands"))
+    for (const auto& operand : parse_json(file_bytes(out + ".report.json")).at("solids").at("operands"))
       CHECK(operand.at("inside_out") == false);
     const WholeMesh mesh = read_whole(out);
     CHECK(is_closed(mesh));

@@ -4,10 +4,10 @@
 #include <fmt/format.h>
 
 #include <map>
-#include <nlohmann/json.hpp>
 #include <random>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/slurm_cluster.h"
@@ -52,7 +52,7 @@ void same_bytes(const TempFolder& folder, const SlurmCluster& cluster, const std
   INFO(tessera_in(folder, "status there.ply.tessera; tail -n 3 there.ply.tessera/queue/*.log").said);
   CHECK_FALSE(fs::exists(folder / "there.ply.tessera"));
   CHECK(hash_of(folder / "there.ply") == hash_of(folder / "here.ply"));
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(folder / "there.ply.report.json"));
+  const Json report = parse_json(file_bytes(folder / "there.ply.report.json"));
   CHECK(report.at("output").at("bytes") == fs::file_size(folder / "there.ply"));
   CHECK_THAT(tessera_in(folder, "status there.ply.tessera").said, Catch::Contains("done: see"));
 }
@@ -122,8 +122,7 @@ TEST_CASE("status: of a job on one machine, by its journal alone", "[pipeline]")
   const Outcome text = tessera_in(folder, "status out.ply.tessera");
   CHECK(text.code == 0);
   CHECK_THAT(text.said, Catch::Contains("reconstruct, 8 of "));
-  const nlohmann::json status =
-      nlohmann::json::parse(tessera_in(folder, "status out.ply.tessera --json").said);
+  const Json status = parse_json(tessera_in(folder, "status out.ply.tessera --json").said);
   CHECK(status.at("stages").at(7).at("name") == "order");
   CHECK(status.at("stages").at(7).at("complete") == true);
   CHECK(status.at("stages").at(8).at("complete") == false);

@@ -9,13 +9,12 @@
 #include <fstream>
 #include <sstream>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "octree/vector.h"
 #include "stream/check/truth.h"
 #include "stream/commands/synth.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/meshes/scene_file.h"
 #include "tests/helpers/temp_folder.h"
@@ -156,7 +155,7 @@ TEST_CASE("synth: PTX carries the stations and the gaps of the grid", "[pipeline
   REQUIRE(info.sensors.size() == 2);
   CHECK(info.sensors[0][0] == Approx(100.2));
   CHECK(info.sensors[0][1] == Approx(201.3));
-  const nlohmann::json truth = nlohmann::json::parse(file_bytes(report.truth));
+  const Json truth = parse_json(file_bytes(report.truth));
   CHECK(truth.at("scans").size() == 2);
   CHECK(truth.at("scans")[1].at("origin")[0].get<double>() == Approx(info.sensors[1][0]));
 }

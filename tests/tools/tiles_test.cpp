@@ -9,10 +9,9 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/closest_face.h"
 #include "octree/portable_math.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
@@ -340,7 +339,7 @@ TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is n
     const CommandResult r = tessera_command({"tiles", in.string(), "-o", out.string(), "--progress", "none"});
     INFO(r.errors);
     REQUIRE(r.code == 0);
-    const auto report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+    const auto report = parse_json(file_bytes(out.string() + ".report.json"));
     CHECK(report.at("tiles").at("frame").at("transform") == read_site(out / "tileset.json").transform);
     const bool known = crs.starts_with("PROJCS");
     REQUIRE(report.at("warnings").size() == (known ? 0u : 1u));
@@ -355,7 +354,7 @@ TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is n
       R"(PARAMETER["standard_parallel_1",49],PARAMETER["standard_parallel_2",44],)"
       R"(PARAMETER["latitude_of_origin",46.5],PARAMETER["central_meridian",3],PARAMETER["false_easting",5120],)"
       R"(PARAMETER["false_northing",3120],UNIT["metre",1]])";
-  const nlohmann::json placed = frame(lambert);
+  const Json placed = frame(lambert);
   CHECK(placed.at("geocentric") == true);
   const auto transform = placed.at("transform").get<std::vector<double>>();
   const Double3 at = {transform[12], transform[13], transform[14]};

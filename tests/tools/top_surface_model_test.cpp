@@ -6,9 +6,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/vector.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
@@ -89,11 +88,11 @@ TEST_CASE("top surface: crowns become one smooth skin, the ground stays, holes a
   const TempFolder folder;
   const auto in = wood(folder);
   const auto out = folder.path() / "mesh.ply";
-  const nlohmann::json report = reconstructed(in, out, {});
+  const tessera::Json report = reconstructed(in, out, {});
   CHECK(stage_result(report, "orient").at("scene") == "from above");
   CHECK(stage_result(report, "orient").at("vegetation").at("as") == "top");
-  const nlohmann::json top = stage_result(report, "top");
-  INFO(top.dump());
+  const tessera::Json top = stage_result(report, "top");
+  INFO(tessera::dump_json(top));
   CHECK(top.at("columns").get<int>() > 1000);
   CHECK(top.at("filled_columns").get<int>() > 10);
   const WholeMesh mesh = read_whole(out);
@@ -101,7 +100,7 @@ TEST_CASE("top surface: crowns become one smooth skin, the ground stays, holes a
   CHECK(covered(mesh, 34, kSide - 1, 1, kSide - 1, -1, 1) > 0.999);
   CHECK(downwards(mesh) < 0.01);
   const auto dropped = folder.path() / "dropped.ply";
-  const nlohmann::json ground = reconstructed(in, dropped, {"--vegetation", "drop"});
+  const tessera::Json ground = reconstructed(in, dropped, {"--vegetation", "drop"});
   CHECK_FALSE(stage_result(ground, "top").at("needed").get<bool>());
   CHECK(covered(read_whole(dropped), 6, 25, 6, kSide - 6, 6, 20) < 0.1);
 }
@@ -111,7 +110,7 @@ TEST_CASE("top surface: it replaces no point that is to be measured", "[pipeline
   const auto in = wood(folder);
   const auto out = folder.path() / "mesh.ply";
   std::vector<std::string> more = {"--tolerance", "20", "--reference", "points"};
-  const nlohmann::json report = reconstructed(in, out, more);
+  const tessera::Json report = reconstructed(in, out, more);
   CHECK(stage_result(report, "orient").at("vegetation").at("as") == "dropped");
   CHECK_FALSE(stage_result(report, "top").at("needed").get<bool>());
   more.insert(more.end(), {"--vegetation", "top", "--force"});
@@ -142,7 +141,7 @@ TEST_CASE("top surface: a skin has one height per column, and walls", "[pipeline
   }
   SECTION("the floor below a roof is not in it, its walls are, seen or not") {
     const auto in = hall(folder);
-    const nlohmann::json report = reconstructed(in, out, skin);
+    const tessera::Json report = reconstructed(in, out, skin);
     CHECK(stage_result(report, "top-points").at("measured_behind").get<int>() > 5000);
     const WholeMesh mesh = read_whole(out);
     CHECK(covered(mesh, 32, 48, 32, 48, 7, 9) > 0.999);
@@ -187,7 +186,7 @@ TEST_CASE("top surface: a skin is refused where there is none", "[pipeline]") {
 TEST_CASE("top surface: up is any axis", "[pipeline]") {
   const TempFolder folder;
   const auto out = folder.path() / "mesh.ply";
-  const nlohmann::json report = reconstructed(wood(folder, true), out, {"--up", "0,1,0", "--from", "above"});
+  const tessera::Json report = reconstructed(wood(folder, true), out, {"--up", "0,1,0", "--from", "above"});
   CHECK(stage_result(report, "top").at("columns").get<int>() > 1000);
   WholeMesh mesh = read_whole(out);
   for (auto& p : mesh.points) p = {p[0], -p[2], p[1]};

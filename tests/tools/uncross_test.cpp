@@ -1,9 +1,8 @@
 // What commands extract does not cross itself: features and borders that would make faces cross give way.
 #include <catch2/catch.hpp>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/portable_math.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
@@ -42,23 +41,23 @@ WholeMesh rough_ball() {
 }
 
 /// Pairs that cross, overlap or touch, by the command.
-nlohmann::json crossings_of(const fs::path& mesh) {
+Json crossings_of(const fs::path& mesh) {
   const fs::path report = mesh.string() + ".check.json";
   const CommandResult r =
       tessera_command({"check", mesh.string(), "--crossings", "--report", report.string(), "--force"});
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  return nlohmann::json::parse(file_bytes(report)).at("crossings");
+  return parse_json(file_bytes(report)).at("crossings");
 }
 
 std::uint64_t pairs_found(const fs::path& mesh) {
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(mesh.string() + ".report.json"));
+  const Json report = parse_json(file_bytes(mesh.string() + ".report.json"));
   return stage_result(report, "uncross-1").at("crossing_pairs").get<std::uint64_t>();
 }
 
 void check_sound(const fs::path& mesh) {
-  const nlohmann::json crossings = crossings_of(mesh);
-  INFO(crossings.dump());
+  const Json crossings = crossings_of(mesh);
+  INFO(dump_json(crossings));
   CHECK(crossings.at("cross") == 0);
   CHECK(crossings.at("overlap") == 0);
   CHECK(crossings.at("touch") == 0);
@@ -123,7 +122,7 @@ TEST_CASE(
     return file_bytes(out);
   };
   const std::string bytes = run({"-t", "1"});
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  const Json report = parse_json(file_bytes(out.string() + ".report.json"));
   CHECK(stage_result(report, "surface").at("first_pass").at("crossing_pairs").get<std::uint64_t>() > 0);
   check_sound(out);
   CHECK(run({"-t", "2", "--tile-size", "64"}) == bytes);

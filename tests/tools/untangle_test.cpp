@@ -4,8 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json_text.h"
 #include "stream/stages/smooth/vertices_back.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
@@ -54,13 +53,13 @@ std::uint64_t crossings_of(const fs::path& mesh) {
   REQUIRE(
       tessera_command({"check", mesh.string(), "--crossings", "--report", report.string(), "--force"}).code ==
       0);
-  const auto c = nlohmann::json::parse(file_bytes(report)).at("crossings");
+  const auto c = parse_json(file_bytes(report)).at("crossings");
   return c.at("cross").get<std::uint64_t>() + c.at("overlap").get<std::uint64_t>() +
          c.at("touch").get<std::uint64_t>();
 }
 
-nlohmann::json report_of(const fs::path& out) {
-  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+Json report_of(const fs::path& out) {
+  return parse_json(file_bytes(out.string() + ".report.json"));
 }
 
 }  // namespace

@@ -11,8 +11,8 @@
 
 #include <chrono>
 #include <cstring>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
 #include "stream/page/view_page.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/shell.h"
@@ -91,10 +91,10 @@ std::vector<T> block(const std::string& page, const std::string& id) {
   return out;
 }
 
-nlohmann::json settings_of(const std::string& page) {
+Json settings_of(const std::string& page) {
   const std::string begin = "id=\"tessera-view\">";
   const std::size_t at = page.find(begin) + begin.size();
-  return nlohmann::json::parse(page.substr(at, page.find("</script>", at) - at));
+  return parse_json(page.substr(at, page.find("</script>", at) - at));
 }
 
 /// A running `tessera view`, which prints where it serves.
@@ -209,7 +209,7 @@ TEST_CASE("view: the page holds the mesh, its colours, its marks and where it li
               .code == 0);
   const std::string text = file_bytes(page);
   CHECK(text.ends_with("\n<script>0</script></body></html>\n"));
-  const nlohmann::json values = settings_of(text);
+  const Json values = settings_of(text);
   CHECK(values.at("kind") == "mesh");
   CHECK(values.at("name") == "<coin>.ply");
   CHECK(values.at("up") == "y");

@@ -11,11 +11,10 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/closest_face.h"
 #include "octree/vector.h"
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
@@ -31,8 +30,6 @@ namespace {
 using namespace tessera;
 using test::WholeMesh;
 namespace fs = std::filesystem;
-using nlohmann::json;
-
 /// A mesh on disk, and what commands need to know of it.
 struct Input {
   fs::path path;
@@ -112,16 +109,16 @@ fs::path write_edit(const Input& in) {
       }
   const double third = (high[0] - low[0]) / 3.0;
   const auto half_space = [&](double x, double outward) {
-    return json{{"point", {x, low[1], low[2]}}, {"normal", {outward, 0, 0}}};
+    return Json{{"point", {x, low[1], low[2]}}, {"normal", {outward, 0, 0}}};
   };
-  const json edit = {
+  const Json edit = {
       {"regions",
        {{{"role", "support"}, {"all", true}},
         {{"role", "handle"}, {"name", "end"}, {"half_space", half_space(high[0] - third, -1.0)}},
         {{"role", "fixed"}, {"half_space", half_space(low[0] + third, 1.0)}}}},
-      {"handles", {{"end", json::array({{{"move", {0.0, 0.0, 0.1 * in.size}}}})}}}};
+      {"handles", {{"end", Json::array({{{"move", {0.0, 0.0, 0.1 * in.size}}}})}}}};
   const fs::path path = in.path.string() + ".edit.json";
-  test::spill(path, edit.dump());
+  test::spill(path, dump_json(edit));
   return path;
 }
 
@@ -394,9 +391,9 @@ std::string fault(const Command& command, const Input& in, const fs::path& out, 
     tally.reported += 1;
   }
   if (!command.bounded && !command.moves) return "";
-  const json reported = json::parse(test::file_bytes(report));
+  const Json reported = parse_json(test::file_bytes(report));
   if (command.bounded) {
-    const json& maximum = reported.at("certificate").at("certified_max");
+    const Json& maximum = reported.at("certificate").at("certified_max");
     if (!maximum.is_number()) return "";
     const Surface was(in.mesh), is(test::read_whole(out));
     if (was.faces.empty() || is.faces.empty()) return "";

@@ -9,10 +9,10 @@
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/system_reason.h"
 #include "stream/runtime/long_call.h"
@@ -67,10 +67,10 @@ void apply_job_file(const CLI::App& line, const OptionTable& options, const std:
   if (!std::filesystem::is_regular_file(path))
     throw InputError(fmt::format("{}: cannot read the job file; name a file of JSON", path.string()));
   const std::string text = read_text(path);
-  nlohmann::json job;
+  Json job;
   try {
     job = parse_json(text);
-  } catch (const nlohmann::json::exception& e) {
+  } catch (const JsonError& e) {
     throw InputError(fmt::format("{}: not valid JSON: {}", path.string(), e.what()));
   }
   if (!job.is_object())
@@ -252,8 +252,8 @@ ProgressSink stderr_sink() {
   return {[](const std::string& text) { std::cerr << text << std::flush; }, ::isatty(STDERR_FILENO) == 1};
 }
 
-void print_repairs(const std::string& input, const nlohmann::json& report) {
-  const nlohmann::json& repair = report.at("input").at("repair");
+void print_repairs(const std::string& input, const Json& report) {
+  const Json& repair = report.at("input").at("repair");
   static const std::pair<const char*, const char*> kWords[] = {
       {"nonfinite_vertices", "vertices without finite coordinates"},
       {"bad_faces", "faces that name no vertex dropped"},
@@ -269,21 +269,21 @@ void print_repairs(const std::string& input, const nlohmann::json& report) {
     if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, words);
   }
   if (!text.empty()) fmt::print("{}: repaired: {}\n", input, text);
-  for (const nlohmann::json& w : report.value("warnings", nlohmann::json::array()))
+  for (const Json& w : report.value("warnings", Json::array()))
     fmt::print(stderr, "tessera: warning: {}\n", w.get<std::string>());
 }
 
-void print_tolerance(const nlohmann::json& report) {
+void print_tolerance(const Json& report) {
   if (!report.contains("tolerance")) return;
-  const nlohmann::json& t = report.at("tolerance");
+  const Json& t = report.at("tolerance");
   const bool scan = t.contains("h");
   fmt::print("tolerance {:.4g}: {} is {:.4g}, the noise {:.3g}\n", t.at("taken").get<double>(),
              scan ? "h" : "an edge", t.at(scan ? "h" : "edge").get<double>(), t.at("noise").get<double>());
 }
 
-void print_smoothing(const nlohmann::json& report) {
+void print_smoothing(const Json& report) {
   if (!report.contains("smoothing")) return;
-  const nlohmann::json& smoothing = report.at("smoothing");
+  const Json& smoothing = report.at("smoothing");
   fmt::print("smoothed by {}: noise {:.3g} before, {:.3g} left; moved by {:.3g} at most, {:.3g} rms\n",
              smoothing.at("method").get<std::string>(), smoothing.at("noise").at("before").get<double>(),
              smoothing.at("noise").at("after").get<double>(), smoothing.at("largest_move").get<double>(),

@@ -19,8 +19,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/files/planned_writes.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/runtime/option_table.h"
@@ -96,11 +95,11 @@ Command job_command(const std::string& name, const std::string& description, con
 ProgressSink stderr_sink();
 
 /// One line for what a job's import repaired, none for a sound mesh; warnings of the report go to stderr.
-void print_repairs(const std::string& input, const nlohmann::json& report);
+void print_repairs(const std::string& input, const Json& report);
 /// One line for what `--tolerance auto` was, from `tolerance` of a report; none where a number was given.
-void print_tolerance(const nlohmann::json& report);
+void print_tolerance(const Json& report);
 /// One line for what --smooth did, from `smoothing` of a report; none where there is none.
-void print_smoothing(const nlohmann::json& report);
+void print_smoothing(const Json& report);
 
 /// Parses the words of a line, the command's name first, and runs the command; throws whatever it throws.
 /// \throws UsageError for a line that none of the commands takes

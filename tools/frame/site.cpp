@@ -6,10 +6,10 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/bound_text.h"
+#include "stream/files/json.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/work_dir.h"
@@ -115,7 +115,7 @@ void Site::check_before_mesh(const JobState& state) const {
         option_, folder_.string(), mesh.string()));
 }
 
-nlohmann::json Site::make(const TilesOptions& options, JobState state, bool checked) const {
+Json Site::make(const TilesOptions& options, JobState state, bool checked) const {
   state = tiles_state(state);
   state.settings = to_settings(options);
   if (!checked) check(state);
@@ -125,7 +125,7 @@ nlohmann::json Site::make(const TilesOptions& options, JobState state, bool chec
                                  error ? error.message() : "there is no folder for it"));
   const bool was_there =
       fs::exists(state.output) && !state.run.force && !fs::exists(work_path(state.output, state.run.temp));
-  nlohmann::json report;
+  Json report;
   try {
     report = run_job(state, tiles_job(options), stderr_sink());
   } catch (...) {
@@ -135,7 +135,7 @@ nlohmann::json Site::make(const TilesOptions& options, JobState state, bool chec
   }
   report["resumed_done"] = was_there;
   if (!was_there) return report;
-  const nlohmann::json& tiles = report.at("tiles");
+  const Json& tiles = report.at("tiles");
   const SiteFiles files = files_of(folder_);
   if (files.count != tiles.at("tiles").get<std::uint64_t>() + tiles.at("tilesets").get<std::uint64_t>() ||
       files.bytes != tiles.at("bytes").get<std::uint64_t>())
@@ -154,9 +154,9 @@ void add_tiles(OptionTable& table, fs::path& folder) {
   table.append(more);
 }
 
-void print_site(const Site& site, const nlohmann::json& report) {
-  const nlohmann::json& tiles = report.at("tiles");
-  const nlohmann::json& levels = tiles.at("levels");
+void print_site(const Site& site, const Json& report) {
+  const Json& tiles = report.at("tiles");
+  const Json& levels = tiles.at("levels");
   fmt::print("{}: {} tiles in {} levels of {} faces, {}, {:.2f} bytes a face, {}\n", site.tileset().string(),
              tiles.value("tiles", std::uint64_t{0}), levels.size(), tiles.value("faces", std::uint64_t{0}),
              format_bytes(tiles.value("bytes", std::uint64_t{0})), tiles.value("bytes_per_face", 0.0),

@@ -5,8 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/job.h"
 #include "stream/stages/tiles/tiles_options.h"
 
@@ -32,7 +31,7 @@ class Site {
   /// \param state  inputs: the mesh, with how to run  \param checked  by check_before_mesh(), before the mesh was there
   /// \returns its report, with "resumed_done": true where nothing was left to do
   /// \throws as run_job(); UsageError where files of a site that is done are not there any more
-  nlohmann::json make(const TilesOptions& options, JobState state, bool checked) const;
+  Json make(const TilesOptions& options, JobState state, bool checked) const;
 
  private:
   JobState tiles_state(const JobState& state) const;
@@ -45,6 +44,6 @@ class Site {
 void add_tiles(OptionTable& table, std::filesystem::path& folder);
 
 /// Two lines on stdout. \param report  of Site::make()
-void print_site(const Site& site, const nlohmann::json& report);
+void print_site(const Site& site, const Json& report);
 
 }  // namespace tessera::cli

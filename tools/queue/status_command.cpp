@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/queue/job_status.h"
@@ -18,8 +18,6 @@ namespace tessera {
 namespace {
 
 namespace fs = std::filesystem;
-using json = nlohmann::json;
-
 struct StatusArguments {
   fs::path work;
   bool as_json = false;
@@ -56,11 +54,11 @@ void print_text(const JobStatus& status) {
 }
 
 void print_json(const JobStatus& status) {
-  json stages = json::array();
+  Json stages = Json::array();
   for (const StageStatus& stage : status.stages)
     stages.push_back({{"name", stage.name},
                       {"complete", stage.complete},
-                      {"tasks", stage.tasks ? json(*stage.tasks) : json()},
+                      {"tasks", stage.tasks ? Json(*stage.tasks) : Json()},
                       {"done", stage.done},
                       {"running", stage.running},
                       {"failed", stage.failed},
@@ -68,13 +66,13 @@ void print_json(const JobStatus& status) {
                       {"bytes_read", stage.bytes_read},
                       {"bytes_written", stage.bytes_written},
                       {"task_seconds", stage.task_seconds}});
-  const json status_json = {{"command", status.command},
+  const Json status_json = {{"command", status.command},
                             {"output", json_text(status.output)},
                             {"finished", false},
                             {"stages", std::move(stages)},
                             {"failures", status.failures},
                             {"queued", status.queued},
-                            {"left_s", status.left_s ? json(*status.left_s) : json()}};
+                            {"left_s", status.left_s ? Json(*status.left_s) : Json()}};
   fmt::print("{}\n", dump_json(status_json, 1));
 }
 
@@ -92,7 +90,7 @@ void run(const StatusArguments& arguments) {
   if (arguments.work.empty()) throw UsageError("give the work directory, OUT.tessera");
   if (const fs::path report = report_of_done(arguments.work); !report.empty()) {
     if (arguments.as_json) {
-      fmt::print("{}\n", dump_json(json{{"finished", true}, {"report", json_text(report)}}, 1));
+      fmt::print("{}\n", dump_json(Json{{"finished", true}, {"report", json_text(report)}}, 1));
     } else {
       fmt::print("done: see {}\n", report.string());
     }

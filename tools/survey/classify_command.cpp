@@ -5,10 +5,10 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/formats/points/las_copy.h"
@@ -91,7 +91,7 @@ void run_classify(const ClassifyCommand& command) {
              report.cell, 100.0 * static_cast<double>(report.empty) / static_cast<double>(report.cells),
              seconds, format_bytes(peak_resident_bytes()));
   if (command.report.empty()) return;
-  nlohmann::json json = to_json(report);
+  Json json = to_json(report);
   json["seconds"] = seconds, json["peak_bytes"] = peak_resident_bytes();
   OutputFile file(command.report);
   file.append(dump_json(json, 2) + "\n");

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
@@ -95,11 +95,11 @@ void run_deviate(const DeviateCommand& command) {
   write_text_output(command.csv, to_csv(report.table, options.tolerance));
   write_text_output(command.histogram, histogram_csv(report.table));
   if (!command.report.empty()) {
-    nlohmann::json json = to_json(report, options.tolerance);
-    json["inputs"] = nlohmann::json::array();
+    Json json = to_json(report, options.tolerance);
+    json["inputs"] = Json::array();
     for (const std::filesystem::path& input : inputs) json["inputs"].push_back(json_text(input));
     json["reference"] = json_text(command.reference);
-    json["outputs"] = nlohmann::json::array();
+    json["outputs"] = Json::array();
     for (const std::filesystem::path& output : outputs) json["outputs"].push_back(json_text(output));
     json["seconds"] = seconds, json["peak_bytes"] = peak_resident_bytes();
     write_text_output(command.report, dump_json(json, 2) + "\n");

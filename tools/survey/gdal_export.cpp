@@ -16,11 +16,11 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "octree/vector.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/read_file.h"
@@ -31,7 +31,6 @@
 
 namespace {
 
-using nlohmann::json;
 using tessera::ResourceError;
 
 struct Arguments {
@@ -60,7 +59,7 @@ int CPL_STDCALL go_on(double, const char*, void*) {
   return tessera::stop_signal() == 0 ? TRUE : FALSE;
 }
 
-json read_request(const Arguments& a) {
+tessera::Json read_request(const Arguments& a) {
   if (a.request.empty())
     throw tessera::UsageError(
         "no request given: this program is called by tessera raster, contours and section");
@@ -80,7 +79,7 @@ json read_request(const Arguments& a) {
 }
 
 /// \throws InputError where the text is no coordinate system
-std::unique_ptr<OGRSpatialReference> reference_of(const json& request) {
+std::unique_ptr<OGRSpatialReference> reference_of(const tessera::Json& request) {
   const auto text = request.at("crs").get<std::string>();
   if (text.empty()) return nullptr;
   auto reference = std::make_unique<OGRSpatialReference>();
@@ -101,12 +100,12 @@ std::string height_unit(const OGRSpatialReference& reference) {
   return name ? name : "";
 }
 
-std::filesystem::path path_of(const json& request, const char* key) {
+std::filesystem::path path_of(const tessera::Json& request, const char* key) {
   return tessera::bytes_of_json_text(request.at(key).get<std::string>());
 }
 
 /// The raw file, as GDAL's ENVI driver reads it by a header beside it.
-std::unique_ptr<GDALDataset> open_raw(const json& request) {
+std::unique_ptr<GDALDataset> open_raw(const tessera::Json& request) {
   const std::filesystem::path raw = path_of(request, "raw");
   std::filesystem::path header = raw;
   header.replace_extension(".hdr");
@@ -123,7 +122,7 @@ std::unique_ptr<GDALDataset> open_raw(const json& request) {
   return set;
 }
 
-void describe_band(GDALRasterBand& band, const json& request, int index,
+void describe_band(GDALRasterBand& band, const tessera::Json& request, int index,
                    const OGRSpatialReference* reference) {
   static const std::array<GDALColorInterp, 4> kColours = {GCI_RedBand, GCI_GreenBand, GCI_BlueBand,
                                                           GCI_AlphaBand};
@@ -134,7 +133,7 @@ void describe_band(GDALRasterBand& band, const json& request, int index,
   if (quantity != "colour") band.SetDescription(request.at("layer").get<std::string>().c_str());
   if (quantity == "angle") band.SetUnitType("degree");
   if (quantity == "height" && reference) band.SetUnitType(height_unit(*reference).c_str());
-  const json& s = request.at("statistics").at(static_cast<std::size_t>(index));
+  const tessera::Json& s = request.at("statistics").at(static_cast<std::size_t>(index));
   for (const auto& [name, key] : {std::pair{"STATISTICS_MINIMUM", "minimum"},
                                   {"STATISTICS_MAXIMUM", "maximum"},
                                   {"STATISTICS_MEAN", "mean"},
@@ -145,7 +144,7 @@ void describe_band(GDALRasterBand& band, const json& request, int index,
 }
 
 void write_raster(const Arguments& a) {
-  const json request = read_request(a);
+  const tessera::Json request = read_request(a);
   const std::unique_ptr<OGRSpatialReference> reference = reference_of(request);
   const std::unique_ptr<GDALDataset> raw = open_raw(request);
   GDALDriver* described = GetGDALDriverManager()->GetDriverByName("VRT");
@@ -205,13 +204,13 @@ void add_field(OGRLayer& layer, const char* name, OGRFieldType type) {
 }
 
 /// DXF knows no attributes: what would be one is the name of a layer.
-std::string dxf_layer(const json& request, const tessera::RawLine& line) {
+std::string dxf_layer(const tessera::Json& request, const tessera::RawLine& line) {
   if (request.at("layer") == "contours") return line.index != 0 ? "CONTOUR_INDEX" : "CONTOUR";
   return fmt::format("SECTION_{:.10g}", line.value);
 }
 
 void write_lines(const Arguments& a) {
-  const json request = read_request(a);
+  const tessera::Json request = read_request(a);
   std::unique_ptr<OGRSpatialReference> reference = reference_of(request);
   const auto format = request.at("format").get<std::string>();
   const bool dxf = format == "DXF";

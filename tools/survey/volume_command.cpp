@@ -4,10 +4,9 @@
 #include <memory>
 #include <string>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/check/mesh_volume.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
@@ -73,10 +72,9 @@ void run_volume(const VolumeCommand& command) {
         << std::flush;
   write_text_output(command.csv, to_csv(volumes));
   if (command.json.empty()) return;
-  nlohmann::json report = to_json(volumes);
+  Json report = to_json(volumes);
   report["mesh"] = json_text(command.mesh);
-  report["base"] =
-      options.base.empty() ? nlohmann::json(options.level) : nlohmann::json(json_text(options.base));
+  report["base"] = options.base.empty() ? Json(options.level) : Json(json_text(options.base));
   if (options.tolerance >= 0.0) report["tolerance"] = options.tolerance;
   if (!options.base.empty() && options.base_tolerance >= 0.0)
     report["base_tolerance"] = options.base_tolerance;

@@ -5,15 +5,13 @@
 #include <algorithm>
 
 #include <meshoptimizer.h>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/glb_document.h"
 
 namespace tessera {
 namespace {
-
-using nlohmann::json;
 
 constexpr std::uint64_t kMaxStride = 256;
 constexpr std::uint64_t kMaxUnpacked = std::uint64_t{256} << 20;  ///< bytes of one view, and of views kept
@@ -49,7 +47,7 @@ bool is_index_type(std::optional<ScalarType> type) {
 }
 
 /// The extension of a view that packs it, if one does.
-const json* meshopt_of(const json& view) {
+const Json* meshopt_of(const Json& view) {
   if (!view.contains("extensions") || !view.at("extensions").contains(kMeshopt)) return nullptr;
   return &view.at("extensions").at(kMeshopt);
 }
@@ -103,7 +101,7 @@ void GlbBuffers::require_in_chunk(std::uint64_t offset, std::uint64_t bytes, con
   fail(what + " passes the end of the binary chunk; the file is damaged");
 }
 
-void GlbBuffers::add_packed(std::uint64_t view, const json& extension, const std::string& what) {
+void GlbBuffers::add_packed(std::uint64_t view, const Json& extension, const std::string& what) {
   Packed packed;
   packed.offset = extension.value("byteOffset", std::uint64_t{0});
   packed.bytes = extension.at("byteLength").get<std::uint64_t>();
@@ -132,10 +130,10 @@ void GlbBuffers::add_packed(std::uint64_t view, const json& extension, const std
   packed_[view] = std::move(packed);
 }
 
-GlbRun GlbBuffers::run(const json& document, const json& part, std::uint64_t width, std::uint64_t count,
+GlbRun GlbBuffers::run(const Json& document, const Json& part, std::uint64_t width, std::uint64_t count,
                        const std::string& what) {
   const auto index = part.at("bufferView").get<std::uint64_t>();
-  const json& view = glb_item(document, "bufferViews", index, file_->path().string());
+  const Json& view = glb_item(document, "bufferViews", index, file_->path().string());
   GlbRun run;
   run.width = width;
   run.count = count;
@@ -143,7 +141,7 @@ GlbRun GlbBuffers::run(const json& document, const json& part, std::uint64_t wid
   const std::uint64_t in_view = part.value("byteOffset", std::uint64_t{0});
   const auto view_bytes = view.at("byteLength").get<std::uint64_t>();
   std::uint64_t stored = view_bytes;
-  if (const json* extension = meshopt_of(view); extension != nullptr) {
+  if (const Json* extension = meshopt_of(view); extension != nullptr) {
     add_packed(index, *extension, what);
     const Packed& packed = packed_.at(index);
     run.packed = index;
@@ -164,8 +162,8 @@ GlbRun GlbBuffers::run(const json& document, const json& part, std::uint64_t wid
   return run;
 }
 
-GlbAccessor GlbBuffers::accessor(const json& document, std::uint64_t index) {
-  const json& a = glb_item(document, "accessors", index, file_->path().string());
+GlbAccessor GlbBuffers::accessor(const Json& document, std::uint64_t index) {
+  const Json& a = glb_item(document, "accessors", index, file_->path().string());
   const std::string what = "accessor " + std::to_string(index);
   GlbAccessor found;
   const auto type = component_type(a.at("componentType").get<int>());
@@ -184,9 +182,9 @@ GlbAccessor GlbBuffers::accessor(const json& document, std::uint64_t index) {
   // What a face uses costs at least a byte of the file, so zeros beyond that are a claim of damaged files.
   if (!found.base && found.count > file_->size())
     fail(what + " claims " + std::to_string(found.count) + " elements, more than the file has bytes");
-  const json& sparse = a.at("sparse");
+  const Json& sparse = a.at("sparse");
   const auto count = sparse.at("count").get<std::uint64_t>();
-  const json& indices = sparse.at("indices");
+  const Json& indices = sparse.at("indices");
   const auto index_type = component_type(indices.at("componentType").get<int>());
   if (!is_index_type(index_type))
     fail(what + ": indices of a sparse accessor must be whole numbers without sign");

@@ -10,8 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/byte_window.h"
 #include "stream/formats/scalar.h"
@@ -52,7 +51,7 @@ class GlbBuffers {
 
   /// Everything about an accessor, checked against the ranges of view and chunk: what it describes is there.
   /// \throws InputError naming the accessor, what is wrong with it, or the extension that it needs
-  GlbAccessor accessor(const nlohmann::json& document, std::uint64_t index);
+  GlbAccessor accessor(const Json& document, std::uint64_t index);
 
  private:
   friend class GlbElements;
@@ -64,9 +63,9 @@ class GlbBuffers {
   using Bytes = std::shared_ptr<const std::vector<char>>;
 
   [[noreturn]] void fail(const std::string& what) const;
-  GlbRun run(const nlohmann::json& document, const nlohmann::json& part, std::uint64_t width,
-             std::uint64_t count, const std::string& what);
-  void add_packed(std::uint64_t view, const nlohmann::json& extension, const std::string& what);
+  GlbRun run(const Json& document, const Json& part, std::uint64_t width, std::uint64_t count,
+             const std::string& what);
+  void add_packed(std::uint64_t view, const Json& extension, const std::string& what);
   /// A range of the chunk. \throws InputError when it passes the end
   void require_in_chunk(std::uint64_t offset, std::uint64_t bytes, const std::string& what) const;
   Bytes unpacked(std::uint64_t view);

@@ -15,8 +15,6 @@
 namespace tessera {
 namespace {
 
-using nlohmann::json;
-
 constexpr std::size_t kMaxDepth = 64;
 constexpr std::size_t kMaxValues = 400000;  ///< kept; about 120 bytes each with key and node
 constexpr std::size_t kMaxRun = std::size_t{4}
@@ -104,11 +102,11 @@ struct Bytes {
 };
 
 /// Builds the document without what nobody asks for.
-class Pruner : public nlohmann::json_sax<json> {
+class Pruner : public nlohmann::json_sax<nlohmann::json> {
  public:
   Pruner(ByteWindow& window, const std::string& name) : window_(window), name_(name) {}
 
-  json root;
+  Json root;
   std::size_t run = 0;
 
   bool null() override { return value(nullptr); }
@@ -118,8 +116,8 @@ class Pruner : public nlohmann::json_sax<json> {
   bool number_float(number_float_t v, const string_t&) override { return counted(v); }
   bool string(string_t& v) override { return counted(v); }
   bool binary(binary_t&) override { return false; }
-  bool start_object(std::size_t) override { return open(json::object()); }
-  bool start_array(std::size_t) override { return open(json::array()); }
+  bool start_object(std::size_t) override { return open(Json::object()); }
+  bool start_array(std::size_t) override { return open(Json::array()); }
   bool end_object() override { return close(); }
   bool end_array() override { return close(); }
   bool parse_error(std::size_t, const std::string&, const nlohmann::detail::exception&) override {
@@ -148,16 +146,16 @@ class Pruner : public nlohmann::json_sax<json> {
   }
   void keep_key(const std::string& k) { key_ = k; }
 
-  bool counted(json v) {
+  bool counted(Json v) {
     run = 0;
     return value(std::move(v));
   }
-  bool value(json v) {
+  bool value(Json v) {
     if (skipped_ > 0) return true;
     if (!std::exchange(drop_, false)) insert(std::move(v));
     return true;
   }
-  bool open(json v) {
+  bool open(Json v) {
     if (++depth_ > kMaxDepth) fail("nests deeper than " + std::to_string(kMaxDepth) + " levels");
     if (skipped_ > 0 || std::exchange(drop_, false)) {
       ++skipped_;
@@ -177,19 +175,20 @@ class Pruner : public nlohmann::json_sax<json> {
     open_.pop_back();
     return true;
   }
-  json* insert(json v) {
+  Json* insert(Json v) {
     if (++values_ > kMaxValues)
       fail("describes more than " + std::to_string(kMaxValues) +
            " values of meshes and nodes: join the meshes before exporting them");
     if (open_.empty()) return &(root = std::move(v));
-    json& parent = *open_.back();
-    if (parent.is_array()) return &parent.emplace_back(std::move(v));
+    Json& parent = *open_.back();
+    if (parent.is_array()) parent.push_back(std::move(v));
+    return &parent.back();
     return &(parent[key_] = std::move(v));
   }
 
   ByteWindow& window_;
   const std::string& name_;
-  std::vector<json*> open_;  ///< kept objects and lists around the value at hand
+  std::vector<Json*> open_;  ///< kept objects and lists around the value at hand
   std::vector<std::string> names_;
   std::string key_;
   bool drop_ = false;        ///< the value that comes is not asked for
@@ -199,17 +198,17 @@ class Pruner : public nlohmann::json_sax<json> {
 
 }  // namespace
 
-const json& glb_item(const json& document, const char* list, std::uint64_t index, const std::string& name) {
+const Json& glb_item(const Json& document, const char* list, std::uint64_t index, const std::string& name) {
   if (!document.contains(list) || !document.at(list).is_array() || index >= document.at(list).size())
     throw InputError(name + ": the glTF document names " + list + " " + std::to_string(index) +
                      ", which does not exist");
   return document.at(list)[index];
 }
 
-json read_glb_document(ByteWindow bytes, const std::string& name) {
+Json read_glb_document(ByteWindow bytes, const std::string& name) {
   const std::uint64_t begin = bytes.offset();
   Pruner pruner(bytes, name);
-  const bool whole = json::sax_parse(Bytes{&bytes, &pruner.run, &name}, Bytes{}, &pruner);
+  const bool whole = nlohmann::json::sax_parse(Bytes{&bytes, &pruner.run, &name}, Bytes{}, &pruner);
   if (!whole || !pruner.root.is_object())
     throw InputError(name + ": byte " + std::to_string(begin) + ": the JSON chunk is not valid");
   return std::move(pruner.root);

@@ -4,8 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/formats/byte_window.h"
 
 namespace tessera {
@@ -14,10 +13,9 @@ namespace tessera {
 /// \param name   of the file, for messages
 /// \returns the document with the keys that GlbMeshReader looks at; at most some 50 MiB, whatever the chunk holds
 /// \throws InputError when the chunk is no JSON object, nests deeper than 64, or holds more than fits that
-nlohmann::json read_glb_document(ByteWindow bytes, const std::string& name);
+Json read_glb_document(ByteWindow bytes, const std::string& name);
 
 /// An entry of one of the document's lists. \throws InputError naming the file, the list and the index where there is none
-const nlohmann::json& glb_item(const nlohmann::json& document, const char* list, std::uint64_t index,
-                               const std::string& name);
+const Json& glb_item(const Json& document, const char* list, std::uint64_t index, const std::string& name);
 
 }  // namespace tessera

@@ -12,8 +12,7 @@
 #include <tuple>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/formats/byte_window.h"
 #include "stream/formats/meshes/glb_accessor.h"
 #include "stream/formats/meshes/glb_document.h"
@@ -24,7 +23,6 @@
 namespace tessera {
 namespace {
 
-using nlohmann::json;
 using Matrix = std::array<double, 16>;  // column major, as in glTF
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{64} << 20;
@@ -120,7 +118,7 @@ class GlbMeshReader : public MeshReader {
     read_chunks();
     try {
       read_document();
-    } catch (const json::exception& e) {  // a wrong type somewhere in the document
+    } catch (const JsonError& e) {  // a wrong type somewhere in the document
       fail(std::string("the glTF document is not valid (") + e.what() + ")");
     }
     document_ = nullptr;
@@ -271,14 +269,14 @@ class GlbMeshReader : public MeshReader {
 
   void read_document() {
     if (document_.contains("extensionsRequired")) {
-      for (const json& required : document_["extensionsRequired"]) {
+      for (const Json& required : document_["extensionsRequired"]) {
         const auto name = required.get<std::string>();
         if (!is_read(name) && !concerns_looks(name))
           fail("it needs the glTF extension " + name + ", which is not read; export it without");
       }
     }
     if (document_.contains("asset")) {
-      const json& asset = document_["asset"];
+      const Json& asset = document_["asset"];
       if (asset.contains("generator")) header_.comments.push_back(asset["generator"].get<std::string>());
       if (asset.contains("extras") && asset["extras"].contains("tessera_shift")) {
         header_.shift = asset["extras"]["tessera_shift"].get<Double3>();
@@ -306,7 +304,7 @@ class GlbMeshReader : public MeshReader {
            (left_out_.lines > 0 ? ", only points or lines" : "") + "; export a mesh");
   }
 
-  const json& item(const char* list, std::uint64_t index) const {
+  const Json& item(const char* list, std::uint64_t index) const {
     return glb_item(document_, list, index, file_.path().string());
   }
 
@@ -315,33 +313,33 @@ class GlbMeshReader : public MeshReader {
     std::vector<std::pair<std::uint64_t, Matrix>> open;
     std::set<std::uint64_t> shown;
     if (document_.contains("scenes") && !document_["scenes"].empty()) {
-      const json& scene = item("scenes", document_.value("scene", std::uint64_t{0}));
+      const Json& scene = item("scenes", document_.value("scene", std::uint64_t{0}));
       if (scene.contains("nodes")) {
-        for (const json& node : scene["nodes"]) open.emplace_back(node.get<std::uint64_t>(), kZUp);
+        for (const Json& node : scene["nodes"]) open.emplace_back(node.get<std::uint64_t>(), kZUp);
       }
     } else if (document_.contains("nodes")) {
       std::set<std::uint64_t> children;
-      for (const json& node : document_["nodes"]) {
+      for (const Json& node : document_["nodes"]) {
         if (!node.contains("children")) continue;
-        for (const json& child : node["children"]) children.insert(child.get<std::uint64_t>());
+        for (const Json& child : node["children"]) children.insert(child.get<std::uint64_t>());
       }
       for (std::uint64_t i = 0; i < document_["nodes"].size(); ++i)
         if (children.count(i) == 0) open.emplace_back(i, kZUp);
     }
     for (std::size_t visited = 0; visited < open.size(); ++visited) {
       if (open.size() > kMaxNodes) fail("the glTF scene has a cycle or more than 100000 nodes");
-      const json& node = item("nodes", open[visited].first);
+      const Json& node = item("nodes", open[visited].first);
       const Matrix matrix = multiply(open[visited].second, local_matrix(node));
       if (node.contains("mesh")) add_node(node, matrix), shown.insert(open[visited].first);
       if (!node.contains("children")) continue;
-      for (const json& child : node["children"]) open.emplace_back(child.get<std::uint64_t>(), matrix);
+      for (const Json& child : node["children"]) open.emplace_back(child.get<std::uint64_t>(), matrix);
     }
     if (!document_.contains("nodes")) return;
     for (std::uint64_t i = 0; i < document_["nodes"].size(); ++i)
       left_out_.nodes += document_["nodes"][i].contains("mesh") && shown.count(i) == 0;
   }
 
-  static Matrix local_matrix(const json& node) {
+  static Matrix local_matrix(const Json& node) {
     if (node.contains("matrix")) return node["matrix"].get<Matrix>();
     return composed(node.value("translation", Double3{0, 0, 0}),
                     node.value("rotation", std::array<double, 4>{0, 0, 0, 1}),
@@ -349,15 +347,15 @@ class GlbMeshReader : public MeshReader {
   }
 
   /// The mesh of a node: once, or in all places that EXT_mesh_gpu_instancing has for it.
-  void add_node(const json& node, const Matrix& matrix) {
-    const json& mesh = item("meshes", node["mesh"].get<std::uint64_t>());
+  void add_node(const Json& node, const Matrix& matrix) {
+    const Json& mesh = item("meshes", node["mesh"].get<std::uint64_t>());
     if (node.contains("skin")) ++left_out_.skins;
     constexpr const char* kInstancing = "EXT_mesh_gpu_instancing";
     if (!node.contains("extensions") || !node["extensions"].contains(kInstancing)) {
       add_mesh(mesh, matrix);
       return;
     }
-    const json& attributes = node["extensions"][kInstancing].at("attributes");
+    const Json& attributes = node["extensions"][kInstancing].at("attributes");
     struct Column {
       GlbAccessor accessor;
       GlbElements elements;
@@ -385,9 +383,9 @@ class GlbMeshReader : public MeshReader {
     }
   }
 
-  void add_mesh(const json& mesh, const Matrix& matrix) {
+  void add_mesh(const Json& mesh, const Matrix& matrix) {
     same_vertices_.clear();
-    for (const json& primitive : mesh.at("primitives")) {
+    for (const Json& primitive : mesh.at("primitives")) {
       const int mode = primitive.value("mode", static_cast<int>(kTriangles));
       if (mode < kPoints || mode > kFan)
         fail("a glTF primitive has the unknown mode " + std::to_string(mode));
@@ -400,16 +398,16 @@ class GlbMeshReader : public MeshReader {
     }
   }
 
-  void add_primitive(const json& primitive, int mode, const Matrix& matrix) {
+  void add_primitive(const Json& primitive, int mode, const Matrix& matrix) {
     Instance instance;
     instance.mode = mode;
     instance.transform = matrix;
     instance.mirrored = mirrors(matrix);
-    const json& attributes = primitive.at("attributes");
+    const Json& attributes = primitive.at("attributes");
     if (!attributes.contains("POSITION")) fail("a glTF primitive has no positions; export it with them");
     const auto positions = attributes["POSITION"].get<std::uint64_t>();
     constexpr const char* kDraco = "KHR_draco_mesh_compression";
-    const json& stored = item("accessors", positions);
+    const Json& stored = item("accessors", positions);
     if (!stored.contains("bufferView") && !stored.contains("sparse") && primitive.contains("extensions") &&
         primitive["extensions"].contains(kDraco))
       fail(std::string("it needs the glTF extension ") + kDraco + ", which is not read; export it without");
@@ -450,7 +448,7 @@ class GlbMeshReader : public MeshReader {
 
   const ReadFile file_;
   const MeshReadOptions options_;
-  json document_;
+  Json document_;
   std::optional<GlbBuffers> buffers_;
   std::vector<Instance> instances_;
   std::map<std::pair<std::uint64_t, std::int64_t>, std::size_t>

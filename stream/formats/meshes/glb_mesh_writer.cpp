@@ -10,9 +10,8 @@
 #include <cstring>
 #include <limits>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
 #include "stream/formats/srgb.h"
@@ -36,13 +35,12 @@ Vector y_up(const Vector& p) {
 }
 
 std::string document(const MeshHeader& header) {
-  using nlohmann::json;
   const std::uint64_t vertices_end = header.vertices * vertex_bytes(header);
-  json asset = {{"version", "2.0"}, {"generator", "Tessera"}};
+  Json asset = {{"version", "2.0"}, {"generator", "Tessera"}};
   if (header.shift != Double3{0, 0, 0}) asset["extras"]["tessera_shift"] = header.shift;
   if (!header.comments.empty()) asset["extras"]["comments"] = header.comments;
-  json attributes = {{"POSITION", 0}};
-  json accessors = json::array(
+  Json attributes = {{"POSITION", 0}};
+  Json accessors = Json::array(
       {{{"bufferView", 0},
         {"componentType", 5126},
         {"count", header.vertices},
@@ -59,16 +57,16 @@ std::string document(const MeshHeader& header) {
                          {"count", header.vertices},
                          {"type", "VEC4"}});
   }
-  json views = json::array(
+  Json views = Json::array(
       {{{"buffer", 0}, {"byteLength", vertices_end}, {"target", 34962}},
        {{"buffer", 0}, {"byteOffset", vertices_end}, {"byteLength", 12 * header.faces}, {"target", 34963}}});
   if (header.colour) views[0]["byteStride"] = vertex_bytes(header);
-  json node = {{"mesh", 0}};
+  Json node = {{"mesh", 0}};
   if (header.origin != Double3{0, 0, 0}) node["translation"] = y_up(header.origin);
-  const json all = {{"asset", asset},
+  const Json all = {{"asset", asset},
                     {"scene", 0},
                     {"scenes", {{{"nodes", {0}}}}},
-                    {"nodes", json::array({node})},
+                    {"nodes", Json::array({node})},
                     {"meshes", {{{"primitives", {{{"attributes", attributes}, {"indices", 1}}}}}}},
                     {"accessors", accessors},
                     {"bufferViews", views},
@@ -171,13 +169,13 @@ std::unique_ptr<MeshWriter> create_glb_mesh(const std::filesystem::path& path, c
   // Counts above the limit would overflow the products below.
   const bool countable = header.vertices <= kMaxBytes && header.faces <= kMaxBytes;
   const std::uint64_t bin = countable ? header.vertices * vertex_bytes(header) + 12 * header.faces : 0;
-  const std::string json = countable ? document(header) : std::string();
-  if (!countable || 28 + json.size() + bin > kMaxBytes) {
+  const std::string Json = countable ? document(header) : std::string();
+  if (!countable || 28 + Json.size() + bin > kMaxBytes) {
     throw UsageError(path.string() + ": GLB ends at 4 GiB, too little for " +
                      std::to_string(header.vertices) + " vertices and " + std::to_string(header.faces) +
                      " faces; write .ply instead");
   }
-  return std::make_unique<GlbMeshWriter>(path, header, json);
+  return std::make_unique<GlbMeshWriter>(path, header, Json);
 }
 
 }  // namespace tessera

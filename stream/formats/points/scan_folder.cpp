@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cstdint>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 
@@ -15,8 +15,6 @@ namespace tessera {
 namespace {
 
 namespace fs = std::filesystem;
-using json = nlohmann::json;
-
 constexpr std::uint64_t kMaxDescription = std::uint64_t{1} << 20;
 constexpr std::uint64_t kMaxHierarchy = std::uint64_t{64}
                                         << 20;  // of one file; they are cut at some thousand nodes
@@ -25,20 +23,20 @@ constexpr std::uint64_t kMaxHierarchy = std::uint64_t{64}
   throw InputError(path.string() + ": " + what);
 }
 
-json read_json(const fs::path& path, std::uint64_t maximum) {
+Json read_json(const fs::path& path, std::uint64_t maximum) {
   const ReadFile file(path);
   if (file.size() > maximum)
     fail(path, "has " + std::to_string(file.size()) + " bytes, too many for what it should be");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
-  json parsed = try_parse_json(text);
+  Json parsed = try_parse_json(text);
   if (!parsed.is_object()) fail(path, "is no JSON object; the file is damaged");
   return parsed;
 }
 
-std::string text_of(const json& object, const char* key) {
-  const auto at = object.find(key);
-  return at != object.end() && at->is_string() ? at->get<std::string>() : "";
+std::string text_of(const Json& object, const char* key) {
+  const Json* at = object.find(key);
+  return at != nullptr && at->is_string() ? at->get<std::string>() : "";
 }
 
 /// Files directly in the folder, sorted; hidden ones are not among them.
@@ -83,7 +81,7 @@ std::map<std::string, std::uint64_t> ept_hierarchy(const fs::path& folder) {
   std::map<std::string, std::uint64_t> nodes;
   if (!fs::is_directory(folder)) return nodes;
   for (const fs::path& path : files_in(folder, ".json", false)) {
-    const json part = read_json(path, kMaxHierarchy);
+    const Json part = read_json(path, kMaxHierarchy);
     for (const auto& [name, count] : part.items()) {
       // -1: the node's part of the hierarchy has a file of its own, which says how many.
       if (is_ept_node(name) && count.is_number_integer() && count.get<std::int64_t>() > 0)
@@ -95,7 +93,7 @@ std::map<std::string, std::uint64_t> ept_hierarchy(const fs::path& folder) {
 
 ScanFolder open_ept(const fs::path& folder) {
   const fs::path description = folder / "ept.json";
-  const json ept = read_json(description, kMaxDescription);
+  const Json ept = read_json(description, kMaxDescription);
   const std::string type = text_of(ept, "dataType");
   if (type != "laszip")
     fail(description,
@@ -134,7 +132,7 @@ ScanFolder open_ept(const fs::path& folder) {
 
 ScanFolder open_potree(const fs::path& folder) {
   const fs::path description = folder / "cloud.js";
-  const json cloud = read_json(description, kMaxDescription);
+  const Json cloud = read_json(description, kMaxDescription);
   const std::string type = text_of(cloud, "pointAttributes");
   if (type != "LAZ" && type != "LAS")
     fail(description,

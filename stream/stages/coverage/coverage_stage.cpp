@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +10,7 @@
 #include "kernels/coverage/near_samples.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
@@ -21,8 +21,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kCoverageFixedBytes = std::uint64_t{10} << 20;  ///< the sample, and columns of a task
 constexpr std::uint64_t kCoverageSortBytes = std::uint64_t{4} << 20;
@@ -125,7 +123,7 @@ class CoverageStage : public Stage {
     return coverage_task_bytes(faces_->task_bytes(task));
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     const SampleBricks sample(load_sample(state_.work));
     std::vector<std::uint64_t> near((sample.positions().size() + 63) / 64, 0);
     std::vector<ColumnMask> columns;
@@ -148,7 +146,7 @@ class CoverageStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return coverage_finish_bytes(); }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     if (!faces_) return {{"measured", false}};
     const std::vector<Int3> sample = load_sample(state_.work);
     const std::vector<std::uint64_t> near = join_near(summaries.size(), sample.size());
@@ -173,7 +171,7 @@ class CoverageStage : public Stage {
       std::filesystem::remove(path);  // that of an earlier run is not of this output
     }
     const auto share = [](std::uint64_t missing, std::uint64_t all) {
-      return all > 0 ? json(1.0 - static_cast<double>(missing) / static_cast<double>(all)) : json();
+      return all > 0 ? Json(1.0 - static_cast<double>(missing) / static_cast<double>(all)) : Json();
     };
     return {{"measured", true},
             {"plan", share(columns_missing, columns)},

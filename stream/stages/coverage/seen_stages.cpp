@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -13,6 +12,7 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
@@ -22,8 +22,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr const char* kSpacingFile = "seen/spacing.json";
 constexpr std::size_t kSites = 512;  ///< places where the spacing is looked at
@@ -86,7 +84,7 @@ class SeenSpacingStage : public SerialStage {
   std::string unit_name() const override { return "places"; }
   std::uint64_t finish_bytes() const override { return seen_spacing_bytes(points_.bricks()); }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     std::vector<double> squares;
     const std::uint64_t all = points_.point_count();
     std::size_t brick = 0;
@@ -99,7 +97,7 @@ class SeenSpacingStage : public SerialStage {
       look(brick, static_cast<std::size_t>(index - before), squares);
       context.advance(1);
     }
-    json found = {{"points", all}, {"spacing", 0.0}};
+    Json found = {{"points", all}, {"spacing", 0.0}};
     const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
     if (!squares.empty()) {
       std::nth_element(squares.begin(), middle, squares.end());
@@ -150,7 +148,7 @@ class SeenStage : public Stage {
     return seen_task_bytes(points_.bricks(), first, last);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     std::vector<ColumnCounts> columns;
     ColumnCounter counter;
     DirectFile samples(context.create(seen_sample_part(task)), kSeenBuffer);
@@ -186,10 +184,10 @@ class SeenStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return seen_finish_bytes(); }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     if (seen_.spacing == 0.0) return {{"measured", false}};
     std::uint64_t looked_at = 0, confirmed = 0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       looked_at += s.at("looked_at").get<std::uint64_t>();
       confirmed += s.at("confirmed").get<std::uint64_t>();
     }
@@ -295,7 +293,7 @@ class SeenStage : public Stage {
 }  // namespace
 
 SeenScan SeenScan::of_work(const std::filesystem::path& work) {
-  const json found = parse_json(read_text(work / kSpacingFile));
+  const Json found = parse_json(read_text(work / kSpacingFile));
   SeenScan seen;
   seen.spacing = found.at("spacing").get<double>();
   seen.points = found.at("points").get<std::uint64_t>();

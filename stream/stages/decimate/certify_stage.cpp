@@ -5,13 +5,12 @@
 #include <optional>
 #include <type_traits>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/check/compare_cells.h"
 #include "stream/check/compared_before.h"
 #include "stream/check/mesh_compare.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 
@@ -55,7 +54,7 @@ class CertifyStage : public Stage {
     return certify_task_bytes(maximum);
   }
 
-  nlohmann::json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     DirectFile file(context.create(file_name(request_.name, task)), std::size_t{1} << 16);
     std::vector<FailedFace> failed;
     std::size_t kept = 0;
@@ -82,7 +81,7 @@ class CertifyStage : public Stage {
     return certify_finish_bytes(maximum, cells_.size());
   }
 
-  nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     std::vector<CellBounds> bounds;
     for_each_result([&](std::size_t, const CellComparison& cell) { bounds.emplace_back(cell); });
     std::map<std::size_t, CellComparison> tight;
@@ -99,12 +98,12 @@ class CertifyStage : public Stage {
     });
     const std::string complaint = request_.tolerance > 0.0 ? sum.complaint(false) : "";
     const double rounding = add_rounding(sum);
-    nlohmann::json report = to_json(sum);
+    Json report = to_json(sum);
     if (rounding > 0.0) report["rounding"] = rounding;
     if (!complaint.empty()) {
       std::vector<FailedFace> failed;
       for (std::size_t task = 0; task < summaries.size() && failed.size() < kMaxFailedFaces; ++task)
-        if (summaries[task].at("failed_faces") > 0)
+        if (summaries[task].at("failed_faces").natural() > 0)
           for (const FailedFace& face : read_failed_faces(work_ / failed_name(task)))
             if (failed.size() < kMaxFailedFaces) failed.push_back(face);
       if (failed.empty()) throw ValidationError("the result gets no name: " + complaint);
@@ -114,7 +113,7 @@ class CertifyStage : public Stage {
     report.erase("seconds");  // the stage has its own
     if (before_) {
       std::size_t kept = 0;
-      for (const nlohmann::json& s : summaries) kept += s.at("cells_kept").get<std::size_t>();
+      for (const Json& s : summaries) kept += s.at("cells_kept").get<std::size_t>();
       report["cells_kept"] = kept;
     }
     return report;

@@ -1,9 +1,8 @@
 #include "stream/stages/decimate/decimate_job.h"
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/decimate/auto_tolerance.h"
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
@@ -19,8 +18,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 const std::string kDecimateImport = "mesh";
 
@@ -42,24 +39,24 @@ SimplifyStores after(const SmoothBefore& smoothing, SimplifyStores stores) {
   return stores;
 }
 
-void summarise(json& report) {
+void summarise(Json& report) {
   report["input"] = import_report(report, kDecimateImport);
   report["mesh"] = result_of(report, "write");
-  if (const json noise = result_of(report, "noise");
+  if (const Json noise = result_of(report, "noise");
       report.at("options").at("tolerance") == "auto" && noise.is_object()) {
     const double edge = noise.at("edge").get<double>(), deviation = noise.at("noise").get<double>();
     report["tolerance"] = {{"taken", auto_tolerance(edge, deviation)}, {"edge", edge}, {"noise", deviation}};
   }
   report["certificate"] = certificate_of(report);
-  if (const json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
+  if (const Json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
 }
 
 }  // namespace
 
-json certificate_of(const json& report) {
-  json last = result_of(report, certify_name(0));
+Json certificate_of(const Json& report) {
+  Json last = result_of(report, certify_name(0));
   for (int round = 1; round < kMaxRounds; ++round) {
-    const json again = result_of(report, certify_name(round));
+    const Json again = result_of(report, certify_name(round));
     if (!again.is_object() || again.empty()) break;
     last = again;
     last["rounds_again"] = round;
@@ -125,7 +122,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
                       return make_store_write_stage(
                           state,
                           open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-                          "made by " + made_by + ", tolerance " + dump_json(json(tolerance)),
+                          "made by " + made_by + ", tolerance " + dump_json(Json(tolerance)),
                           sort_bytes(state.run), stores.placement(state, tolerance));
                     }});
   return stages;

@@ -1,8 +1,8 @@
 /// \file decimate_job.h
 /// The job of `tessera decimate`: import, passes, proof, output.
 #pragma once
-#include <nlohmann/json_fwd.hpp>
 
+#include "stream/files/json.h"
 #include "stream/runtime/job.h"
 #include "stream/stages/decimate/simplify_stage.h"
 
@@ -10,7 +10,7 @@ namespace tessera {
 
 /// What the last certificate of such a job says, from the report's "stages"; with the number of rounds that were
 /// repeated, if any.
-nlohmann::json certificate_of(const nlohmann::json& report);
+Json certificate_of(const Json& report);
 
 /// Smoothing if it is asked for, passes, proof, more rounds of both where it fails, output.
 /// \param made_by  for the comment in the output

@@ -1,10 +1,10 @@
 #include "stream/stages/decimate/pass_blocks.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "stream/check/mesh_compare.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 namespace {
@@ -49,7 +49,7 @@ void PassBlocks::deal(std::uint64_t task_faces) {
   first_.push_back(blocks_.size());
 }
 
-bool PassBlocks::copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, nlohmann::json& sum,
+bool PassBlocks::copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, Json& sum,
                                 TaskContext& context, MeshBlock* left) const {
   const MeshBlockCut* same = before_ ? before_->same(in_, cut, failed_) : nullptr;
   if (same == nullptr) return false;

@@ -8,8 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/meshes/failed_regions.h"
 #include "stream/stages/decimate/round_before.h"
 #include "stream/stages/decimate/simplify_stage.h"
@@ -38,8 +37,8 @@ class PassBlocks {
 
   /// Where nothing has changed since the round before, writes what that left.
   /// \param sum  gets its counts \param left  if not null, gets what was written \returns whether it did
-  bool copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, nlohmann::json& sum,
-                      TaskContext& context, MeshBlock* left = nullptr) const;
+  bool copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, Json& sum, TaskContext& context,
+                      MeshBlock* left = nullptr) const;
   /// Keys of the vertices that stay, because earlier rounds failed near them; ascending.
   std::vector<std::uint64_t> pinned_keys(const MeshBlock& block, TaskContext& context) const;
   std::uint64_t failed_bytes() const { return failed_.bytes(); }

@@ -2,12 +2,11 @@
 
 #include <algorithm>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/memory_budget.h"
@@ -17,8 +16,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces =
     1u << 18;  ///< of block and reference together: a task is worth a file from here
@@ -67,8 +64,8 @@ class SimplifyStage : public Stage {
     return maximum;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
-    json sum = json::object();
+  Json run(std::size_t task, TaskContext& context) const override {
+    Json sum = Json::object();
     std::vector<std::uint64_t> costs(kCostClasses, 0);
     std::unique_ptr<MeshFileWriter> writer;
     if (!pass_.count_costs)
@@ -109,17 +106,17 @@ class SimplifyStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{2} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    json sum = json::object();
-    for (const json& s : summaries) add_counts(sum, s);
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
+    Json sum = Json::object();
+    for (const Json& s : summaries) add_counts(sum, s);
     sum["tolerance"] = kernel_.tolerance;
     if (pass_.count_costs) {
       std::array<std::uint64_t, kCostClasses> costs{};
-      for (const json& s : summaries)
+      for (const Json& s : summaries)
         for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += s.at("costs")[c].get<std::uint64_t>();
       const std::uint32_t limit = cost_class_for(costs, in_.face_count(), options_.target_faces);
       sum["cost_class"] = limit;
-      write_durably(context.create(costs_file(pass_.pass)), dump_json(json{{"cost_class", limit}}));
+      write_durably(context.create(costs_file(pass_.pass)), dump_json(Json{{"cost_class", limit}}));
     }
     return sum;
   }
@@ -156,7 +153,7 @@ class SimplifyStage : public Stage {
 
 }  // namespace
 
-json to_json(const DecimateReport& r) {
+Json to_json(const DecimateReport& r) {
   return {{"faces_in", r.faces_in},
           {"faces_out", r.faces_out},
           {"locked_vertices", r.locked_vertices},
@@ -175,13 +172,13 @@ json to_json(const DecimateReport& r) {
 
 namespace {
 
-bool is_negative(const json& value) {
+bool is_negative(const Json& value) {
   return value.is_number_integer() && !value.is_number_unsigned() && value.get<std::int64_t>() < 0;
 }
 
 /// Integers that the program made are signed or not, those read from a journal are unsigned unless negative: the sum is as
 /// if it had been read.
-void add_integer(json& sum, const json& value) {
+void add_integer(Json& sum, const Json& value) {
   const std::uint64_t total = (sum.is_null() ? 0 : sum.get<std::uint64_t>()) + value.get<std::uint64_t>();
   const auto below_zero = static_cast<std::int64_t>(total);
   if (below_zero < 0 && (is_negative(sum) || is_negative(value)))
@@ -192,11 +189,12 @@ void add_integer(json& sum, const json& value) {
 
 }  // namespace
 
-void add_counts(json& sum, const json& part) {
+void add_counts(Json& sum, const Json& part) {
+  if (sum.is_null()) sum = Json::object();
   for (const auto& [key, value] : part.items()) {
     if (value.is_number_integer()) add_integer(sum[key], value);
     if (value.is_number_float()) sum[key] = std::max(sum.value(key, 0.0), value.get<double>());
-    if (value.is_object()) add_counts(sum.emplace(key, json::object()).first.value(), value);
+    if (value.is_object()) add_counts(sum[key], value);
   }
 }
 

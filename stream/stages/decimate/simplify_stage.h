@@ -8,8 +8,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_precision.h"
 #include "stream/meshes/mesh_blocking.h"
 #include "stream/meshes/store_write_stage.h"
@@ -76,10 +75,10 @@ struct SimplifyStores {
 MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass);
 
 // Reports of passes.
-nlohmann::json to_json(const DecimateReport& report);
+Json to_json(const DecimateReport& report);
 /// Adds integers, signed or not, and takes the largest of other numbers, key by key, also of objects inside. What is no
 /// number is left out.
-void add_counts(nlohmann::json& sum, const nlohmann::json& part);
+void add_counts(Json& sum, const Json& part);
 
 /// The blocks of a pass over `in`; a pure function of the tables of both stores.
 std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& reference,

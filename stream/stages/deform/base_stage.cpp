@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "kernels/edit/short_edges.h"
@@ -10,6 +9,7 @@
 #include "kernels/remesh/remesh.h"
 #include "kernels/smooth/smooth.h"
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/deform/deform_files.h"
@@ -18,8 +18,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Edges between 4/5 and 4/3 of the length make so many more faces than equilateral ones would.
 constexpr double kMoreFaces = 1.2;
@@ -42,11 +40,11 @@ class BaseStage : public SerialStage {
     return base_stage_bytes(own_, store_.face_count(), store_.block_bytes(all()), options_.base_vertices);
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     context.check_stop();
     MeshBlock block = store_.load(all());
     if (block.faces.empty()) throw EmptyError("the mesh has no faces: there is nothing to deform");
-    json out = {{"own", own_}};
+    Json out = {{"own", own_}};
     BaseSurface base = own_ ? BaseSurface{std::move(block.position), std::move(block.faces), {}}
                             : even_base(std::move(block), out, context);
     context.check_stop();
@@ -58,7 +56,7 @@ class BaseStage : public SerialStage {
   }
 
  private:
-  BaseSurface even_base(MeshBlock block, json& out, TaskContext& context) const {
+  BaseSurface even_base(MeshBlock block, Json& out, TaskContext& context) const {
     double area = 0.0;
     for (const auto& f : block.faces)
       area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));

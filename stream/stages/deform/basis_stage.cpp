@@ -3,7 +3,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "kernels/edit/anisotropic_metric.h"
 #include "kernels/edit/base_volume.h"
@@ -12,6 +11,7 @@
 #include "kernels/edit/thin_faces.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/long_call.h"
@@ -26,8 +26,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 Laplacian intrinsic(const BaseSurface& base) {
   return laplacian({base.position, base.faces}, {.weights = LaplacianWeights::kIntrinsicDelaunay});
@@ -50,7 +48,7 @@ class BasisStage : public SerialStage {
     return basis_stage_bytes(base_.position.size(), script_, run_);
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     using Clock = std::chrono::steady_clock;
     const auto seconds = [](Clock::time_point from) {
       return std::chrono::duration<double>(Clock::now() - from).count();
@@ -126,7 +124,7 @@ class BasisStage : public SerialStage {
     for (const Double3& p : base_.position)
       for (std::size_t c = 0; c < 3; ++c) low[c] = std::min(low[c], p[c]), high[c] = std::max(high[c], p[c]);
     const BoundaryModelReport& model = report.model;
-    json result = {
+    Json result = {
         {"order", script_.order},
         {"unknowns", model.unknowns},
         {"handles", s->regions.handles.size()},
@@ -150,7 +148,7 @@ class BasisStage : public SerialStage {
       result["anisotropic"] = {{"ratio", anisotropic.ratio},
                                {"flipped_faces", anisotropic.flipped},
                                {"mean_quasi_conformal", anisotropic.mean_quasi_conformal}};
-    out.about = dump_json(json{
+    out.about = dump_json(Json{
         {"handles", s->regions.handles},
         {"volumes", script_.volumes},
         {"keep_volume", script_.keep_volume},

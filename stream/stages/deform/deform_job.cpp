@@ -1,9 +1,8 @@
 #include "stream/stages/deform/deform_job.h"
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/import/crs_sidecar.h"
@@ -21,11 +20,9 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
-void summarise(json& report) {
+void summarise(Json& report) {
   report["mesh"] = result_of(report, "write");
-  const json basis = result_of(report, "basis");
+  const Json basis = result_of(report, "basis");
   if (!basis.is_object()) return;
   report["input"] = import_report(report, kDeformImport);
   report["edit"] = basis;
@@ -72,11 +69,11 @@ JobDescription deform_job(const DeformOptions& options) {
 }
 
 std::filesystem::path mesh_of_basis(const std::filesystem::path& basis, const std::filesystem::path& mesh) {
-  const json about = parse_json(BasisReader(basis).about());
+  const Json about = parse_json(BasisReader(basis).about());
   if (!about.contains("mesh"))
     throw InputError(basis.string() +
                      ": it is no file of `tessera deform prepare`, which ends with the mesh's details");
-  const json& was = about.at("mesh");
+  const Json& was = about.at("mesh");
   const std::filesystem::path path =
       mesh.empty() ? std::filesystem::path(bytes_of_json_text(was.at("path").get<std::string>())) : mesh;
   if (!std::filesystem::exists(path))

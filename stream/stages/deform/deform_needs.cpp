@@ -1,12 +1,12 @@
 #include "stream/stages/deform/deform_needs.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "kernels/edit/self_intersections.h"
 #include "kernels/mesh/closest_face.h"
 #include "kernels/remesh/remesh.h"
 #include "kernels/smooth/smooth.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/import/import_needs.h"
 #include "stream/meshes/store_write_stage.h"
@@ -78,7 +78,7 @@ std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script
 }
 
 WriteStageSize basis_size(const BasisReader& basis, bool poses) {
-  const nlohmann::json about = parse_json(basis.about());
+  const Json about = parse_json(basis.about());
   const auto& solved = about.at("basis");
   return {basis.bytes(), solved.at("base_vertices").get<std::uint64_t>(),
           solved.at("base_faces").get<std::uint64_t>(), poses, about.at("volumes").get<bool>()};

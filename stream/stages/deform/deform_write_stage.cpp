@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
@@ -23,8 +23,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kManyVertices = std::uint64_t{1} << 32;  ///< headers of text tell none
 constexpr std::size_t kManyFlips = 100;  ///< one in so many faces of the base is worth a warning
@@ -62,7 +60,7 @@ class DeformWriteStage : public SerialStage {
            (prepares_ ? 0 : rounding_check_bytes(output_, true, kManyVertices));
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const DeformBasis basis = file_.load();
     const BaseState rest(basis.base.position, basis.base.faces);
     const auto source = open_mesh_file(mesh_);
@@ -137,8 +135,8 @@ class DeformWriteStage : public SerialStage {
     }
   }
 
-  json deform(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
-    const json about = parse_json(basis.about);
+  Json deform(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
+    const Json about = parse_json(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const bool colours = options_.dry_run;
     std::vector<Placement> handles = pose_of(script_, about.at("handles").get<std::vector<std::string>>());
@@ -198,7 +196,7 @@ class DeformWriteStage : public SerialStage {
     });
     writer->finish();
     context.count_written(writer->bytes_written());
-    json out = {{"path", json_text(output_)},
+    Json out = {{"path", json_text(output_)},
                 {"vertices", header.vertices},
                 {"faces", header.faces},
                 {"bytes", writer->bytes_written()},
@@ -206,13 +204,13 @@ class DeformWriteStage : public SerialStage {
                 {"shift", header.shift},
                 {"tangent_vertices", tangents}};
     tell_rounding(out, output_, header.origin, writer->rounding());
-    if (const json targets = residuals(rest, posed, encoder.get(), diagonal); !colours && !targets.is_null())
+    if (const Json targets = residuals(rest, posed, encoder.get(), diagonal); !colours && !targets.is_null())
       out["targets"] = targets;
     if (!colours) {
       out["largest_move"] = std::sqrt(largest) + writer->rounding().largest;
       if (mirrored) out["mirrored"] = true;
       out.update(parse_json(pose.summary));
-      json warnings = out.value("warnings", json::array());
+      Json warnings = out.value("warnings", Json::array());
       if (pose.flipped * kManyFlips > basis.base.faces.size())
         warnings.push_back(std::to_string(pose.flipped) + " of the " +
                            std::to_string(basis.base.faces.size()) +
@@ -238,7 +236,7 @@ class DeformWriteStage : public SerialStage {
   }
 
   /// How far points with targets were from them, and are.
-  json residuals(const BaseState& rest, const BaseState& posed, const DisplacementEncoder* encoder,
+  Json residuals(const BaseState& rest, const BaseState& posed, const DisplacementEncoder* encoder,
                  double diagonal) const {
     std::uint64_t count = 0;
     double before = 0.0, after = 0.0, max_before = 0.0, max_after = 0.0;
@@ -269,9 +267,9 @@ class DeformWriteStage : public SerialStage {
     return basis.edit.role[f[static_cast<std::size_t>(std::max_element(w, w + 3) - w)]];
   }
 
-  json prepare(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh,
+  Json prepare(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh,
                TaskContext& context) const {
-    json about = parse_json(basis.about);
+    Json about = parse_json(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const DisplacementEncoder encoder(rest);
     const Counts n = count(mesh, context);

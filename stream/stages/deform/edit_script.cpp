@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/json_reader.h"
@@ -16,8 +16,6 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 constexpr int kColourWithin = 48;        ///< of 255: paint blends at its rim
 constexpr double kCreaseDegrees = 30.0;  ///< which bound a patch
 
@@ -25,12 +23,12 @@ class Reader : public JsonReader {
  public:
   using JsonReader::JsonReader;
 
-  EditRegion region(const json& r, const std::string& what, std::vector<std::uint64_t>& vertices) const {
+  EditRegion region(const Json& r, const std::string& what, std::vector<std::uint64_t>& vertices) const {
     known(r, what,
           {"role", "name", "smoothness", "all", "box", "sphere", "half_space", "geodesic", "points",
            "vertices", "painted", "patch"});
     EditRegion out;
-    const json& role = member(r, "role", what);
+    const Json& role = member(r, "role", what);
     if (role == "support") {
       out.role = RegionRole::kSupport;
     } else if (role == "handle") {
@@ -57,7 +55,7 @@ class Reader : public JsonReader {
     if (shape.empty())
       fail(what +
            " wants a shape: all, box, sphere, half_space, geodesic, points, vertices, painted or patch");
-    const json& value = r.at(shape);
+    const Json& value = r.at(shape);
     const std::string where = what + ": \"" + shape + "\"";
     if (shape == "all") {
       if (value != true) fail(where + " takes true");
@@ -105,7 +103,7 @@ class Reader : public JsonReader {
     } else {
       out.shape = RegionShape::kPoints;
       if (!value.is_array() || value.empty()) fail(where + " takes a list of numbers of vertices");
-      for (const json& v : value) {
+      for (const Json& v : value) {
         if (!v.is_number_unsigned()) fail(where + " takes numbers of vertices, from 0 on");
         vertices.push_back(v.get<std::uint64_t>());
       }
@@ -118,14 +116,14 @@ class Reader : public JsonReader {
     return static_cast<int>(value);
   }
 
-  Placement step(const json& s, const std::string& what) const {
+  Placement step(const Json& s, const std::string& what) const {
     known(s, what, {"move", "rotate", "scale", "matrix"});
     if (s.size() != 1) fail(what + ": one of move, rotate, scale and matrix a step; a list has several");
     Placement p;
     if (s.contains("move")) {
       p.shift = point(s.at("move"), what + ": \"move\"");
     } else if (s.contains("rotate")) {
-      const json& r = s.at("rotate");
+      const Json& r = s.at("rotate");
       const std::string where = what + ": \"rotate\"";
       known(r, where, {"axis", "angle", "centre"});
       const Double3 axis = unit_or_zero(point(member(r, "axis", where), where));
@@ -133,10 +131,10 @@ class Reader : public JsonReader {
       const Double3 centre = r.contains("centre") ? point(r.at("centre"), where) : Double3{};
       p = rotation(axis, number(member(r, "angle", where), where)).about(centre);
     } else if (s.contains("scale")) {
-      const json& r = s.at("scale");
+      const Json& r = s.at("scale");
       const std::string where = what + ": \"scale\"";
       known(r, where, {"factor", "centre"});
-      const json& f = member(r, "factor", where);
+      const Json& f = member(r, "factor", where);
       const std::vector<double> v =
           f.is_number() ? std::vector<double>(3, number(f, where)) : numbers(f, 3, where);
       p.matrix = {v[0], 0, 0, 0, v[1], 0, 0, 0, v[2]};
@@ -151,7 +149,7 @@ class Reader : public JsonReader {
     return p;
   }
 
-  void motions(const json& handles, EditScript& out) const {
+  void motions(const Json& handles, EditScript& out) const {
     if (!handles.is_object()) fail("\"handles\" has one motion by the name of each handle");
     for (const auto& [name, motion] : handles.items()) {
       const std::string what = "the motion of '" + name + "'";
@@ -161,7 +159,7 @@ class Reader : public JsonReader {
         continue;
       }
       Placement all;
-      for (const json& s : motion.is_array() ? motion : json::array({motion})) all = step(s, what).after(all);
+      for (const Json& s : motion.is_array() ? motion : Json::array({motion})) all = step(s, what).after(all);
       out.handles.push_back(name);
       out.motions.push_back(all);
     }
@@ -198,11 +196,11 @@ std::string read_edit_text(const std::filesystem::path& file) {
 
 EditScript parse_edit(const std::string& text, const std::string& name) {
   const Reader reader(name);
-  const json root = reader.parsed(text);
+  const Json root = reader.parsed(text);
   reader.known(root, "the edit", {"order", "anisotropic", "details", "keep_volume", "regions", "handles"});
   EditScript out;
   if (root.contains("order")) {
-    const json& order = root.at("order");
+    const Json& order = root.at("order");
     if (order != 1 && order != 2 && order != 3) reader.fail("\"order\" is 1, 2 or 3");
     out.order = order.get<int>();
   }
@@ -211,7 +209,7 @@ EditScript parse_edit(const std::string& text, const std::string& name) {
     out.anisotropic = root.at("anisotropic").get<bool>();
   }
   if (root.contains("details")) {
-    const json& details = root.at("details");
+    const Json& details = root.at("details");
     if (details != "turned" && details != "volumes") reader.fail("\"details\" is turned or volumes");
     out.volumes = details == "volumes";
   }
@@ -222,7 +220,7 @@ EditScript parse_edit(const std::string& text, const std::string& name) {
   }
   if (root.contains("regions")) {
     if (!root.at("regions").is_array()) reader.fail("\"regions\" takes a list of regions");
-    for (const json& r : root.at("regions")) {
+    for (const Json& r : root.at("regions")) {
       out.vertices.emplace_back();
       out.regions.push_back(
           reader.region(r, "region " + std::to_string(out.vertices.size()), out.vertices.back()));
@@ -234,8 +232,8 @@ EditScript parse_edit(const std::string& text, const std::string& name) {
 
 std::string with_controls(const std::string& edit, const std::filesystem::path& file) {
   static const char* const kName = "control points";
-  json root = edit.empty() ? json{{"regions", {{{"role", "support"}, {"all", true}}}}} : parse_json(edit);
-  json points = json::array(), targets = json::array();
+  Json root = edit.empty() ? Json{{"regions", {{{"role", "support"}, {"all", true}}}}} : parse_json(edit);
+  Json points = Json::array(), targets = Json::array();
   std::istringstream lines(read_text(file));
   std::string line;
   for (std::size_t number = 1; std::getline(lines, line); ++number) {
@@ -258,10 +256,10 @@ std::string with_controls(const std::string& edit, const std::filesystem::path& 
 
 std::vector<EditPose> read_poses(const std::filesystem::path& file) {
   const Reader reader(file.string());
-  const json root = reader.parsed(read_text(file));
+  const Json root = reader.parsed(read_text(file));
   std::vector<EditPose> out;
-  const auto add = [&](const std::string& name, const json& pose) {
-    EditPose p{name, dump_json(json{{"handles", reader.member(pose, "handles", "a pose")}})};
+  const auto add = [&](const std::string& name, const Json& pose) {
+    EditPose p{name, dump_json(Json{{"handles", reader.member(pose, "handles", "a pose")}})};
     parse_edit(p.text, file.string());
     out.push_back(std::move(p));
   };
@@ -272,10 +270,10 @@ std::vector<EditPose> read_poses(const std::filesystem::path& file) {
   reader.known(root, "the file", {"poses"});
   if (!root.at("poses").is_array() || root.at("poses").empty())
     reader.fail("\"poses\" takes a list of at least one pose");
-  for (const json& pose : root.at("poses")) {
+  for (const Json& pose : root.at("poses")) {
     reader.known(pose, "a pose", {"name", "handles"});
     const std::string number = std::to_string(out.size() + 1);
-    const json name = pose.value("name", json(number));
+    const Json name = pose.value("name", Json(number));
     if (!name.is_string() || name.get<std::string>().find('/') != std::string::npos)
       reader.fail("the \"name\" of pose " + number + " becomes part of a file's name: a text without '/'");
     for (const EditPose& p : out)

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "kernels/edit/base_volume.h"
@@ -12,12 +11,12 @@
 #include "kernels/edit/unflip_faces.h"
 #include "kernels/mesh/face_components.h"
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
 using Clock = std::chrono::steady_clock;
 using Face = std::array<std::uint32_t, 3>;
 
@@ -33,7 +32,7 @@ void require_volume_kept(std::span<const Placement> pose) {
       throw InputError(
           "\"keep_volume\" goes with handles that move and turn, but one of them changes volumes by a factor "
           "of " +
-          dump_json(json(p.determinant())) + ": leave it out");
+          dump_json(Json(p.determinant())) + ": leave it out");
 }
 
 }  // namespace
@@ -76,8 +75,8 @@ bool take_out_mirror(const DeformBasis& basis, std::vector<Placement>& pose) {
 
 PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                     const std::function<void()>& check_stop) {
-  const json about = parse_json(basis.about);
-  json summary;
+  const Json about = parse_json(basis.about);
+  Json summary;
   const std::vector<Double3>& at = basis.base.position;
   const std::vector<Face>& faces = basis.base.faces;
   const std::vector<Double3> rest = rest_base(basis.edit, at);
@@ -139,7 +138,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     // Thin layers over jagged bases may come out worse than vectors leave them.
     SelfIntersections by_vectors = self_intersections(vectors, faces, watched),
                       by_volumes = self_intersections(out.position, faces, watched);
-    json& details = summary["details"];
+    Json& details = summary["details"];
     details["crossing_faces_of_vectors"] = by_vectors.faces.size();
     details["crossing_faces_of_volumes"] = by_volumes.faces.size();
     const bool worse = by_volumes.faces.size() > by_vectors.faces.size();
@@ -153,7 +152,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   }
   if (!crossing) crossing = self_intersections(out.position, faces, watched);
   check_stop();
-  summary.update(json{{"base_flipped_faces", out.flipped},
+  summary.update(Json{{"base_flipped_faces", out.flipped},
                       {"base_crossing_faces_before", about.at("crossing_faces").get<std::uint64_t>()},
                       {"base_crossing_faces", crossing->faces.size()},
                       {"base_crossing_local", crossing->local},

@@ -1,8 +1,8 @@
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "kernels/edit/thin_faces.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/serial_stage.h"
@@ -10,8 +10,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kShapeSlackBytes = std::uint64_t{1} << 20;
 
@@ -24,7 +22,7 @@ class ShapeStage : public SerialStage {
   std::string unit_name() const override { return "faces"; }
   std::uint64_t finish_bytes() const override { return store_.largest_patch_bytes() + kShapeSlackBytes; }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     std::uint64_t vertices = 0;
     for (const MeshPatchEntry& e : store_.patches()) vertices += e.vertices;
     const bool small = vertices <= options_.base_vertices;
@@ -36,7 +34,7 @@ class ShapeStage : public SerialStage {
       context.advance(patch.faces.size());
     }
     const double share = thin.share();
-    const json shape = {{"vertices", vertices},
+    const Json shape = {{"vertices", vertices},
                         {"thin_area", share},
                         {"own", options_.base != "even" && small && share <= kMaxThin}};
     write_durably(context.create(kShapeFile), dump_json(shape));

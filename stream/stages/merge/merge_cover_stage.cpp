@@ -1,12 +1,12 @@
 /// Stage "cover" of a merge: whose every face is.
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/edge_faces.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
@@ -14,8 +14,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::size_t kPage = 1u << 15;
 constexpr double kMarginEdges = 8.0;  ///< of the mesh: what a face must see to know its cut
@@ -49,7 +47,7 @@ class CoverStage : public MergeFacesStage {
     return maximum + meshes_.shared_bytes() + 3 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     const MergeTask& t = tasks_[task];
     const MeshStore& store = meshes_.store(t.rank);
     const std::string file = task_file_stem(task) + ".tmm";
@@ -100,7 +98,7 @@ class CoverStage : public MergeFacesStage {
            (std::uint64_t{4} << 20);
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     ExternalSort<std::uint64_t> sort(state_.work, sort_bytes(state_.run));
     std::uint64_t stay = 0, band = 0, covered = 0;
     std::vector<std::uint8_t> touched(meshes_.count(), 0);
@@ -126,8 +124,8 @@ class CoverStage : public MergeFacesStage {
       if (!unique.empty()) sections.push_back(out.append(bytes_of(unique)));
     });
     context.count_written(out.finish(sections));
-    json result = {{"stay", stay}, {"band", band}, {"covered", covered}, {"leaves", leaves}};
-    json warnings = json::array();
+    Json result = {{"stay", stay}, {"band", band}, {"covered", covered}, {"leaves", leaves}};
+    Json warnings = Json::array();
     for (std::size_t r = 0; r < touched.size(); ++r)
       if (!touched[r])
         warnings.push_back(

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <charconv>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
@@ -16,17 +16,15 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
-void summarise(json& report) {
-  const json scale = result_of(report, "scale");
+void summarise(Json& report) {
+  const Json scale = result_of(report, "scale");
   if (scale.is_object())
     report["resolution"] = {{"h", scale.at("h")}, {"reason", scale.at("resolution_reason")}};
-  json merge = json::object();
+  Json merge = Json::object();
   for (const char* stage : {"scale", "joints", "cover", "strip", "zip"})
-    if (const json result = result_of(report, stage); result.is_object()) merge[stage] = result;
+    if (const Json result = result_of(report, stage); result.is_object()) merge[stage] = result;
   report["merge"] = merge;
-  if (const json written = result_of(report, "write"); written.is_object()) report["mesh"] = written;
+  if (const Json written = result_of(report, "write"); written.is_object()) report["mesh"] = written;
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
 /// Stage "joints" of a merge: where a mesh ends and another one goes on.
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
@@ -11,8 +11,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::size_t kJointPage = 1u << 12;
 
@@ -39,7 +37,7 @@ class JointsStage : public MergeFacesStage {
     return maximum + DirectFile::kDefaultBuffer + (std::uint64_t{1} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     const MergeTask& t = tasks_[task];
     const MeshStore& store = meshes_.store(t.rank);
     DirectFile out(context.create(part(task)));
@@ -83,7 +81,7 @@ class JointsStage : public MergeFacesStage {
            (std::uint64_t{4} << 20);
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     ExternalSort<JointEdge> sort(state_.work, sort_bytes(state_.run));
     std::uint64_t borders = 0, joints = 0;
     for (std::size_t t = 0; t < tasks_.size(); ++t) {

@@ -1,8 +1,8 @@
 /// What the stages of a merge share.
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
@@ -11,8 +11,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces = 100'000;
 
@@ -26,7 +24,7 @@ MeshBox box_of_segment(const JointEdge& e) {
 }  // namespace
 
 void MergePlan::save(const std::filesystem::path& path) const {
-  write_durably(path, dump_json(json{{"h", lattice.h},
+  write_durably(path, dump_json(Json{{"h", lattice.h},
                                      {"origin_brick", lattice.origin_brick},
                                      {"origin", origin},
                                      {"apart", range.apart},
@@ -40,7 +38,7 @@ void MergePlan::save(const std::filesystem::path& path) const {
 }
 
 MergePlan MergePlan::of_work(const std::filesystem::path& work) {
-  const json j = parse_json(read_text(work / kFile));
+  const Json j = parse_json(read_text(work / kFile));
   MergePlan plan;
   j.at("h").get_to(plan.lattice.h);
   j.at("origin_brick").get_to(plan.lattice.origin_brick);

@@ -1,12 +1,12 @@
 /// Stage "scale" of a merge: how long edges are, which mesh is better, where the lattice lies.
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_runs.h"
@@ -15,8 +15,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kScaleTaskFaces = 200'000;
 constexpr double kApartEdges = 3.0;   ///< of the coarsest mesh: its own error, and what registration leaves
@@ -50,7 +48,7 @@ class ScaleStage : public Stage {
     return stores_[tasks_[task].rank].largest_patch_bytes() + (std::uint64_t{1} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     const MergeTask& t = tasks_[task];
     double length = 0.0;
     std::uint64_t edges = 0;
@@ -68,7 +66,7 @@ class ScaleStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     std::vector<double> length(stores_.size(), 0.0), count(stores_.size(), 0.0);
     for (std::size_t t = 0; t < tasks_.size(); ++t) {
       length[tasks_[t].rank] += summaries[t].at("length").get<double>();
@@ -93,7 +91,7 @@ class ScaleStage : public Stage {
     join_infos(plan);
     const auto [minimum, maximum] = place_lattice(plan);
     plan.save(context.create(MergePlan::kFile));
-    json meshes = json::array();
+    Json meshes = Json::array();
     for (std::size_t r = 0; r < plan.order.size(); ++r) {
       meshes.push_back({{"input", plan.order[r] + 1},
                         {"faces", stores_[plan.order[r]].face_count()},
@@ -101,7 +99,7 @@ class ScaleStage : public Stage {
                         {"fade", plan.fade[r]}});
       if (const auto& confidence = confidence_[plan.order[r]]) meshes.back()["confidence"] = *confidence;
     }
-    json out = {
+    Json out = {
         {"h", plan.lattice.h},
         {"resolution_reason", options_.resolution > 0.0 ? "given" : "the mean edge of the finest mesh"},
         {"distance", plan.range.apart},

@@ -2,20 +2,18 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/merge/blend_field.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/mesh/patch_mesh.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/stages/merge/merge_stages.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::size_t kTaskLeaves = 600;
 constexpr double kFieldCells = 6.0;  ///< beyond MergeRange::apart: what nodes of a leaf may see
@@ -91,7 +89,7 @@ class StripStage : public Stage {
            (std::uint64_t{2} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter writer(context.create("strip/" + task_file_stem(task) + ".tmm"), meshes_.plan().info);
     std::uint64_t made = 0, faces = 0;
     for (const StripBrick& b : tasks_[task]) {
@@ -126,9 +124,9 @@ class StripStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    json sum = {{"made", 0}, {"faces", 0}};
-    for (const json& s : summaries)
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+    Json sum = {{"made", 0}, {"faces", 0}};
+    for (const Json& s : summaries)
       for (const auto& [key, value] : s.items())
         sum[key] = sum[key].get<std::uint64_t>() + value.get<std::uint64_t>();
     return sum;

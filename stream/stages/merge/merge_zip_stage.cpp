@@ -1,19 +1,17 @@
 /// Stage "zip" of a merge: the strip and the cut borders of the meshes become one surface.
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "kernels/merge/zipper.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/edge_faces.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/json.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/merge/merge_stages.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr double kGapCells = 2.5;  ///< the strip stays 0.6 clear, its faces are up to 1.7 wide
 constexpr const char* kZippedFile = "zipped/000000.tmm";
@@ -52,14 +50,14 @@ class ZipStage : public SerialStage {
            2 * DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     Pieces all = load(context);
     const Zipped zipped = zip(all.pieces, kGapCells * plan_.lattice.h);
     context.check_stop();
     std::uint64_t written = write_new(all, zipped, context);
     written += write_cut(all, zipped, context);
     context.count_written(written);
-    json result = {{"rim_faces", all.original_faces},
+    Json result = {{"rim_faces", all.original_faces},
                    {"strip_faces", strip_.face_count()},
                    {"removed", zipped.report.removed},
                    {"stitches", zipped.report.added},

@@ -1,8 +1,8 @@
 #include "stream/stages/reconstruct/coverage_check.h"
 
 #include <memory>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/import/import_mesh.h"
@@ -15,8 +15,8 @@
 
 namespace tessera {
 
-nlohmann::json measure_coverage(const std::filesystem::path& mesh, const std::vector<std::string>& scans,
-                                const RunOptions& run) {
+Json measure_coverage(const std::filesystem::path& mesh, const std::vector<std::string>& scans,
+                      const RunOptions& run) {
   const ScratchFolder scratch(run.temp, "coverage");
   JobState state;
   state.work = scratch.path();
@@ -37,7 +37,7 @@ nlohmann::json measure_coverage(const std::filesystem::path& mesh, const std::ve
     return stored_faces(import_mesh(mesh, scratch.path(), "mesh", run, throw_if_stopped),
                         Plan::of_work(s.work).lattice);
   };
-  nlohmann::json found =
+  Json found =
       run_stages(state, {{"coverage", [&](const JobState& s) { return make_coverage_stage(s, faces); }}},
                  throw_if_stopped)
           .back();

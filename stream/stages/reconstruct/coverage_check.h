@@ -5,8 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/options.h"
 
 namespace tessera {
@@ -15,7 +14,7 @@ namespace tessera {
 /// \param scans  files that are told of in the coordinates of the mesh  \param run  memory_bytes and threads > 0
 /// \returns `coverage` of a report (coverage_stage.h), without a picture; {"measured": false} where points tell nothing
 /// \throws InputError for what cannot be read; EmptyError for a scan or a mesh of nothing; ResourceError; StoppedError
-nlohmann::json measure_coverage(const std::filesystem::path& mesh, const std::vector<std::string>& scans,
-                                const RunOptions& run);
+Json measure_coverage(const std::filesystem::path& mesh, const std::vector<std::string>& scans,
+                      const RunOptions& run);
 
 }  // namespace tessera

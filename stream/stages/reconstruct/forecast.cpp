@@ -2,21 +2,20 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <span>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/runtime/disk_space.h"
 #include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 
-nlohmann::json Forecast::to_json() const {
-  nlohmann::json j = {{"peak_disk_bytes", peak_disk_bytes},
-                      {"output_bytes", output_bytes},
-                      {"forecast", nlohmann::json::array()}};
+Json Forecast::to_json() const {
+  Json j = {
+      {"peak_disk_bytes", peak_disk_bytes}, {"output_bytes", output_bytes}, {"forecast", Json::array()}};
   for (const StageForecast& f : stages)
     j["forecast"].push_back({{"stage", f.stage},
                              {"tasks", f.tasks},
@@ -31,13 +30,15 @@ nlohmann::json Forecast::to_json() const {
 
 Forecast Forecast::of_work(const std::filesystem::path& work) {
   try {
-    const nlohmann::json j = parse_json(read_text(work / kFile));
-    Forecast forecast{{}, j.at("peak_disk_bytes"), j.at("output_bytes")};
+    const Json j = parse_json(read_text(work / kFile));
+    Forecast forecast{{}, j.at("peak_disk_bytes").natural(), j.at("output_bytes").natural()};
     for (const auto& f : j.at("forecast"))
-      forecast.stages.push_back({f.at("stage"), f.at("tasks"), f.at("task_bytes"), f.at("finish_bytes"),
-                                 f.at("sure_bytes"), f.at("disk_bytes"), f.at("files"), f.at("seconds")});
+      forecast.stages.push_back({f.at("stage").string(), f.at("tasks").natural(),
+                                 f.at("task_bytes").natural(), f.at("finish_bytes").natural(),
+                                 f.at("sure_bytes").natural(), f.at("disk_bytes").natural(),
+                                 f.at("files").natural(), f.at("seconds").number()});
     return forecast;
-  } catch (const nlohmann::json::exception& e) {
+  } catch (const JsonError& e) {
     throw InputError((work / kFile).string() + ": damaged (" + e.what() + "); run again with --force");
   }
 }

@@ -15,8 +15,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/stage.h"
 
@@ -42,7 +41,7 @@ struct Forecast {
   std::uint64_t peak_disk_bytes = 0;  ///< largest sum of what lies in the work directory at one time
   std::uint64_t output_bytes = 0;     ///< of the mesh file, about
 
-  nlohmann::json to_json() const;
+  Json to_json() const;
   /// What the forecast stage has left. \throws InputError when it is missing or damaged
   static Forecast of_work(const std::filesystem::path& work);
   static constexpr const char* kFile = "forecast.json";

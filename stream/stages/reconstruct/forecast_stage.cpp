@@ -1,9 +1,9 @@
 #include "stream/stages/reconstruct/forecast_stage.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/meshes/patch_store.h"
 #include "stream/points/point_inputs.h"
@@ -32,7 +32,7 @@ class ForecastStage : public SerialStage {
            (std::uint64_t{2} << 20);
   }
 
-  nlohmann::json finish(const std::vector<nlohmann::json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const std::uint64_t base = MemoryBudget::expected_base(plan_.bricks * kLaterBrickBytes);
     const std::vector<PlanBrick> bricks = load_plan_bricks(job_.work / Plan::kBrickFile);
     const auto opened = open_point_inputs(job_, false);
@@ -50,7 +50,7 @@ class ForecastStage : public SerialStage {
                                  reconstruct_options(job).max_brick_points);
       return forecast_job(plan, bricks, inputs, job);
     });
-    const nlohmann::json j = forecast.to_json();
+    const Json j = forecast.to_json();
     write_durably(context.create(Forecast::kFile), dump_json(j, 1) + "\n");
     return {{"peak_disk_bytes", forecast.peak_disk_bytes}, {"output_bytes", forecast.output_bytes}};
   }

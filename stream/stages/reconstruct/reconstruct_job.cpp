@@ -1,7 +1,6 @@
 #include "stream/stages/reconstruct/reconstruct_job.h"
+#include "stream/files/json.h"
 #include "stream/runtime/report.h"
-
-#include <nlohmann/json.hpp>
 
 #include "stream/files/path_text.h"
 #include "stream/import/crs_sidecar.h"
@@ -42,27 +41,26 @@
 namespace tessera {
 namespace {
 
-void summarise(nlohmann::json& report) {
-  const nlohmann::json survey = result_of(report, "survey");
+void summarise(Json& report) {
+  const Json survey = result_of(report, "survey");
   if (survey.is_object() && survey.contains("points")) report["points"] = survey.at("points").at("read");
   if (survey.is_object() && survey.contains("h"))
     report["resolution"] = {{"h", survey.at("h")}, {"reason", survey.at("resolution_reason")}};
   if (survey.is_object() && survey.contains("coordinate_system"))
     report["coordinate_system"] = survey.at("coordinate_system");
-  if (const nlohmann::json normals = result_of(report, "normals"); normals.is_object() && survey.is_object())
+  if (const Json normals = result_of(report, "normals"); normals.is_object() && survey.is_object())
     report["normals"] = {{"from", normals.value("kept", "") == "directions"
                                       ? "given directions, sides found anew"
                                   : normals.value("kept", "") == "given" ? "given, missing ones estimated"
                                   : normals.value("estimated", false)    ? "estimated"
                                   : survey.value("grid_normals", false)  ? "rows and columns of the scans"
                                                                          : "given"}};
-  nlohmann::json mesh = result_of(report, "weld");
-  const nlohmann::json islands = result_of(report, "islands");
-  if (const nlohmann::json samples = result_of(report, "samples"); samples.is_object())
-    report["samples"] = samples;
-  if (const nlohmann::json points = result_of(report, "points"); points.is_object())
+  Json mesh = result_of(report, "weld");
+  const Json islands = result_of(report, "islands");
+  if (const Json samples = result_of(report, "samples"); samples.is_object()) report["samples"] = samples;
+  if (const Json points = result_of(report, "points"); points.is_object())
     report["points_to_surface"] = points;
-  if (nlohmann::json coverage = result_of(report, "coverage");
+  if (Json coverage = result_of(report, "coverage");
       coverage.is_object() && coverage.value("measured", false)) {
     coverage.erase("measured");
     report["coverage"] = std::move(coverage);
@@ -70,22 +68,21 @@ void summarise(nlohmann::json& report) {
   if (islands.is_object()) {
     mesh = islands;
     mesh.erase("full_faces");
-    if (const nlohmann::json certificate = certificate_of(report); certificate.is_object()) {
+    if (const Json certificate = certificate_of(report); certificate.is_object()) {
       report["raw_mesh"] = {{"faces", islands.at("full_faces")}};
       report["certificate"] = certificate;
     }
   }
   // What rounding in the file may add to the distance of a point.
-  if (const nlohmann::json certificate = certificate_of(report);
+  if (const Json certificate = certificate_of(report);
       report.contains("samples") && certificate.is_object() && certificate.contains("rounding"))
     report["samples"]["certified_max"] =
         report["samples"]["certified_max"].get<double>() + certificate.at("rounding").get<double>();
-  if (const nlohmann::json smoothing = smoothing_of(report); smoothing.is_object())
-    report["smoothing"] = smoothing;
-  const nlohmann::json written = result_of(report, "write");
+  if (const Json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
+  const Json written = result_of(report, "write");
   if (mesh.is_object() && written.is_object()) {
     mesh.update(written);
-    const nlohmann::json holes = result_of(report, "holes");
+    const Json holes = result_of(report, "holes");
     if (holes.is_object() && holes.value("loops", 0) > 0) mesh["holes"] = holes;
     report["mesh"] = mesh;
   }
@@ -93,15 +90,15 @@ void summarise(nlohmann::json& report) {
     const double h = survey.at("h").get<double>(), noise = survey.at("noise_cells").get<double>() * h;
     report["tolerance"] = {{"taken", auto_tolerance(h, noise)}, {"h", h}, {"noise", noise}};
   }
-  const nlohmann::json raw = result_of(report, "raw");
+  const Json raw = result_of(report, "raw");
   if (raw.is_object()) {
     report["raw_mesh"] = {{"vertices", raw.at("vertices")}, {"faces", raw.at("faces")}};
     report["certificate"] = certificate_of(report);
   }
 }
 
-std::string crs_text(const nlohmann::json& report) {
-  const nlohmann::json crs = report.value("coordinate_system", nlohmann::json());
+std::string crs_text(const Json& report) {
+  const Json crs = report.value("coordinate_system", Json());
   return crs.is_object() ? bytes_of_json_text(crs.value("wkt", "")) : "";
 }
 
@@ -238,9 +235,8 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
     const auto path = [](const std::filesystem::path& output) {
       return stl_shift_path(raw_output_path(output));
     };
-    job.sidecars.push_back({path, "the origin beside --keep-raw", false, [](const nlohmann::json& report) {
-                              return origin_text(result_of(report, "keep-raw"));
-                            }});
+    job.sidecars.push_back({path, "the origin beside --keep-raw", false,
+                            [](const Json& report) { return origin_text(result_of(report, "keep-raw")); }});
   }
   return job;
 }

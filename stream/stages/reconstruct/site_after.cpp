@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/memory_budget.h"
@@ -47,7 +46,7 @@ void expect_site(JobDescription& reconstruction, const TilesOptions& tiles,
       return make(state);
     };
   }
-  reconstruction.summarise = [=, summarise = reconstruction.summarise](nlohmann::json& all) {
+  reconstruction.summarise = [=, summarise = reconstruction.summarise](Json& all) {
     summarise(all);
     all["tiles"] = {{"path", json_text(tileset)}, {"report", json_text(report)}};
   };

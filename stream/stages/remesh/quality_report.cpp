@@ -1,19 +1,17 @@
 #include "stream/stages/remesh/quality_report.h"
 
-#include <nlohmann/json.hpp>
+#include "stream/files/json.h"
 
 namespace tessera {
 
-using json = nlohmann::json;
-
-json quality_sums(const TriangleQuality& q) {
+Json quality_sums(const TriangleQuality& q) {
   return {{"angles", q.angles},         {"least", q.minimum},      {"lengths", q.lengths},
           {"valences", q.valences},     {"faces", q.faces},        {"angle_off", q.angle_off},
           {"length_off", q.length_off}, {"area_off", q.area_off},  {"smallest", q.smallest},
           {"cells", q.cells},           {"cell_sums", q.cell_sums}};
 }
 
-TriangleQuality quality_of(const json& j) {
+TriangleQuality quality_of(const Json& j) {
   TriangleQuality q;
   j.at("angles").get_to(q.angles), j.at("least").get_to(q.minimum), j.at("lengths").get_to(q.lengths);
   j.at("valences").get_to(q.valences), j.at("faces").get_to(q.faces), j.at("angle_off").get_to(q.angle_off);
@@ -23,14 +21,14 @@ TriangleQuality quality_of(const json& j) {
   return q;
 }
 
-json quality_report(const TriangleQuality& q, double target) {
-  if (q.faces == 0) return json::object();
+Json quality_report(const TriangleQuality& q, double target) {
+  if (q.faces == 0) return Json::object();
   const auto faces = static_cast<double>(q.faces);
   std::uint64_t vertices = 0, narrow = 0;
   for (const std::uint64_t n : q.valences) vertices += n;
   constexpr std::size_t kNarrow = 25;  // degrees
   for (std::size_t i = 0; i < kNarrow; ++i) narrow += q.minimum[i];
-  json out = {{"edge", target},
+  Json out = {{"edge", target},
               {"faces", q.faces},
               {"mean_angle_deviation_deg", static_cast<double>(q.angle_off) * 1e-3 / (3.0 * faces)},
               {"smallest_angle_deg", static_cast<double>(q.smallest) * 1e-3},

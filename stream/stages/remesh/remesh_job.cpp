@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
@@ -19,8 +18,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr const char* kRemeshImport = "mesh";
 /// Blocks of four bricks an axis or more, so that no two of the three passes have a seam in common (mesh_blocking.h).
@@ -39,11 +36,11 @@ std::string certify_name(int round) {
 }
 
 /// The shape of the last pass that ran, the input, what was written, the proof.
-void summarise(json& report) {
+void summarise(Json& report) {
   report["input"] = import_report(report, kRemeshImport);
   report["mesh"] = result_of(report, "write");
   report["certificate"] = certificate_of(report);
-  for (const json& stage : report.at("stages"))
+  for (const Json& stage : report.at("stages"))
     if (stage.at("result").is_object() && stage.at("result").contains("quality"))
       report["quality"] = stage.at("result").at("quality");
 }
@@ -108,7 +105,7 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
       {"write", [=](const JobState& state) {
          return make_store_write_stage(
              state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-             "made by tessera remesh, edges of " + dump_json(json(Sizing::of_work(state.work).edge)),
+             "made by tessera remesh, edges of " + dump_json(Json(Sizing::of_work(state.work).edge)),
              sort_bytes(state.run), placement(state, options));
        }});
   JobDescription job = {"remesh", std::move(stages), 0, summarise, {known_origin()}, job_page()};

@@ -2,13 +2,12 @@
 
 #include <algorithm>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/sizing_field.h"
 #include "kernels/remesh/triangle_quality.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/serial_stage.h"
@@ -19,8 +18,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces = 1u << 17;  ///< of block and weight: a task is worth a file from here
 /// Splits come before collapses, so a block has more faces for a while than it will have.
@@ -36,7 +33,7 @@ std::uint64_t first_new_key(const SimplifyPass& pass, std::size_t block) {
          static_cast<std::uint64_t>(pass.pass) << 58 | static_cast<std::uint64_t>(block) << 32;
 }
 
-json to_json(const RemeshReport& r) {
+Json to_json(const RemeshReport& r) {
   return {{"faces_done", r.faces_in},
           {"faces_out", r.faces_out},
           {"locked_vertices", r.locked_vertices},
@@ -129,8 +126,8 @@ class RemeshStage : public Stage {
     return maximum;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
-    json sum = json::object();
+  Json run(std::size_t task, TaskContext& context) const override {
+    Json sum = Json::object();
     TriangleQuality quality;
     MeshFileWriter writer(context.create(pass_.folder() + task_file_stem(task) + ".tmm"), in_.info());
     const std::uint64_t available = task_bytes(task);
@@ -157,10 +154,10 @@ class RemeshStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{4} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     TriangleQuality quality;
-    json sum = json::object();
-    for (json s : summaries) {
+    Json sum = Json::object();
+    for (Json s : summaries) {
       if (is_last()) quality.merge(quality_of(s.at("quality")));
       s.erase("quality");
       add_counts(sum, s);
@@ -174,7 +171,7 @@ class RemeshStage : public Stage {
   bool is_last() const { return pass_.pass + 1 == options_.passes; }
 
   /// The first pass does all of a block, later ones what lies near the seams of the ones before.
-  json remesh_block(std::size_t b, MeshBlock& block, std::uint64_t bytes, TaskContext& context) const {
+  Json remesh_block(std::size_t b, MeshBlock& block, std::uint64_t bytes, TaskContext& context) const {
     const std::vector<std::uint8_t> near = near_active(block);
     const std::vector<std::uint64_t> seams = seam_keys(block);
     MeshBlock rest;
@@ -186,7 +183,7 @@ class RemeshStage : public Stage {
       rest = select_faces(block, far);
       block = select_faces(block, near);
     }
-    json counts = {{"faces_in", faces}, {"faces_out", rest.faces.size()}};
+    Json counts = {{"faces_in", faces}, {"faces_out", rest.faces.size()}};
     if (!block.faces.empty()) {
       const std::vector<std::uint64_t> pinned = blocks_.pinned_keys(block, context);
       const MeshBlock reference = load_reference(blocks_[b], block, whole, bytes);

@@ -4,12 +4,11 @@
 #include <bit>
 #include <cmath>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/decimate/collapse_mesh.h"
 #include "octree/error.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/import/import_stages.h"
@@ -17,8 +16,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr const char* kSizingFile = "sizing.json";
 constexpr std::size_t kSizingTaskFaces = 1u << 20, kMaxTasks = 400;
@@ -110,8 +107,8 @@ class SizingStage : public Stage {
     return store_.patches().size() * 600 + (std::uint64_t{4} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
-    json areas = json::array();
+  Json run(std::size_t task, TaskContext& context) const override {
+    Json areas = Json::array();
     Curvatures all;
     const double unit = store_.diagonal() * store_.diagonal() / kAreaUnits;
     for (std::size_t p = first_[task]; p < first_[task + 1]; ++p) {
@@ -124,17 +121,17 @@ class SizingStage : public Stage {
       if (by_curvature()) measure_curvatures(block, options_.feature_angle_deg, unit, all);
       context.advance(block.faces.size());
     }
-    json curvatures = json::array();
+    Json curvatures = Json::array();
     for (const auto& [c, weight] : all) curvatures.push_back({c, weight});
     return {{"areas", areas}, {"bends", curvatures}};
   }
 
-  json finish(const std::vector<json>& tasks, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& tasks, TaskContext& context) const override {
     std::vector<double> areas;
     Curvatures curvatures;
-    for (const json& task : tasks) {
-      for (const json& area : task.at("areas")) areas.push_back(area.get<double>());
-      for (const json& curvature : task.at("bends"))
+    for (const Json& task : tasks) {
+      for (const Json& area : task.at("areas")) areas.push_back(area.get<double>());
+      for (const Json& curvature : task.at("bends"))
         curvatures[curvature[0].get<std::uint32_t>()] += curvature[1].get<std::uint64_t>();
     }
     double area = 0.0;
@@ -155,7 +152,7 @@ class SizingStage : public Stage {
     if (by_curvature()) refuse_countless(area, std::fmax(calm, options_.min_edge));
     // What adapts is guessed by the calm share's length; blocks have room for more.
     const double face = std::sqrt(3.0) / 4.0 * calm * calm;
-    json expected = json::array();
+    Json expected = Json::array();
     double sum = 0.0;
     for (std::size_t p = 0; p < areas.size(); ++p) {
       const double faces = std::ceil(areas[p] / face);
@@ -166,8 +163,8 @@ class SizingStage : public Stage {
       expected.push_back({store_.patches()[p].key, static_cast<std::uint64_t>(faces)});
     }
     write_durably(context.create(kSizingFile),
-                  dump_json(json{{"edge", edge}, {"shortest", shortest}, {"faces", expected}}));
-    json result = {
+                  dump_json(Json{{"edge", edge}, {"shortest", shortest}, {"faces", expected}}));
+    Json result = {
         {"edge", edge}, {"shortest_edge", shortest}, {"area", area}, {"expected_faces", area / face}};
     if (edge > 0.5 * store_.diagonal())
       result["warnings"] = {"edges of " + number_text(edge) + " are longer than half of the mesh, which is " +
@@ -223,11 +220,11 @@ std::uint64_t Sizing::expected(const MeshPatchEntry& patch) const {
 }
 
 Sizing Sizing::of_work(const std::filesystem::path& work) {
-  const json j = parse_json(read_text(work / kSizingFile));
+  const Json j = parse_json(read_text(work / kSizingFile));
   Sizing sizing;
   j.at("edge").get_to(sizing.edge);
   j.at("shortest").get_to(sizing.shortest);
-  for (const json& brick : j.at("faces"))
+  for (const Json& brick : j.at("faces"))
     sizing.faces.emplace(brick[0].get<std::uint64_t>(), brick[1].get<std::uint64_t>());
   return sizing;
 }

@@ -1,7 +1,7 @@
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "kernels/blends/curvature_tensors.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_blocking.h"
@@ -10,8 +10,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr double kScaleEdges = 4.0;
 constexpr std::uint64_t kTaskFaces = 1u << 19;
@@ -56,7 +54,7 @@ class CurvaturesStage : public Stage {
     return maximum;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     BandPart part;
     for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
       context.check_stop();
@@ -78,7 +76,7 @@ class CurvaturesStage : public Stage {
            (std::uint64_t{4} << 20);
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     std::vector<FoundCurve> curves;
     std::uint64_t in_bands = 0;
     if (!searches()) {
@@ -93,7 +91,7 @@ class CurvaturesStage : public Stage {
         curves.push_back({std::to_string(curves.size() + 1), std::move(t), false});
     }
     save_blend_curves(context.create(kCurvesFile), curves);
-    json result = {{"radius", band_.radius}, {"band_vertices", in_bands}, {"tracks", curves.size()}};
+    Json result = {{"radius", band_.radius}, {"band_vertices", in_bands}, {"tracks", curves.size()}};
     if (curves.empty())
       result["warnings"] = {
           "no blend was found: the mesh is written as it is; try another --scale, or name blends in "

@@ -1,32 +1,30 @@
 #include "stream/stages/resample/blend_file.h"
 
 #include <array>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/runtime/json_reader.h"
 
 namespace tessera {
 
-using json = nlohmann::json;
-
 std::vector<NamedCurve> parse_curves(const std::string& text, const std::string& name) {
   const JsonReader read(name);
-  const json file = read.parsed(text);
+  const Json file = read.parsed(text);
   read.known(file, "the file", {"blends"});
   std::vector<NamedCurve> out;
   std::set<std::string> names;
-  for (const json& b : read.list(file, "blends", 1, "the file")) {
+  for (const Json& b : read.list(file, "blends", 1, "the file")) {
     const std::string what = "blend " + std::to_string(out.size() + 1);
     read.known(b, what, {"name", "points", "width", "closed"});
     NamedCurve t;
     t.name = what;
     if (b.contains("name")) t.name = read.text(b.at("name"), what + ": \"name\"");
     if (!names.insert(t.name).second) read.fail("two blends are called \"" + t.name + "\"");
-    for (const json& p : read.list(b, "points", 2, what))
+    for (const Json& p : read.list(b, "points", 2, what))
       t.points.push_back(read.point(p, what + ": each of \"points\""));
     if (b.contains("closed")) t.closed = read.flag(b.at("closed"), what + ": \"closed\"");
     if (t.closed && t.points.size() < 3) read.fail(what + " is closed: it wants three points at least");
@@ -42,10 +40,10 @@ std::vector<NamedCurve> parse_curves(const std::string& text, const std::string&
 
 std::vector<ProfileKnot> parse_profile(const std::string& text, const std::string& name) {
   const JsonReader read(name);
-  const json file = read.parsed(text);
+  const Json file = read.parsed(text);
   read.known(file, "the file", {"knots"});
   std::vector<ProfileKnot> out;
-  for (const json& k : read.list(file, "knots", 2, "the file")) {
+  for (const Json& k : read.list(file, "knots", 2, "the file")) {
     const std::string what = "knot " + std::to_string(out.size() + 1);
     read.known(k, what, {"at", "way"});
     ProfileKnot knot;

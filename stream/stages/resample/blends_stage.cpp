@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <set>
 #include <unordered_map>
@@ -11,6 +10,7 @@
 #include "octree/error.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/stages/resample/resample_stages.h"
@@ -18,19 +18,17 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 constexpr std::size_t kMaxNamed = 20;  ///< blends that a warning names
 constexpr int kBlendBits = 32;         ///< of a new key: vertices of one blend
 
-json to_json(const JumpSum& s) {
+Json to_json(const JumpSum& s) {
   return {{"edges", s.edges}, {"mean", s.mean}, {"variance", s.variance}, {"noise", s.noise}};
 }
-json to_json(const NormalJumps& j) {
+Json to_json(const NormalJumps& j) {
   return {{"along", to_json(j.along)}, {"across", to_json(j.across)}};
 }
-json to_json(const BlendReport& r) {
-  json out = {{"changed", r.outcome == BlendOutcome::kChanged},
+Json to_json(const BlendReport& r) {
+  Json out = {{"changed", r.outcome == BlendOutcome::kChanged},
               {"closed", r.closed},
               {"convex", r.convex},
               {"sharp", r.sharp},
@@ -48,7 +46,7 @@ json to_json(const BlendReport& r) {
     return out;
   }
   out["new_radius"] = r.new_radius;
-  out["distance"] = std::isfinite(r.distance) ? json(r.distance) : json(nullptr);
+  out["distance"] = std::isfinite(r.distance) ? Json(r.distance) : Json(nullptr);
   out["faces_removed"] = r.faces_removed;
   out["faces_added"] = r.faces_added;
   out["jumps_before"] = to_json(r.before);
@@ -126,7 +124,7 @@ class BlendsStage : public Stage {
     return 2 * store_.block_bytes(near) + resample_blend_bytes(vertices, faces) + (std::uint64_t{4} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     const FoundCurve& found = curves_[task];
     const MeshBlock block = store_.load_box(box(task));
     context.check_stop();
@@ -142,7 +140,7 @@ class BlendsStage : public Stage {
     }
     context.count_written(save_blend(context.create(blend_file(task)), blend));
     context.advance(1);
-    json out = to_json(blend.report);
+    Json out = to_json(blend.report);
     out["name"] = found.name;
     out["at"] = found.curve.centre[found.curve.centre.size() / 2];
     return out;
@@ -159,14 +157,14 @@ class BlendsStage : public Stage {
     return 4 * maximum + curves_.size() * 4096 + (std::uint64_t{4} << 20);
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     // Longer ones first: where two need the same faces, more stays aligned.
     std::vector<std::size_t> order(summaries.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
       return summaries[a].at("length").get<double>() > summaries[b].at("length").get<double>();
     });
-    std::vector<json> blends = summaries;
+    std::vector<Json> blends = summaries;
     std::vector<std::uint8_t> stands(summaries.size(), 0);
     TakenFaces taken(kernel_.edit != BlendEdit::kNone);
     for (const std::size_t b : order) {
@@ -187,7 +185,7 @@ class BlendsStage : public Stage {
     double farthest = 0.0;
     std::vector<std::string> left;
     for (std::size_t b = 0; b < blends.size(); ++b) {
-      const json& blend = blends[b];
+      const Json& blend = blends[b];
       if (!stands[b]) {
         left.push_back(blend.at("name").get<std::string>() + " (" +
                        blend.at("left_because").get<std::string>() + ")");
@@ -198,8 +196,8 @@ class BlendsStage : public Stage {
       added += blend.at("faces_added").get<std::uint64_t>();
       if (blend.at("distance").is_number()) farthest = std::max(farthest, blend.at("distance").get<double>());
     }
-    write_durably(context.create(kStandsFile), dump_json(json(stands)));
-    json result = {{"blends", blends},         {"changed", changed},   {"left", left.size()},
+    write_durably(context.create(kStandsFile), dump_json(Json(stands)));
+    Json result = {{"blends", blends},         {"changed", changed},   {"left", left.size()},
                    {"faces_removed", removed}, {"faces_added", added}, {"distance", farthest}};
     if (!left.empty()) result["warnings"] = {warning(left)};
     return result;
@@ -241,7 +239,7 @@ std::unique_ptr<Stage> make_blends_stage(const JobState& state, const ResampleOp
 std::vector<std::size_t> blends_that_stand(const std::filesystem::path& work) {
   std::vector<std::size_t> out;
   std::size_t b = 0;
-  for (const json& stand : parse_json(read_text(work / BlendsStage::kStandsFile))) {
+  for (const Json& stand : parse_json(read_text(work / BlendsStage::kStandsFile))) {
     if (stand.get<int>() != 0) out.push_back(b);
     ++b;
   }

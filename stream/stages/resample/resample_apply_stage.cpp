@@ -1,17 +1,15 @@
 #include <algorithm>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/stages/resample/resample_stages.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::size_t kTaskPatches = 32;
 
@@ -67,7 +65,7 @@ class ResampleApplyStage : public Stage {
     return maximum + (std::uint64_t{8} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter writer(context.create("resampled/" + task_file_stem(task) + ".tmm"), store_.info());
     std::uint64_t removed = 0, added = 0, changed = 0;
     for (std::size_t i = task * kTaskPatches; i < end(task); ++i) {
@@ -108,14 +106,14 @@ class ResampleApplyStage : public Stage {
   std::uint64_t finish_bytes() const override {
     return (gone_.empty() ? 0 : DirectFile::kDefaultBuffer) + (std::uint64_t{2} << 20);
   }
-  json finish(const std::vector<json>& tasks, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& tasks, TaskContext& context) const override {
     if (!gone_.empty()) {
       MeshFileWriter writer(context.create("resampled/gone.tmm"), store_.info());
       for (const std::uint64_t brick : gone_) writer.remove(brick);
       context.count_written(writer.finish());
     }
     std::uint64_t removed = 0, added = 0, patches = 0;
-    for (const json& t : tasks) {
+    for (const Json& t : tasks) {
       removed += t.at("removed").get<std::uint64_t>();
       added += t.at("added").get<std::uint64_t>();
       patches += t.at("patches").get<std::uint64_t>();

@@ -1,8 +1,7 @@
 #include "stream/stages/resample/resample_files.h"
 
-#include <nlohmann/json.hpp>
-
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/path_text.h"
@@ -10,8 +9,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr PackedKind kBandKind = {"TSEBAND1", "a part of the bands of a mesh"};
 constexpr PackedKind kBlendKind = {"TSEBLND1", "a resampled blend"};
@@ -23,10 +20,10 @@ struct Link {
 }  // namespace
 
 void MeshScale::save(const std::filesystem::path& path) const {
-  write_durably(path, dump_json(json{{"edge", edge}, {"tolerance", tolerance}}));
+  write_durably(path, dump_json(Json{{"edge", edge}, {"tolerance", tolerance}}));
 }
 MeshScale MeshScale::of_work(const std::filesystem::path& work) {
-  const json j = parse_json(read_text(work / kFile));
+  const Json j = parse_json(read_text(work / kFile));
   return {j.at("edge").get<double>(), j.at("tolerance").get<double>()};
 }
 
@@ -52,7 +49,7 @@ std::pair<std::uint64_t, std::uint64_t> BandPart::count(const std::filesystem::p
 }
 
 void save_blend_curves(const std::filesystem::path& path, const std::vector<FoundCurve>& curves) {
-  json out = json::array();
+  Json out = Json::array();
   for (const FoundCurve& t : curves)
     out.push_back({{"name", json_text(t.name)},
                    {"by_hand", t.by_hand},
@@ -66,7 +63,7 @@ void save_blend_curves(const std::filesystem::path& path, const std::vector<Foun
 }
 std::vector<FoundCurve> load_blend_curves(const std::filesystem::path& work) {
   std::vector<FoundCurve> out;
-  for (const json& j : parse_json(read_text(work / kCurvesFile))) {
+  for (const Json& j : parse_json(read_text(work / kCurvesFile))) {
     FoundCurve t;
     t.name = j.at("name").get<std::string>();
     j.at("by_hand").get_to(t.by_hand);

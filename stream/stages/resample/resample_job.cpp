@@ -1,8 +1,8 @@
 #include "stream/stages/resample/resample_job.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
@@ -17,9 +17,7 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
-void summarise(json& report) {
+void summarise(Json& report) {
   report["input"] = import_report(report, kResampleImport);
   report["search"] = result_of(report, "bends");
   report["resampled"] = result_of(report, "blends");

@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <bit>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/check/mesh_compare.h"
+#include "stream/files/json.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/numbers.h"
@@ -12,8 +12,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::size_t kScaleTaskPatches = 64;
 constexpr double kDefaultTolerance = 1e-3;  ///< of the diagonal
@@ -50,7 +48,7 @@ class ResampleScaleStage : public Stage {
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     std::map<std::uint32_t, std::uint64_t> count;
     const std::size_t end = std::min(store_.patches().size(), (task + 1) * kScaleTaskPatches);
     for (std::size_t p = task * kScaleTaskPatches; p < end; ++p) {
@@ -61,17 +59,17 @@ class ResampleScaleStage : public Stage {
           ++count[length_class(norm(block.position[f[(k + 1) % 3]] - block.position[f[k]]))];
       context.advance(block.faces.size());
     }
-    json out = json::array();
+    Json out = Json::array();
     for (const auto& [c, n] : count) out.push_back({c, n});
     return {{"lengths", out}};
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{8} << 20; }
-  json finish(const std::vector<json>& tasks, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& tasks, TaskContext& context) const override {
     std::map<std::uint32_t, std::uint64_t> count;
     std::uint64_t all = 0, below = 0;
-    for (const json& task : tasks)
-      for (const json& bin : task.at("lengths")) {
+    for (const Json& task : tasks)
+      for (const Json& bin : task.at("lengths")) {
         count[bin[0].get<std::uint32_t>()] += bin[1].get<std::uint64_t>();
         all += bin[1].get<std::uint64_t>();
       }

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/points/quantise.h"
 #include "stream/points/run_file.h"
@@ -80,7 +80,7 @@ std::uint64_t DistributeStage::finish_bytes() const {
   return distribute_finish_bytes(job_.run, plan_, inputs_->task_count());
 }
 
-nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) const {
+Json DistributeStage::run(std::size_t task, TaskContext& context) const {
   RunWriter out(context.create(run_file_name(task)), static_cast<std::uint32_t>(task), plan_.buckets.size(),
                 run_points(job_.run));
   BucketFinder bucket_of(first_keys_);
@@ -130,8 +130,7 @@ nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) cons
   return {{"points", kept}};
 }
 
-nlohmann::json DistributeStage::finish(const std::vector<nlohmann::json>& summaries,
-                                       TaskContext& context) const {
+Json DistributeStage::finish(const std::vector<Json>& summaries, TaskContext& context) const {
   std::vector<Extent> all;
   std::uint64_t bytes = 0;
   for (std::size_t k = 0; k < summaries.size(); ++k)

@@ -3,8 +3,8 @@
 #include <limits>
 #include <list>
 #include <map>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/normal_sample.h"
 #include "stream/points/patch_blocks.h"
@@ -16,8 +16,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::size_t kCachedBricks = 256;
 /// Surfels of a brick's shell, two sheets everywhere.
@@ -96,7 +94,7 @@ class LinksStage : public Stage {
     return links_task_bytes(boundary, patches);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     LinksFileWriter file(context.create(std::string(PatchLinks::kFolder) + "/" + task_file_stem(task) +
                                         PatchLinks::kExtension));
     BoundaryCache cache(overlay_);
@@ -122,7 +120,7 @@ class LinksStage : public Stage {
                  group_patches(weight, links.inner, limits));
     }
     context.count_written(file.finish());
-    return json::object();
+    return Json::object();
   }
 
   std::uint64_t finish_bytes() const override {
@@ -137,8 +135,8 @@ class LinksStage : public Stage {
     return links_finish_bytes(viewers_.unknown() ? overlay_.bricks().size() : 0, outer, surfels, patches);
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
-    if (!mode_.propagate()) return json::object();
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
+    if (!mode_.propagate()) return Json::object();
     OrientationScene scene;
     const PatchLinks links(work_);
     for (const PatchVote& v : links.outer()) scene.border.push_back(v.a), scene.border.push_back(v.b);

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "kernels/points/normals.h"
 #include "kernels/points/volumetric_points.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/normal_sample.h"
 #include "stream/points/plan.h"
@@ -19,8 +19,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 // Block of one brick: 42 bytes a point while loading, then shape, whether it is a candidate, overlay record, candidates,
 // orientation.
@@ -64,7 +62,7 @@ class NormalsStage : public Stage {
     return normals_task_bytes(store_.bricks(), first, last);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     OverlayFileWriter writer(context.create(std::string(PointOverlay::kFolder) + "/" + task_file_stem(task) +
                                             PointOverlay::kExtension));
     SignCounts counts;
@@ -93,10 +91,10 @@ class NormalsStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    json sum = {{"estimated", mode_.estimate}, {"needed", mode_.needed()}};
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
+    Json sum = {{"estimated", mode_.estimate}, {"needed", mode_.needed()}};
     std::vector<std::uint64_t> histogram(kSupporterBins, 0);
-    for (const json& s : summaries)
+    for (const Json& s : summaries)
       for (const auto& [key, value] : s.items()) {
         if (key != "supporters") {
           sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();

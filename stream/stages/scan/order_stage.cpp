@@ -1,10 +1,10 @@
 #include "stream/stages/scan/order_stage.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/hot_brick.h"
 #include "stream/points/point_sort.h"
@@ -159,14 +159,14 @@ OrderStage::Counts OrderStage::order_hot_brick(std::size_t task, TaskContext& co
   return {points.size(), brick.merged(), brick.thinned(), out.finish()};
 }
 
-nlohmann::json OrderStage::run(std::size_t task, TaskContext& context) const {
+Json OrderStage::run(std::size_t task, TaskContext& context) const {
   const Counts c = is_hot(plan_.buckets[task], max_brick_points_) ? order_hot_brick(task, context)
                                                                   : order_bucket(task, context);
   context.count_written(c.bytes);
   return {{"points", c.kept}, {"duplicates", c.merged}, {"thinned", c.thinned}};
 }
 
-nlohmann::json OrderStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext&) const {
+Json OrderStage::finish(const std::vector<Json>& summaries, TaskContext&) const {
   Counts sum;
   std::uint64_t hot = 0;
   for (const auto& s : summaries) {

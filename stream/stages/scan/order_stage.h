@@ -22,8 +22,8 @@ class OrderStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override;
   std::uint64_t units() const override { return plan_.points(); }
   std::string unit_name() const override { return "points"; }
-  nlohmann::json run(std::size_t task, TaskContext& context) const override;
-  nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override;
+  Json run(std::size_t task, TaskContext& context) const override;
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override;
   std::uint64_t finish_bytes() const override { return kFinishBytes; }
   std::vector<std::string> obsolete() const override { return {"distribute/"}; }
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/stages/scan/orient_solution.h"
 #include "stream/stages/scan/orient_tally.h"
 
@@ -140,7 +140,7 @@ std::uint64_t solve_block_bytes(std::uint64_t patches, std::uint64_t votes, std:
 void solve_block_orientation(const PointOverlay& overlay, const PatchLinks& links,
                              const OrientationScene& scene, const PatchAnchors& anchors,
                              const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,
-                             nlohmann::json& entry) {
+                             Json& entry) {
   const std::vector<PatchBlock> blocks = list_patch_blocks(overlay);
   AnchorGraph graph = load_graph(anchors);
   add_outer_links(blocks, links, scene, anchors, context, graph);

@@ -2,18 +2,16 @@
 
 #include <algorithm>
 #include <functional>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
 #include "kernels/points/visibility.h"
+#include "stream/files/json.h"
 #include "stream/runtime/parallel.h"
 #include "stream/stages/scan/orient_tally.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Votes of what surfels see, of one surfel, against those of its links.
 constexpr double kVisibilityScale = kVoteScale;
@@ -64,7 +62,7 @@ PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, std::vector<Patc
 /// Votes for sides and between groups of patches by how the scene was scanned, which the entry tells.
 /// \param surfels  with the signs that they have inside their group
 std::vector<PatchVote> votes_of_scene(std::vector<JobSurfel>& surfels, const Viewers& viewers,
-                                      const TaskContext& context, const PatchGroups& groups, json& entry) {
+                                      const TaskContext& context, const PatchGroups& groups, Json& entry) {
   for (JobSurfel& s : surfels) s.patch = groups.of[s.patch];
   std::optional<SceneKind> known;
   if (viewers.scene == "around") known = SceneKind::kObject;
@@ -88,7 +86,7 @@ std::vector<PatchVote> votes_of_scene(std::vector<JobSurfel>& surfels, const Vie
 /// open decides which side of them is outside. \param stats  of patches, with votes of `up`
 PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vector<PatchVote>& links,
                         const std::vector<PatchStats>& stats, std::vector<JobSurfel> surfels,
-                        const Viewers& viewers, const TaskContext& context, json& entry) {
+                        const Viewers& viewers, const TaskContext& context, Json& entry) {
   const auto patches = static_cast<std::uint32_t>(weight.size());
   const PatchGroups grouped = group_patches(weight, links, kGroupLimits);
   context.check_stop();
@@ -151,7 +149,7 @@ std::uint64_t whole_orientation_bytes(std::uint64_t patches, std::uint64_t votes
 }
 
 void solve_whole_orientation(const PointOverlay& overlay, const PatchLinks& links, const Viewers& viewers,
-                             const TaskContext& context, OverlayDecisions& decisions, json& entry) {
+                             const TaskContext& context, OverlayDecisions& decisions, Json& entry) {
   const auto patches = static_cast<std::uint32_t>(overlay.first_patch().back());
   std::vector<PatchVote> votes = links.outer();
   std::vector<PatchStats> stats;

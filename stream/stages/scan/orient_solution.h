@@ -5,8 +5,7 @@
 #pragma once
 #include <cstdint>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/points/patch_blocks.h"
 #include "stream/points/point_overlay.h"
 #include "stream/runtime/stage.h"
@@ -21,7 +20,7 @@ std::uint64_t whole_orientation_bytes(std::uint64_t patches, std::uint64_t votes
 /// Fills decisions.patch. Entry gets what OrientationTally tells, frustrated_fraction, and where nobody was known to see,
 /// scene with what told it (enclosed_fraction: visibility.h).
 void solve_whole_orientation(const PointOverlay& overlay, const PatchLinks& links, const Viewers& viewers,
-                             const TaskContext& context, OverlayDecisions& decisions, nlohmann::json& entry);
+                             const TaskContext& context, OverlayDecisions& decisions, Json& entry);
 
 /// What one block can decide by itself.
 /// \param tops  of the whole scene, where that is seen from above
@@ -34,7 +33,7 @@ std::uint64_t solve_block_bytes(std::uint64_t patches, std::uint64_t votes, std:
 void solve_block_orientation(const PointOverlay& overlay, const PatchLinks& links,
                              const OrientationScene& scene, const PatchAnchors& anchors,
                              const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,
-                             nlohmann::json& entry);
+                             Json& entry);
 /// \param patches  of the job \param largest  of its largest block \param border  with links to other blocks
 /// \param votes  between anchors
 std::uint64_t block_orientation_bytes(std::uint64_t patches, std::uint64_t largest, std::uint64_t border,

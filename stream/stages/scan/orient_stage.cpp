@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/normal_sample.h"
@@ -17,8 +17,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 // Outliers: fewer supporters than a share of the median point has, within limits that neither rim points of a thin
 // scan (above) nor pairs of stray points (below) fall foul of.
@@ -69,7 +67,7 @@ class OrientStage : public Stage {
            tops_.columns().size() * sizeof(TopColumns::Column);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     AnchorsFileWriter file(context.create(std::string(PatchAnchors::kFolder) + "/" + task_file_stem(task) +
                                           PatchAnchors::kExtension));
     for (std::size_t b = tasks_[task].first; b < tasks_[task].last; ++b) {
@@ -79,7 +77,7 @@ class OrientStage : public Stage {
       context.advance(blocks_[b].last_brick - blocks_[b].first_brick);
     }
     context.count_written(file.finish());
-    return json::object();
+    return Json::object();
   }
 
   std::uint64_t finish_bytes() const override {
@@ -96,10 +94,10 @@ class OrientStage : public Stage {
                                    outer + PatchAnchors(work_).vote_count());
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     if (!mode_.needed()) return {{"needed", false}};
     OverlayDecisions decisions;
-    json entry = {{"needed", true}};
+    Json entry = {{"needed", true}};
     if (mode_.propagate()) {
       if (viewers_.unknown())
         entry.update({{"covered_fraction", scene_.covered},
@@ -142,7 +140,7 @@ class OrientStage : public Stage {
 
   /// Many signs in doubt: a picture of where, and a warning, or the end where they are too many.
   void tell(double uncertain, const OverlayDecisions& decisions, const TaskContext& context,
-            json& entry) const {
+            Json& entry) const {
     const std::filesystem::path picture = uncertain_picture_path(output_);
     std::string shown = picture.string() + " shows where in red";
     try {
@@ -167,7 +165,7 @@ class OrientStage : public Stage {
   }
 
   /// Threshold from the histogram of supporters over all points; counts what it drops.
-  void clean(OverlayDecisions& decisions, json& entry) const {
+  void clean(OverlayDecisions& decisions, Json& entry) const {
     std::vector<std::uint64_t> histogram(kSupporterBins, 0);
     ReadFile(work_ / kSupportersFile).read_at(0, histogram.data(), histogram.size() * sizeof(histogram[0]));
     std::uint64_t all = 0;

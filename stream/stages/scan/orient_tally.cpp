@@ -1,7 +1,8 @@
 #include "stream/stages/scan/orient_tally.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
+
+#include "stream/files/json.h"
 
 namespace tessera {
 
@@ -20,7 +21,7 @@ void OrientationTally::add(const PatchStats& stats, int sign, Decider decider, s
   (flip ? near_.agree : near_.disagree) += stats.disagree_near;
 }
 
-void OrientationTally::write(std::uint64_t all_points, nlohmann::json& entry) const {
+void OrientationTally::write(std::uint64_t all_points, Json& entry) const {
   Agreement all, up_to_sign;
   for (const auto& [component, a] : by_component_) {
     all.agree += a.agree, all.disagree += a.disagree;

@@ -5,9 +5,8 @@
 #include <cstdint>
 #include <map>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/points/orientation.h"
+#include "stream/files/json.h"
 #include "stream/points/point_overlay.h"
 
 namespace tessera {
@@ -26,7 +25,7 @@ class OrientationTally {
   /// Entry gets: patches, components, points by who decided (`decided`), uncertain_points and _fraction; and where given
   /// normals were kept aside, `agreement` with them (`near_axis`: with those within 60 degrees of the plane's axis).
   /// \param all_points  of the scan, with those that have no patch
-  void write(std::uint64_t all_points, nlohmann::json& entry) const;
+  void write(std::uint64_t all_points, Json& entry) const;
 
  private:
   struct Agreement {

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "kernels/points/spacing.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
@@ -21,8 +21,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::size_t kProbePoints = 16384;
 constexpr std::size_t kProbeQueries = 1024;
@@ -46,7 +44,7 @@ bool finite(const PointChunk& c, std::size_t i) {
   return std::isfinite(c.x[i]) && std::isfinite(c.y[i]) && std::isfinite(c.z[i]);
 }
 
-void save_json(const std::filesystem::path& path, const json& j) {
+void save_json(const std::filesystem::path& path, const Json& j) {
   std::ofstream out(path, std::ios::trunc);
   out << dump_json(j, 1) << "\n";
   out.close();
@@ -54,9 +52,9 @@ void save_json(const std::filesystem::path& path, const json& j) {
     throw ResourceError(path.string() + ": cannot be written: the disk is full or the folder is read-only");
 }
 
-json load_json(const std::filesystem::path& path) {
+Json load_json(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path)) throw InputError(path.string() + ": missing; run again with --force");
-  json j = try_parse_json(read_text(path));
+  Json j = try_parse_json(read_text(path));
   if (j.is_discarded()) throw InputError(path.string() + ": damaged; run again with --force");
   return j;
 }
@@ -121,7 +119,7 @@ class ProbeStage : public MeasuringStage {
   std::uint64_t task_bytes(std::size_t) const override { return kSampleBytes + PointInputs::kReadBytes; }
   std::uint64_t finish_bytes() const override { return needed() ? 2 * kSampleBytes : kSmall; }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     PointSampler sampler(kProbePoints);
     std::uint64_t points = 0;
     const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
@@ -140,7 +138,7 @@ class ProbeStage : public MeasuringStage {
             {"left_out", counts.other_class + counts.other_return + counts.outside + counts.thinned}};
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     if (!needed()) return {{"skipped", "the resolution is given"}};
     PointSampler sampler(kProbePoints);
     std::uint64_t points = 0;
@@ -161,7 +159,7 @@ class ProbeStage : public MeasuringStage {
     if (sample.size() < 3)
       throw InputError("the input holds only " + std::to_string(sample.size()) +
                        " different positions; a surface needs at least three");
-    json probe = measure(sample, points);
+    Json probe = measure(sample, points);
     save_json(context.create(kProbeFile), probe);
     return probe;
   }
@@ -170,7 +168,7 @@ class ProbeStage : public MeasuringStage {
   static constexpr std::uint64_t kSampleBytes = 5 * kProbePoints * sizeof(HashedPoint) * 2;
 
   /// Distances within the sample, scaled to the whole as on a surface.
-  static json measure(const std::vector<Double3>& sample, std::uint64_t points) {
+  static Json measure(const std::vector<Double3>& sample, std::uint64_t points) {
     constexpr std::size_t kRank = 8;
     constexpr double kMaxSpread = 16.0;  // of the median distance; scans whose density varies reach 10
     ScaleHistogram nearest;
@@ -220,7 +218,7 @@ class SpacingStage : public MeasuringStage {
     return needed() ? std::vector<std::string>{"probe/"} : std::vector<std::string>{};
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints, probe_.at("points").get<std::uint64_t>());
     const double far = 1e15 * cell();
     inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
@@ -234,10 +232,10 @@ class SpacingStage : public MeasuringStage {
     const auto path = context.create(cells_file(task));
     sampler.save(path);
     context.count_written(std::filesystem::file_size(path));
-    return json::object();
+    return Json::object();
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     if (!needed()) return {{"skipped", "the resolution is given"}};
     LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints, probe_.at("points").get<std::uint64_t>());
     for (std::size_t k = 0; k < summaries.size(); ++k) sampler.merge(job_.work / cells_file(k));
@@ -254,7 +252,7 @@ class SpacingStage : public MeasuringStage {
     if (s.outliers > 0.0)
       chosen.reason += "; " + number_text(round_up_2_digits(100.0 * s.outliers)) +
                        " % of the points are strewn off any surface and left out of that";
-    json result = {{"resolution", round_up_2_digits(chosen.h)},
+    Json result = {{"resolution", round_up_2_digits(chosen.h)},
                    {"reason", chosen.reason},
                    {"spacing", s.spacing},
                    {"spacing_dense", s.dense},
@@ -271,25 +269,25 @@ class SpacingStage : public MeasuringStage {
 
  private:
   double cell() const { return probe_.at("cell").get<double>(); }
-  json probe_;
+  Json probe_;
 };
 
 }  // namespace
 
 ChosenSpacing chosen_resolution(const std::filesystem::path& work) {
-  const json j = load_json(work / kSpacingFile);
+  const Json j = load_json(work / kSpacingFile);
   try {
     return {j.at("resolution").get<double>(), j.at("reason").get<std::string>()};
-  } catch (const json::exception&) {
+  } catch (const JsonError&) {
     throw InputError((work / kSpacingFile).string() + ": damaged; run again with --force");
   }
 }
 
 std::uint64_t probed_points(const std::filesystem::path& work) {
-  const json j = load_json(work / kProbeFile);
+  const Json j = load_json(work / kProbeFile);
   try {
     return j.at("points").get<std::uint64_t>();
-  } catch (const json::exception&) {
+  } catch (const JsonError&) {
     throw InputError((work / kProbeFile).string() + ": damaged; run again with --force");
   }
 }

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/points/quantise.h"
@@ -56,7 +56,7 @@ struct Tally {
   std::vector<std::string> warnings;
 };
 
-nlohmann::json to_json(const Tally& t) {
+Json to_json(const Tally& t) {
   return {{"read", t.dispositions.read},
           {"withheld", t.dispositions.withheld},
           {"empty", t.dispositions.empty},
@@ -77,7 +77,7 @@ nlohmann::json to_json(const Tally& t) {
           {"warnings", t.warnings}};
 }
 
-void add_json(const nlohmann::json& j, Tally& t) {
+void add_json(const Json& j, Tally& t) {
   t.dispositions.read += j.at("read").get<std::uint64_t>();
   t.dispositions.withheld += j.at("withheld").get<std::uint64_t>();
   t.dispositions.empty += j.at("empty").get<std::uint64_t>();
@@ -173,7 +173,7 @@ std::uint64_t survey_finish_bytes(const RunOptions& run, std::uint64_t input_byt
          2 * LayeredSampler::bytes(kSamplePoints) + NormalSampler::kBytes;
 }
 
-nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
+Json SurveyStage::run(std::size_t task, TaskContext& context) const {
   BrickCounter counter(context.create(counts_file(task)), kCounterBricks);
   LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints, probed_);
   NormalSampler normals(probed_);
@@ -254,13 +254,13 @@ PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
   return clumps;
 }
 
-nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const {
+Json SurveyStage::finish(const std::vector<Json>& summaries, TaskContext& context) const {
   Tally tally;
   std::vector<std::filesystem::path> files;
   NormalSampler normals(probed_);
   for (std::size_t k = 0; k < summaries.size(); ++k) {
     add_json(summaries[k], tally);
-    if (summaries[k].at("with_normal") > 0) normals.merge(job_.work / normals_file(k));
+    if (summaries[k].at("with_normal").natural() > 0) normals.merge(job_.work / normals_file(k));
     files.push_back(job_.work / counts_file(k));
   }
   const std::uint64_t left_out = tally.dispositions.other_class + tally.dispositions.other_return +
@@ -321,7 +321,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.save(context.create(Plan::kFile));
   if (clumps.spacing > 0.0) save_clumps(context.create(kClumpFile), clumps);
   save_plan_bricks(context.create(Plan::kBrickFile), bricks);
-  nlohmann::json report = plan.to_json();
+  Json report = plan.to_json();
   report.erase("buckets");
   if (agreement.cells > 0) report["normal_agreement"] = to_json(agreement);
   if (inputs_->crs().known()) report["coordinate_system"] = to_json(inputs_->crs());

@@ -27,8 +27,8 @@ class SurveyStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override;
   std::uint64_t units() const override { return inputs_->bytes(); }
   std::string unit_name() const override { return "bytes"; }
-  nlohmann::json run(std::size_t task, TaskContext& context) const override;
-  nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override;
+  Json run(std::size_t task, TaskContext& context) const override;
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override;
   std::uint64_t finish_bytes() const override { return survey_finish_bytes(job_.run, inputs_->bytes()); }
   std::vector<std::string> obsolete() const override {
     return measured() ? std::vector<std::string>{"spacing/"} : std::vector<std::string>{};

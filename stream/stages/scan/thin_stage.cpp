@@ -6,16 +6,13 @@
 #include <unordered_map>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/points.h"
+#include "stream/files/json.h"
 #include "stream/points/cubes.h"
 #include "stream/points/unpacked_points.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// A point with all that any format says of it; what its file does not say is zero.
 struct KeptPoint {
@@ -86,7 +83,7 @@ class ThinStage : public Stage {
     return points_.empty() ? std::vector<std::string>{} : std::vector<std::string>{"unpacked/"};
   }
 
-  json run(std::size_t bucket, TaskContext& context) const override {
+  Json run(std::size_t bucket, TaskContext& context) const override {
     std::unordered_map<Cube, KeptPoint, CubeHash> kept;
     UnpackedWriter out(context.create(PointInputs::thinned_file(bucket)));
     std::vector<PointChunk> like(inputs_->file_count());  // one point of each file
@@ -125,11 +122,11 @@ class ThinStage : public Stage {
     return {{"points", counts_of_bucket(bucket)}, {"kept", kept.size() + without}};
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (summaries.empty()) return {{"skipped", "all points stay"}};
     std::uint64_t points = 0;
     std::uint64_t kept = 0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       points += s.at("points").get<std::uint64_t>();
       kept += s.at("kept").get<std::uint64_t>();
     }

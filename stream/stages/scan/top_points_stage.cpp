@@ -2,9 +2,9 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <vector>
 
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
@@ -16,8 +16,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Walls of samples hide what lies behind them down to so far below their foot, quanta.
 constexpr std::int32_t kFootDepth = 2 * kQuantaPerCell;
@@ -52,7 +50,7 @@ class TopPointsStage : public Stage {
     return maximum;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     PointFileWriter writer(
         context.create(std::string(kSurfacePointFolder) + "/" + task_file_stem(task) + kPointExtension));
     BrickSorter sorter;
@@ -83,10 +81,10 @@ class TopPointsStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (!points_) return {{"needed", false}};
-    json sum = {{"needed", true}};
-    for (const json& s : summaries)
+    Json sum = {{"needed", true}};
+    for (const Json& s : summaries)
       for (const auto& [key, value] : s.items())
         sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
     return sum;

@@ -4,11 +4,11 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <utility>
 #include <vector>
 
 #include "kernels/points/surface_model.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_sort.h"
@@ -18,8 +18,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Layers, the model and the rasters of its filters, a column; a brick's block of points.
 constexpr std::uint64_t kModelColumnBytes = sizeof(ColumnLayers) + 35 + 12 * 8;
@@ -72,7 +70,7 @@ class TopStage : public Stage {
     return top_task_bytes(edge_, fullest, brick, use_);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     const int gu = groups_[task].first * edge_ - 1, gv = groups_[task].second * edge_ - 1;
     const int raster = (edge_ + 2) * kBrickCells;
     SurfaceModel model;
@@ -95,17 +93,17 @@ class TopStage : public Stage {
     context.check_stop();
     TopFileWriter writer(
         context.create(std::string(TopStore::kFolder) + "/" + task_file_stem(task) + TopStore::kExtension));
-    json summary = write(model, gu, gv, writer);
+    Json summary = write(model, gu, gv, writer);
     context.count_written(writer.finish());
     return summary;
   }
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (!store_) return {{"needed", false}};
-    json sum = {{"needed", true}, {"columns", 0}, {"filled_columns", 0}, {"samples", 0}, {"step_samples", 0}};
-    for (const json& s : summaries)
+    Json sum = {{"needed", true}, {"columns", 0}, {"filled_columns", 0}, {"samples", 0}, {"step_samples", 0}};
+    for (const Json& s : summaries)
       for (const auto& [key, value] : s.items())
         sum[key] = sum.at(key).get<std::uint64_t>() + value.get<std::uint64_t>();
     return sum;
@@ -156,7 +154,7 @@ class TopStage : public Stage {
     return points;
   }
 
-  json write(const SurfaceModel& model, int gu, int gv, TopFileWriter& writer) const {
+  Json write(const SurfaceModel& model, int gu, int gv, TopFileWriter& writer) const {
     std::uint64_t stands = 0, filled = 0, samples = 0, steps = 0;
     for (int u = 1; u <= edge_; ++u)
       for (int v = 1; v <= edge_; ++v) {

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <span>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/formats/points/grid_stream.h"
 #include "stream/points/cubes.h"
 #include "stream/points/unpacked_points.h"
@@ -12,8 +11,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Bytes of what the pass leaves, by the headers; a header that claims more points than its file can pack is not believed.
 std::uint64_t unpacked_bytes(const PointInputs& inputs) {
@@ -52,7 +49,7 @@ class UnpackStage : public Stage {
   }
   std::uint64_t finish_bytes() const override { return kLittle; }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     if (!inputs_->is_packed(task)) {
       context.advance(inputs_->task_input_bytes(task));
       return {{"points", 0}, {"bytes", 0}};
@@ -75,11 +72,11 @@ class UnpackStage : public Stage {
     return {{"points", counts.points}, {"bytes", bytes}};
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (summaries.empty()) return {{"skipped", "no input is packed, none is thinned"}};
     std::uint64_t points = 0;
     std::uint64_t bytes = 0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       points += s.at("points").get<std::uint64_t>();
       bytes += s.at("bytes").get<std::uint64_t>();
     }

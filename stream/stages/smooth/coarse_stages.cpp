@@ -1,10 +1,10 @@
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <tuple>
 
 #include "octree/error.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/stages/smooth/coarse_files.h"
@@ -13,8 +13,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kSlackBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kCoarseSortBytes = std::uint64_t{64} << 20;
@@ -76,7 +74,7 @@ class CoarseSumsStage : public Stage {
   std::string unit_name() const override { return "faces"; }
   std::uint64_t task_bytes(std::size_t task) const override { return tessera::task_bytes(tasks_[task]); }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     PatchSumsWriter writer(context.create(coarse_sums_folder(round_) + "/" + task_file_stem(task) + ".bin"));
     for (const SmoothTile& tile : tasks_[task]) {
       context.check_stop();
@@ -110,9 +108,9 @@ class CoarseSumsStage : public Stage {
       }
     }
     context.count_written(writer.finish());
-    return json::object();
+    return Json::object();
   }
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     return {{"tasks", summaries.size()}, {"cell", options_.cell}, {"degree", options_.degree}};
   }
   std::uint64_t finish_bytes() const override { return kSlackBytes; }
@@ -165,7 +163,7 @@ class CoarseStage : public Stage {
   std::string unit_name() const override { return "unknowns"; }
   std::uint64_t task_bytes(std::size_t) const override { return needed_bytes() + factor_bytes_; }
 
-  json run(std::size_t, TaskContext& context) const override {
+  Json run(std::size_t, TaskContext& context) const override {
     std::vector<CoarseUnknown> unknowns;
     unknowns.reserve(count_.unknowns);
     std::vector<PlacedLoad> placed;
@@ -235,7 +233,7 @@ class CoarseStage : public Stage {
             {"cycles", system.cycles()},
             {"factor_entries", line.size() + free.size()}};
   }
-  json finish(const std::vector<json>& summaries, TaskContext&) const override { return summaries.at(0); }
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override { return summaries.at(0); }
   std::uint64_t finish_bytes() const override { return kSlackBytes; }
 
   std::vector<std::string> obsolete() const override {

@@ -1,13 +1,13 @@
 /// Stages "noise" and "noise-left" (smooth_before.h): how noisy a mesh is, at a sample of its vertices that its bricks and
 /// keys decide.
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <span>
 #include <vector>
 
 #include "kernels/smooth/surface_noise.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/import/import_plan.h"
 #include "stream/stages/smooth/smooth_before.h"
@@ -16,20 +16,18 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;          ///< of all patches that are looked at
 constexpr std::uint64_t kJoinedFaces = 2 * ImportPlan::kBrickVertices;  ///< what noise_needs() allows for
 constexpr std::uint64_t kShare = 4;  ///< one vertex of so many is measured there
 
-json to_json(const std::map<int, std::uint64_t>& counts) {
-  json out = json::array();
+Json to_json(const std::map<int, std::uint64_t>& counts) {
+  Json out = Json::array();
   for (const auto& [number, count] : counts) out.push_back({number, count});
   return out;
 }
-std::map<int, std::uint64_t> counts_of(const json& list) {
+std::map<int, std::uint64_t> counts_of(const Json& list) {
   std::map<int, std::uint64_t> out;
-  for (const json& entry : list) out[entry.at(0).get<int>()] = entry.at(1).get<std::uint64_t>();
+  for (const Json& entry : list) out[entry.at(0).get<int>()] = entry.at(1).get<std::uint64_t>();
   return out;
 }
 
@@ -60,7 +58,7 @@ class NoiseStage : public Stage {
     return noise_task_bytes(size.vertices, size.faces);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     context.check_stop();
     const std::span<const std::size_t> core = of_task(task);
     const MeshHaloBlock near = store_.load_near(core, margin());
@@ -77,14 +75,14 @@ class NoiseStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{16} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     NoiseCounts sum;
-    for (const json& s : summaries)
+    for (const Json& s : summaries)
       sum.add(
           {counts_of(s.at("residual")), counts_of(s.at("between")), s.at("vertices").get<std::uint64_t>()});
-    const json found = {{"noise", sum.noise()}, {"edge", edge_}};
+    const Json found = {{"noise", sum.noise()}, {"edge", edge_}};
     if (name_ + ".json" == kNoiseFile) write_durably(context.create(kNoiseFile), dump_json(found));
-    json out = found;
+    Json out = found;
     out["vertices"] = sum.vertices;
     return out;
   }

@@ -1,15 +1,13 @@
 /// Stage "reach" of smoothing, and what its rounds hand on of the same.
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kRangePatches = 64;  ///< patches of one task
 
@@ -27,8 +25,8 @@ class RangeStage : public Stage {
   std::uint64_t units() const override { return store_.patches().size(); }
   std::string unit_name() const override { return "patches"; }
 
-  json run(std::size_t task, TaskContext& context) const override {
-    json edges = json::array();
+  Json run(std::size_t task, TaskContext& context) const override {
+    Json edges = Json::array();
     const std::size_t last = std::min(store_.patches().size(), (task + 1) * kRangePatches);
     for (std::size_t p = task * kRangePatches; p < last; ++p) {
       context.check_stop();
@@ -38,7 +36,7 @@ class RangeStage : public Stage {
     }
     return {{"edges", std::move(edges)}};
   }
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     if (store_.face_count() == 0) throw EmptyError("the mesh has no face to smooth");
     save_range(summaries, store_.patches().size(), context.create(range_file(0)));
     return {{"patches", store_.patches().size()}, {"faces", store_.face_count()}};
@@ -73,12 +71,12 @@ PatchEdges edges_of(const MeshBlock& block) {
   return {std::sqrt(longest) * (1.0 + 1e-12), squares};
 }
 
-void save_range(const std::vector<json>& summaries, std::size_t patches, const std::filesystem::path& path) {
+void save_range(const std::vector<Json>& summaries, std::size_t patches, const std::filesystem::path& path) {
   PatchRange range;
   range.longest_edge.resize(patches);
   range.edge_squares.resize(patches);
-  for (const json& s : summaries)
-    for (const json& entry : s.at("edges")) {
+  for (const Json& s : summaries)
+    for (const Json& entry : s.at("edges")) {
       const auto p = entry.at(0).get<std::size_t>();
       range.longest_edge.at(p) = entry.at(1).get<double>();
       range.edge_squares.at(p) = entry.at(2).get<double>();

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/smooth/smooth_stage.h"
@@ -12,8 +12,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Of the tolerance, for moves. With three quarters the passes had to keep 10 to 60 % more faces near those that moved
 /// far, and the result lay no nearer to the truth.
@@ -44,7 +42,7 @@ SmoothOptions options_of(const std::string& method, const MeshNoise& found) {
   return options_of(method, found.edge > 0.0 ? found.noise / found.edge : 0.0);
 }
 
-MeshNoise noise_of(const json& found) {
+MeshNoise noise_of(const Json& found) {
   return {found.at("noise").get<double>(), found.at("edge").get<double>()};
 }
 
@@ -97,27 +95,27 @@ MeshStore open_smoothed_before(const JobState& state, const SmoothBefore& before
   return open_untangled(state, plan_of(state, before));
 }
 
-json smoothing_of(const json& report) {
-  const json before = result_of(report, kBefore), left = result_of(report, kLeft);
+Json smoothing_of(const Json& report) {
+  const Json before = result_of(report, kBefore), left = result_of(report, kLeft);
   const std::string method = report.at("options").value("smooth", std::string("off"));
   if (!before.is_object() || method == "off") return nullptr;
   const SmoothOptions used = options_of(method, noise_of(before));
-  json moved = json::object();
-  for (const json& stage : report.at("stages")) {
-    const json& result = stage.at("result");
+  Json moved = Json::object();
+  for (const Json& stage : report.at("stages")) {
+    const Json& result = stage.at("result");
     const std::string name = stage.at("name").get<std::string>();
     if (result.empty()) continue;
     if (name.starts_with("smooth-")) moved.update(result);
     if (name.starts_with("untangle")) add_untangling(result, moved);
   }
-  json out = {{"method", used.method},
+  Json out = {{"method", used.method},
               {"noise",
                {{"before", before.at("noise")},
-                {"after", left.is_object() ? left.at("noise") : json()},
+                {"after", left.is_object() ? left.at("noise") : Json()},
                 {"edge", before.at("edge")},
                 {"vertices", before.at("vertices")}}}};
   if (used.lambda > 0.0) out["lambda"] = used.lambda;
-  for (const char* name : {"largest_move", "rms_move", "limited"}) out[name] = moved.value(name, json());
+  for (const char* name : {"largest_move", "rms_move", "limited"}) out[name] = moved.value(name, Json());
   for (const char* name : {"turned_faces_before", "turned_faces"})
     if (moved.contains(name)) out[name] = moved.at(name);
   return out;

@@ -16,9 +16,8 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "kernels/smooth/smooth.h"
+#include "stream/files/json.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 
@@ -47,7 +46,7 @@ MeshStore open_smoothed_before(const JobState& state, const SmoothBefore& before
 std::vector<SmoothRound> smooth_before_rounds(const std::string& method);
 /// The report's `smoothing`: {method, lambda (of a plate), noise {before, after, edge, vertices}, largest_move, rms_move,
 /// limited}; null where nothing was smoothed.
-nlohmann::json smoothing_of(const nlohmann::json& report);
+Json smoothing_of(const Json& report);
 
 // Between its parts.
 

@@ -1,7 +1,7 @@
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/stages/smooth/coarse_files.h"
@@ -44,7 +44,7 @@ std::string moved_file(std::size_t round) {
 }
 
 void save_longest_move(const std::filesystem::path& path, double move) {
-  write_durably(path, dump_json(nlohmann::json{{"largest_move", move}}));
+  write_durably(path, dump_json(Json{{"largest_move", move}}));
 }
 
 double longest_move(const std::filesystem::path& work, std::size_t rounds) {

@@ -1,5 +1,5 @@
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
@@ -14,15 +14,13 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 const std::string kImport = "mesh";
 constexpr std::uint64_t kSortBytes = std::uint64_t{32} << 20;
 
 /// The report's `input`, and its `mesh`: what was written, and how far from where they were given vertices lie now.
-void summarise(json& report) {
-  json mesh = json::object();
-  for (const json& stage : report.at("stages")) {
+void summarise(Json& report) {
+  Json mesh = Json::object();
+  for (const Json& stage : report.at("stages")) {
     const std::string name = stage.at("name").get<std::string>();
     if (name == "write" || name.rfind("smooth-", 0) == 0) mesh.update(stage.at("result"));
     if (name.rfind("untangle", 0) == 0) add_untangling(stage.at("result"), mesh);

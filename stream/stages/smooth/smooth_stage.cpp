@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
@@ -11,6 +10,7 @@
 #include "octree/error.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/memory_budget.h"
@@ -20,8 +20,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 // Key, position, class, colour, first patch, number in a patch, wanted; corners, flags, bound and core flag.
 constexpr std::uint64_t kLoadedVertexBytes = 8 + 24 + 1 + 4 + 4 + 5 + 1;
@@ -98,14 +96,14 @@ class SmoothStage : public Stage {
   std::string unit_name() const override { return "faces"; }
   std::uint64_t task_bytes(std::size_t task) const override { return tessera::task_bytes(tasks_[task]); }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter writer(context.create(smooth_folder(round_) + "/" + task_file_stem(task) + ".tmm"),
                           store_.info());
     std::optional<PatchLaplacianWriter> laplacians;
     if (rule_.cycle >= 0 && coarse_.order == 2 && !ends_step_)
       laplacians.emplace(context.create(laplacian_folder(round_) + "/" + task_file_stem(task) + ".bin"));
     Movement moved;
-    json edges = json::array();
+    Json edges = Json::array();
     std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0, as_one = 0, flipped = 0;
     std::vector<SmoothTile> tiles(tasks_[task].rbegin(), tasks_[task].rend());
     while (!tiles.empty()) {
@@ -164,21 +162,21 @@ class SmoothStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return kTileSlackBytes + 500 * store_.patches().size(); }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     if (!last_) save_range(summaries, store_.patches().size(), context.create(range_file(round_)));
-    json out = {{"tasks", summaries.size()}, {"rings", round_rings(rule_)}};
+    Json out = {{"tasks", summaries.size()}, {"rings", round_rings(rule_)}};
     std::vector<const char*> counts = {"vertices", "on_lines",   "fixed",
                                        "limited",  "core_faces", "read_faces"};
     if (fits_ && (round_ == 1 || last_)) counts.push_back(last_ ? "turned_faces" : "turned_faces_before");
     for (const char* name : counts) {
       std::uint64_t sum = 0;
-      for (const json& s : summaries) sum += s.at(name).get<std::uint64_t>();
+      for (const Json& s : summaries) sum += s.at(name).get<std::uint64_t>();
       out[name] = sum;
     }
     if (rule_.by_flow)
       for (const char* name : {"systems", "faces_as_one"}) out[name] = summaries.at(0).at(name);
     double largest = 0.0, squares = 0.0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       largest = std::max(largest, s.at("largest_move").get<double>());
       squares += s.at("square_sum").get<double>();
     }

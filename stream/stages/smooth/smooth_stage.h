@@ -73,8 +73,7 @@ std::string moved_file(std::size_t round);
 void save_longest_move(const std::filesystem::path& path, double move);
 double longest_move(const std::filesystem::path& work, std::size_t rounds);
 /// From `edges` of the summaries of a stage's tasks: [patch, longest edge, sum of squares].
-void save_range(const std::vector<nlohmann::json>& summaries, std::size_t patches,
-                const std::filesystem::path& path);
+void save_range(const std::vector<Json>& summaries, std::size_t patches, const std::filesystem::path& path);
 PatchRange load_range(const std::filesystem::path& work, std::size_t round);
 /// Buffers of the file that a task writes, tables.
 inline constexpr std::uint64_t kTileSlackBytes = std::uint64_t{16} << 20;

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/smooth/tangled_tile.h"
@@ -13,8 +13,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 const std::string kUntangled = "untangle";
 constexpr std::size_t kPatchesPerTask = 64;
@@ -79,7 +77,7 @@ class UntangleStage : public Stage {
   std::string unit_name() const override { return "faces"; }
   std::uint64_t task_bytes(std::size_t task) const override { return tessera::task_bytes(tasks_[task]); }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     std::vector<VertexBack> found;
     std::uint64_t pairs = 0;
     for (const SmoothTile& tile : tasks_[task]) {
@@ -96,9 +94,9 @@ class UntangleStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     std::uint64_t pairs = 0;
-    for (const json& s : summaries) pairs += s.at("pairs").get<std::uint64_t>();
+    for (const Json& s : summaries) pairs += s.at("pairs").get<std::uint64_t>();
     return {{"crossing_pairs", pairs}};
   }
 
@@ -145,7 +143,7 @@ class UntangledStage : public Stage {
     return 12 * smoothed_.largest_patch_bytes() + back_.bytes() + kTileSlackBytes;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter writer(context.create(kUntangled + "/" + task_file_stem(task) + ".tmm"), smoothed_.info());
     std::uint64_t returned = 0;
     double change = 0.0;
@@ -175,10 +173,10 @@ class UntangledStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return kTileSlackBytes; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     std::uint64_t returned = 0;
     double change = 0.0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       returned += s.at("vertices").get<std::uint64_t>();
       change += s.at("square_change").get<double>();
     }
@@ -228,7 +226,7 @@ MeshStore open_untangled(const JobState& state, const SmoothPlan& plan) {
                    list_task_files(state.work / kUntangled, ".tmm"));
 }
 
-void add_untangling(const json& result, json& moved) {
+void add_untangling(const Json& result, Json& moved) {
   if (result.contains("crossing_pairs")) {
     if (!moved.contains("crossing_pairs_found")) moved["crossing_pairs_found"] = result.at("crossing_pairs");
     moved["crossing_pairs"] = result.at("crossing_pairs");

@@ -8,8 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/import/import_needs.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/smooth/smooth_stage.h"
@@ -25,7 +24,7 @@ MeshStore open_untangled(const JobState& state, const SmoothPlan& plan);
 
 /// Adds a stage's result to what the report tells of smoothing: {crossing_pairs_found, crossing_pairs, taken_back}: pairs of faces
 /// that met where they had not, as smoothing left them and in the end, and vertices; `rms_move` falls.
-void add_untangling(const nlohmann::json& result, nlohmann::json& moved);
+void add_untangling(const Json& result, Json& moved);
 std::vector<StageNeed> untangle_needs(const MeshSize& mesh, std::uint64_t patch_vertices);
 
 /// Of a tile that reads so many vertices and faces.

@@ -1,8 +1,7 @@
 #include "stream/stages/solid/csg_job.h"
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
@@ -10,16 +9,14 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
-Placement placement_of(const json& numbers) {
+Placement placement_of(const Json& numbers) {
   Placement p;
   for (std::size_t k = 0; k < 9; ++k) p.matrix[k] = numbers.at(k).get<double>();
   for (std::size_t k = 0; k < 3; ++k) p.shift[k] = numbers.at(9 + k).get<double>();
   return p;
 }
 
-SolidTree::Join join_of(const json& step) {
+SolidTree::Join join_of(const Json& step) {
   const std::string word = step.at("join").get<std::string>();
   return word == "union"          ? SolidTree::Join::kUnite
          : word == "intersection" ? SolidTree::Join::kIntersect
@@ -44,7 +41,7 @@ class Bounds {
   std::vector<bool> stack_;
 };
 
-PlainShape shape_of(const json& step) {
+PlainShape shape_of(const Json& step) {
   return {step.at("shape").get<std::string>(), step.at("numbers").get<std::vector<double>>(),
           placement_of(step.at("placement"))};
 }
@@ -64,12 +61,12 @@ OptionTable option_table(CsgOptions& o) {
 SolidModel csg_model(const CsgOptions& options) {
   SolidModel model;
   // Operands are numbered meshes first.
-  const json program = try_parse_json(options.program);
+  const Json program = try_parse_json(options.program);
   if (!program.is_array()) throw InputError("the scene is no tree of solids");
   std::size_t meshes = 0, shapes = 0;
-  for (const json& step : program) meshes += step.contains("mesh");
+  for (const Json& step : program) meshes += step.contains("mesh");
   Bounds bounds;
-  for (const json& step : program) {
+  for (const Json& step : program) {
     if (step.contains("mesh")) {
       model.tree.push_operand(static_cast<std::uint8_t>(model.meshes.size()));
       model.meshes.push_back({{step.at("mesh").get<std::size_t>()}, placement_of(step.at("placement"))});
@@ -82,7 +79,7 @@ SolidModel csg_model(const CsgOptions& options) {
       bounds.push(true);
     } else if (step.contains("blend")) {
       model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
-      const json& both = step.at("blend");
+      const Json& both = step.at("blend");
       const BlendShape blend = {shape_of(both.at(0)), shape_of(both.at(1)), join_of(step),
                                 step.at("radius").get<double>()};
       bounds.push(is_bounded(blend.first));

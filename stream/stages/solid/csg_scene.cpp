@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <nlohmann/json.hpp>
 
 #include "kernels/solid/swept_tool.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/solid/csg_job.h"
@@ -14,18 +14,16 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 constexpr int kMaxDeep = 1000;  ///< what a scene nests: it is read by functions that call themselves
 
-json numbers_of_placement(const Placement& p) {
-  json out = json::array();
+Json numbers_of_placement(const Placement& p) {
+  Json out = Json::array();
   for (const double m : p.matrix) out.push_back(m);
   for (const double s : p.shift) out.push_back(s);
   return out;
 }
 
-void push_mesh(CsgScene& scene, json& program, const std::filesystem::path& file,
+void push_mesh(CsgScene& scene, Json& program, const std::filesystem::path& file,
                const Placement& placement) {
   program.push_back({{"mesh", scene.meshes.size()}, {"placement", numbers_of_placement(placement)}});
   scene.meshes.push_back(file);
@@ -82,7 +80,7 @@ class Words {
   const std::vector<std::string>& words_;
   std::size_t at_ = 0;
   CsgScene scene_;
-  json program_ = json::array();
+  Json program_ = Json::array();
 };
 
 class SceneFile {
@@ -110,11 +108,11 @@ class SceneFile {
     open_.pop_back();
   }
 
-  std::vector<double> numbers(const json& value, std::size_t count, const std::string& what) const {
+  std::vector<double> numbers(const Json& value, std::size_t count, const std::string& what) const {
     if (!value.is_array() || value.size() != count)
       fail(what + " takes " + std::to_string(count) + " numbers");
     std::vector<double> out;
-    for (const json& v : value) {
+    for (const Json& v : value) {
       if (!v.is_number()) fail(what + " takes numbers");
       out.push_back(v.get<double>());
     }
@@ -122,7 +120,7 @@ class SceneFile {
   }
 
   /// "scale", "rotate" [axis, degrees], "translate", done in this order; or "matrix" (rows of 3 x 4).
-  Placement placement(const json& n) const {
+  Placement placement(const Json& n) const {
     Placement p;
     if (n.contains("matrix")) {
       const std::vector<double> m = numbers(n.at("matrix"), 12, "\"matrix\"");
@@ -132,7 +130,7 @@ class SceneFile {
       }
     }
     if (n.contains("scale")) {
-      const json& s = n.at("scale");
+      const Json& s = n.at("scale");
       const std::vector<double> v =
           s.is_number() ? std::vector<double>(3, s.get<double>()) : numbers(s, 3, "\"scale\"");
       p = Placement{{v[0], 0, 0, 0, v[1], 0, 0, 0, v[2]}, {0, 0, 0}}.after(p);
@@ -151,7 +149,7 @@ class SceneFile {
     return p;
   }
 
-  void node(const json& n, const Placement& outer) {
+  void node(const Json& n, const Placement& outer) {
     const Deeper level(depth_);
     if (depth_ > kMaxDeep) fail("solids stand in each other more than " + std::to_string(kMaxDeep) + " deep");
     if (!n.is_object()) fail("a solid is an object, e.g. {\"mesh\": \"a.ply\"}");
@@ -168,7 +166,7 @@ class SceneFile {
     if (kinds.empty()) fail("the scene is empty");
     const std::string& kind = kinds[0];
     const Placement here = outer.after(placement(n));
-    const json& value = n.at(kind);
+    const Json& value = n.at(kind);
     const bool is_join = kind == "union" || kind == "intersection" || kind == "difference";
     if (n.contains("blend") && !is_join) fail("\"blend\" stands beside union, intersection or difference");
     if (is_join) {
@@ -206,16 +204,16 @@ class SceneFile {
   }
 
   /// {"scan": file or list of files}, and options of `reconstruct` beside it.
-  void scan(const json& n, const Placement& here) {
+  void scan(const Json& n, const Placement& here) {
     CsgScan made;
-    const json& value = n.at("scan");
-    const json files = value.is_string() ? json::array({value}) : value;
+    const Json& value = n.at("scan");
+    const Json files = value.is_string() ? Json::array({value}) : value;
     if (!files.is_array() || files.empty()) fail("\"scan\" takes the name of a file, or a list of them");
-    for (const json& file : files) {
+    for (const Json& file : files) {
       if (!file.is_string()) fail("\"scan\" takes the name of a file, or a list of them");
       made.files.push_back(open_.back().parent_path() / file.get<std::string>());
     }
-    json requested = {{"holes", "close"}};
+    Json requested = {{"holes", "close"}};
     for (const auto& [key, v] : n.items())
       if (key != "scan" && key != "translate" && key != "rotate" && key != "scale" && key != "matrix")
         requested[key] = v;
@@ -234,23 +232,23 @@ class SceneFile {
 
   /// What a rounded joint joins becomes one implicit solid, one step of the program. Two plain solids alone: where
   /// rounds meet, a ball touches three surfaces, and BlendedShape finds those of two.
-  void blend(const json& n, const std::string& kind, const Placement& here) {
+  void blend(const Json& n, const std::string& kind, const Placement& here) {
     if (!n.at("blend").is_number() || !(n.at("blend").get<double>() > 0.0) ||
         !std::isfinite(n.at("blend").get<double>()))
       fail("\"blend\" takes a radius above 0");
     if (!is_similarity(here))
       fail("\"blend\": what is rounded may be turned, moved and scaled alike, not stretched");
     const double radius = n.at("blend").get<double>() * here_scale(here);
-    json outer = std::move(program_);
-    program_ = json::array();
-    for (const json& solid : n.at(kind)) {
+    Json outer = std::move(program_);
+    program_ = Json::array();
+    for (const Json& solid : n.at(kind)) {
       node(solid, here);
-      for (const json& step : program_) rounds(step);
+      for (const Json& step : program_) rounds(step);
     }
-    const auto is_shape = [](const json& step) { return step.contains("shape"); };
+    const auto is_shape = [](const Json& step) { return step.contains("shape"); };
     if (n.at(kind).size() != 2 || program_.size() != 2 || !std::ranges::all_of(program_, is_shape))
       fail("\"blend\" rounds the joint of two solids, each of one shape: put what is made of more beside it");
-    json both = std::move(program_);
+    Json both = std::move(program_);
     program_ = std::move(outer);
     program_.push_back({{"blend", std::move(both)}, {"join", kind}, {"radius", radius}});
   }
@@ -258,7 +256,7 @@ class SceneFile {
     return norm(Double3{p.matrix[0], p.matrix[3], p.matrix[6]});
   }
   /// Whether a step's values are distances.
-  void rounds(const json& step) const {
+  void rounds(const Json& step) const {
     if (step.contains("mesh") || step.contains("mill"))
       fail("\"blend\" rounds joints of implicit solids alone: no mesh, scan or mill may stand in it");
     if (!step.contains("shape")) return;
@@ -269,7 +267,7 @@ class SceneFile {
   }
 
   /// {"ball": r}, {"flat": r} or {"bull": [r, rim]}, "length", "path".
-  void mill(const json& value, const Placement& here) {
+  void mill(const Json& value, const Placement& here) {
     const std::string what =
         "\"mill\" takes an object with \"ball\": radius, \"flat\": radius or \"bull\": [radius, "
         "rim], with \"length\" and \"path\"";
@@ -307,7 +305,7 @@ class SceneFile {
   };
 
   CsgScene scene_;
-  json program_ = json::array();
+  Json program_ = Json::array();
   std::vector<std::filesystem::path> open_;  ///< files at work, the innermost last
   int depth_ = 0;
 };

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "kernels/solid/distance_octree.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/json.h"
 #include "stream/files/output_file.h"
 #include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
@@ -22,8 +22,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr int kCube = kBrickCells;  ///< edge of an octree, nodes
 constexpr std::size_t kMaxTasks = 400;
@@ -114,7 +112,7 @@ class FarDistancesStage : public FarStage {
   std::string name() const override { return "distances"; }
   std::uint64_t task_bytes(std::size_t) const override { return box_.task_bytes(); }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     DirectFile out(context.create("distances/" + task_file_stem(task) + kLeaves));
     SurfaceDistance distance = box_.distance();
     std::uint64_t leaves = 0;
@@ -136,9 +134,9 @@ class FarDistancesStage : public FarStage {
     return {{"leaves", leaves}};
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    json sum = json::object();
-    for (const json& s : summaries) add_counts(sum, s);
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+    Json sum = Json::object();
+    for (const Json& s : summaries) add_counts(sum, s);
     return sum;
   }
 
@@ -176,12 +174,12 @@ class CellsStage : public FarStage {
     return box_.task_bytes() + distance_octree_bytes(std::uint64_t{kCube} * kCube * kCube);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     DirectFile out(context.create("distances/" + task_file_stem(task) + kOctrees));
     SurfaceDistance distance = box_.distance();
     const std::function<double(const Int3&)> at = [&](const Int3& node) { return distance.at(node); };
     const std::function<void()> pause = [&] { context.check_stop(); };
-    json sum = {{"cells", 0}, {"nodes", 0}, {"samples", 0}};
+    Json sum = {{"cells", 0}, {"nodes", 0}, {"samples", 0}};
     std::vector<std::uint64_t> sizes;
     double worst = 0.0, squares = 0.0;
     for (std::uint64_t cube = box_.first_cube(task); cube < box_.first_cube(task + 1); ++cube) {
@@ -205,12 +203,12 @@ class CellsStage : public FarStage {
     return sum;
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     const double h = box_.plan().lattice.h;
     std::uint64_t cells = 0, nodes = 0, samples = 0;
     std::vector<std::uint64_t> sizes;
     double worst = 0.0, squares = 0.0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       cells += s.at("cells").get<std::uint64_t>();
       nodes += s.at("nodes").get<std::uint64_t>();
       samples += s.at("samples").get<std::uint64_t>();
@@ -237,7 +235,7 @@ class CellsStage : public FarStage {
 
   /// At places that have nothing to do with nodes. Sides are those of the nearest node, where the surface does not pass
   /// between; else both sides are taken for right.
-  void measure(const DistanceOctree& tree, std::uint64_t cube, SurfaceDistance& distance, json& sum,
+  void measure(const DistanceOctree& tree, std::uint64_t cube, SurfaceDistance& distance, Json& sum,
                double& worst, double& squares) const {
     std::uint64_t taken = 0;
     for (std::uint64_t s = 0; s < std::min<std::uint64_t>(kSamples, 4 * tree.cells().size()); ++s) {
@@ -277,7 +275,7 @@ class OctreeStage : public SerialStage {
   std::string unit_name() const override { return "bytes"; }
   std::uint64_t finish_bytes() const override { return OutputFile::kBufferBytes + 2 * kPage; }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     OutputFile out(state_.output);
     OctreeFileHeader header;
     header.h = plan_.lattice.h;

@@ -1,7 +1,6 @@
 #include "stream/stages/solid/field_job.h"
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/solid/resurface_job.h"
@@ -9,10 +8,10 @@
 namespace tessera {
 namespace {
 
-void summarise_field(nlohmann::json& report) {
+void summarise_field(Json& report) {
   summarise_solids(report);
-  if (const nlohmann::json field = result_of(report, "grid"); field.is_object()) report["field"] = field;
-  if (const nlohmann::json octree = result_of(report, "octree"); octree.is_object()) {
+  if (const Json field = result_of(report, "grid"); field.is_object()) report["field"] = field;
+  if (const Json octree = result_of(report, "octree"); octree.is_object()) {
     report["field"] = result_of(report, "cells");
     report["field"].update(octree);
   }

@@ -4,9 +4,9 @@
 #include <bit>
 #include <cmath>
 #include <cstddef>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/vdb_file.h"
@@ -17,8 +17,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr double kHaloCells = 6.0;  ///< cells beyond the band from which faces matter: a leaf's halo
 constexpr const char* kLeafSuffix = ".lvl";
@@ -35,7 +33,7 @@ class DistancesStage : public Stage {
   std::string unit_name() const override { return "cubes"; }
   std::uint64_t task_bytes(std::size_t task) const override { return tiles_.task_bytes(task); }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     DirectFile out(context.create("distances/" + task_file_stem(task) + kLeafSuffix));
     std::uint64_t leaves = 0, nodes = 0;
     for (const std::uint64_t cube : tiles_.groups()[task]) {
@@ -66,9 +64,9 @@ class DistancesStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    json sum = {{"band", band_}};
-    for (const json& s : summaries) add_counts(sum, s);
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+    Json sum = {{"band", band_}};
+    for (const Json& s : summaries) add_counts(sum, s);
     return sum;
   }
   std::vector<std::string> obsolete() const override {
@@ -123,7 +121,7 @@ class GridStage : public SerialStage {
            kPage * sizeof(LevelSetLeaf);
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     std::vector<ReadFile> open;
     open.reserve(files_.size());
     std::vector<Int3> origins;

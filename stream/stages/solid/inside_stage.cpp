@@ -1,14 +1,12 @@
 /// Stage "inside" of solids: an open sheet is told from a solid with holes before anything is computed of either.
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/solid/solid_stages.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::size_t kInsideSamples = 1000;
 /// Where fewer of the samples tell of a sheet, the surface stage counts every root.
@@ -27,8 +25,8 @@ class InsideStage : public SerialStage {
   std::string unit_name() const override { return "border edges"; }
   std::uint64_t finish_bytes() const override { return is_requested_ ? lines_[0].bytes() : 0; }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
-    if (!is_requested_) return json::object();
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
+    if (!is_requested_) return Json::object();
     const double half = load_mesh_solid(work_, 0, lines_[0]).half_share(kInsideSamples);
     context.advance(lines_[0].borders);
     if (half > kSurelySheet) refuse_open_sheet();

@@ -1,9 +1,9 @@
 /// Stage "lattice" of solids: where the lattice lies.
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/numbers.h"
 #include "stream/runtime/serial_stage.h"
@@ -11,8 +11,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr double kCellsOfDiagonal = 300.0;
 constexpr double kMinWall = 2.0;        ///< of a shell, cells
@@ -31,7 +29,7 @@ class LatticeStage : public SerialStage {
     return bytes;
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     MeshBox box;
     double minimum = 0.0, maximum = 0.0;
     std::uint64_t faces = 0;
@@ -86,7 +84,7 @@ class LatticeStage : public SerialStage {
       plan.brick_max[a] = static_cast<std::int32_t>(last - first) - 1;
     }
     plan.save(context.create(Plan::kFile));
-    json out = {{"h", plan.lattice.h},
+    Json out = {{"h", plan.lattice.h},
                 {"resolution_reason", plan.resolution_reason},
                 {"faces", faces},
                 {"diagonal", diagonal}};

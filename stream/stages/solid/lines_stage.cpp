@@ -1,12 +1,12 @@
 /// Stage "lines" of solids: the global summary of every mesh.
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <unordered_map>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/record_file.h"
@@ -17,8 +17,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces = 200'000;
 constexpr std::size_t kMaxLeaves = 1u << 15;  ///< held by a task before they go to its file
@@ -114,7 +112,7 @@ class LinesStage : public Stage {
            (std::uint64_t{4} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     const LinesTask& t = tasks_[task];
     DirectFile windings(context.create(part(task, ".tur")));
     DirectFile borders(context.create(part(task, ".edg")));
@@ -139,12 +137,12 @@ class LinesStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return 3 * kSortBytes + (std::uint64_t{16} << 20); }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    json operands = json::array();
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
+    Json operands = Json::array();
     std::uint64_t crossings = 0, borders = 0;
     for (std::size_t o = 0; o < operands_; ++o) {
       std::int64_t volume = 0;
-      for (const json& s : summaries) {
+      for (const Json& s : summaries) {
         if (s.at("operand") != o) continue;
         volume += s.at("volume").get<std::int64_t>();
         crossings += s.at("crossings").get<std::uint64_t>();
@@ -246,7 +244,7 @@ class LinesStage : public Stage {
 
   /// Sorts what the tasks left of an operand, sums up what has the same key. Returns how many records stay.
   template <class Record, class Less, class Join, class Keep>
-  std::uint64_t merge(std::size_t operand, const char* extension, const std::vector<json>& summaries,
+  std::uint64_t merge(std::size_t operand, const char* extension, const std::vector<Json>& summaries,
                       const std::string& to, const PackedKind& kind, Less less, const Join& join,
                       const Keep& keep, TaskContext& context) const {
     ExternalSort<Record, Less> sort(state_.work, kSortBytes, less);
@@ -309,7 +307,7 @@ std::vector<Record> load_all(const std::filesystem::path& path, const PackedKind
 
 std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work) {
   std::vector<SolidLines> out;
-  for (const json& o : parse_json(read_text(work / kSummary)))
+  for (const Json& o : parse_json(read_text(work / kSummary)))
     out.push_back({o.at("leaves").get<std::uint64_t>(), o.at("border_edges").get<std::uint64_t>(),
                    o.at("inside_out").get<bool>()});
   return out;

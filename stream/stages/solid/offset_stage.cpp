@@ -1,8 +1,8 @@
 /// Stage "offset" of solids: what lies between two distances of their surface, tile by tile, from the faces around.
-#include <nlohmann/json.hpp>
 
 #include "kernels/mesh/patch_components.h"
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/patch_store.h"
 #include "stream/runtime/numbers.h"
@@ -12,8 +12,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kPatchBytes = std::uint64_t{512} * 24'000;  ///< a brick while it is extracted
 
@@ -30,7 +28,7 @@ class OffsetStage : public Stage {
   std::string unit_name() const override { return "cubes"; }
   std::uint64_t task_bytes(std::size_t task) const override { return tiles_.task_bytes(task) + kPatchBytes; }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     PatchFileWriter writer(context.create("mesh/" + task_file_stem(task) + ".tsm"));
     std::uint64_t patches = 0, vertices = 0, faces = 0, roots = 0;
     const auto pause = [&context] { context.check_stop(); };
@@ -60,9 +58,9 @@ class OffsetStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    json sum = {{"offset", model_.offset}, {"shell", model_.shell}};
-    for (const json& s : summaries) add_counts(sum, s);
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+    Json sum = {{"offset", model_.offset}, {"shell", model_.shell}};
+    for (const Json& s : summaries) add_counts(sum, s);
     if (sum.value("roots", std::uint64_t{0}) == 0)
       throw EmptyError("nothing is left: nothing of the solid is thicker than twice the offset of " +
                        number_text(model_.offset));

@@ -1,8 +1,8 @@
 #include "stream/stages/solid/resurface_job.h"
 
-#include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "stream/files/json.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
@@ -77,12 +77,12 @@ OptionTable option_table(ResurfaceOptions& o) {
   return t;
 }
 
-void summarise_solids(nlohmann::json& report) {
-  if (const nlohmann::json lattice = result_of(report, "lattice"); lattice.is_object())
+void summarise_solids(Json& report) {
+  if (const Json lattice = result_of(report, "lattice"); lattice.is_object())
     report["resolution"] = {{"h", lattice.at("h")}, {"reason", lattice.at("resolution_reason")}};
-  if (const nlohmann::json lines = result_of(report, "lines"); lines.is_object()) report["solids"] = lines;
-  nlohmann::json mesh = result_of(report, "weld");
-  const nlohmann::json written = result_of(report, "write");
+  if (const Json lines = result_of(report, "lines"); lines.is_object()) report["solids"] = lines;
+  Json mesh = result_of(report, "weld");
+  const Json written = result_of(report, "write");
   if (mesh.is_object() && written.is_object()) {
     mesh.update(written);
     report["mesh"] = mesh;

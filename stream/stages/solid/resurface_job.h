@@ -45,6 +45,6 @@ std::vector<StageEntry> solid_surface_stages(const SolidModel& model);
 std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component,
                                      const std::string& maker);
 /// What the report says of such a job.
-void summarise_solids(nlohmann::json& report);
+void summarise_solids(Json& report);
 
 }  // namespace tessera

@@ -1,10 +1,10 @@
 /// Stage "surface" of solids.
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "kernels/mesh/patch_components.h"
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_store.h"
@@ -14,8 +14,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kSurfaceTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
 
@@ -54,7 +52,7 @@ class SolidSurfaceStage : public Stage {
     return maximum + patch_bytes_ + shared_bytes_ + kSurfaceTaskBytes;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     // Either the result, or what distances are measured to.
     std::optional<PatchFileWriter> result;
     std::optional<SolidMeshWriter> between;
@@ -114,10 +112,10 @@ class SolidSurfaceStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     // Roots in halos count more than once, and other tiles would count otherwise.
-    json sum = {{"tiles", units()}, {"h", plan_.lattice.h}};
-    for (const json& s : summaries) add_counts(sum, s);
+    Json sum = {{"tiles", units()}, {"h", plan_.lattice.h}};
+    for (const Json& s : summaries) add_counts(sum, s);
     const auto roots = sum.value("roots", std::uint64_t{0}),
                membrane = sum.value("membrane_roots", std::uint64_t{0});
     const auto shallow = sum.value("shallow_roots", std::uint64_t{0});

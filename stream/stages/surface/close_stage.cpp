@@ -2,13 +2,13 @@
 #include <charconv>
 #include <fstream>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "kernels/closing/sign_flow.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
@@ -24,8 +24,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr const char* kDecisionFile = "close/decision.json";
 constexpr std::size_t kVotingBricks = 512;
@@ -74,9 +72,9 @@ class CloseStage : public SerialStage {
     return bytes;
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     if (!mode_.close) return {{"needed", false}};
-    json entry = {{"needed", true}, {"summary_bytes", multipoles_->far().bytes()}};
+    Json entry = {{"needed", true}, {"summary_bytes", multipoles_->far().bytes()}};
     const ClosingOptions options = decide(entry, context);
     Seeds boundaries;
     for (const BrickSection& brick : boundaries_->bricks())
@@ -105,7 +103,7 @@ class CloseStage : public SerialStage {
 
   /// The closing cells that are reached from seeds.
   /// \param signs  empty: what the closing field says around the cells comes here; else they stand
-  ClosingMap grow(const Seeds& seeds, const ClosingOptions& options, SignMap& signs, json& entry,
+  ClosingMap grow(const Seeds& seeds, const ClosingOptions& options, SignMap& signs, Json& entry,
                   TaskContext& context) const {
     const bool fixed = !signs.empty();
     Seeds pending = seeds;
@@ -215,7 +213,7 @@ class CloseStage : public SerialStage {
   }
 
   /// Level, bounds and limit; all functions of the data.
-  ClosingOptions decide(json& entry, TaskContext& context) const {
+  ClosingOptions decide(Json& entry, TaskContext& context) const {
     ClosingOptions options;
     for (std::size_t a = 0; a < 3; ++a) {
       options.low[a] = (plan_.brick_min[a] - 1) * kBrickCells;
@@ -238,10 +236,10 @@ class CloseStage : public SerialStage {
     if (limit > double{kMaxClosingLimit})
       throw UsageError(
           "--holes " + reconstruct_options(state_).holes + ": at most " +
-          dump_json(json(double{kMaxClosingLimit} * plan_.lattice.h)) +
+          dump_json(Json(double{kMaxClosingLimit} * plan_.lattice.h)) +
           " (56 lattice spacings) can be bridged; a closed object needs no limit: --holes close");
     options.limit = static_cast<float>(limit);
-    const json decision = {{"level", options.level},
+    const Json decision = {{"level", options.level},
                            {"limit_cells", options.limit},
                            {"low", options.low},
                            {"high", options.high}};
@@ -329,7 +327,7 @@ HolesMode::HolesMode(const std::string& text) {
 
 ClosingOptions load_closing_options(const std::filesystem::path& work) {
   const std::filesystem::path path = work / kDecisionFile;
-  const json decision = try_parse_json(read_text(path));
+  const Json decision = try_parse_json(read_text(path));
   if (decision.is_discarded() || !decision.contains("high"))
     throw InputError(path.string() + ": not what the close stage wrote; run again with --force");
   ClosingOptions options;

@@ -5,13 +5,12 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/block_components.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/mesh/patch_mesh.h"
 #include "kernels/mesh/uncross_block.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/simplify_stage.h"
@@ -21,8 +20,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kCube = 64, kOctant = 8;  ///< bricks of a block; of an eighth of one
 constexpr std::uint64_t kMaxFaces =
@@ -179,7 +176,7 @@ struct FirstPass::Impl {
   std::vector<Piece> pieces;                      ///< of the block, not yet finished
   std::vector<IslandPart> parts;
   std::vector<IslandSeam> seams;
-  json counts = json::object();
+  Json counts = Json::object();
   std::uint64_t blocks = 0, dropped = 0, dropped_faces = 0, crossing_pairs = 0;
 
   Impl(const JobState& state, TaskContext& c, std::size_t t)
@@ -318,7 +315,7 @@ void FirstPass::add(const Patch& patch) {
               safe_places(patch, impl_->frame));
 }
 
-json FirstPass::finish() {
+Json FirstPass::finish() {
   Impl& self = *impl_;
   self.flush();
   self.context.count_written(self.full.finish());

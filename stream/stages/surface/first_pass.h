@@ -12,8 +12,7 @@
 #include <memory>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/files/packed_file.h"
 #include "stream/meshes/mesh_blocking.h"
 #include "stream/runtime/stage.h"
@@ -91,7 +90,7 @@ class FirstPass {
   /// \pre extracted with names, bricks in ascending order
   void add(const Patch& patch);
   /// What it counted, as a pass reports it.
-  nlohmann::json finish();
+  Json finish();
 
   /// Upper bound of what it allocates. \param block_faces, brick_faces  most faces of a cube of kFirstPassEdge^3 bricks, of a brick
   static std::uint64_t bytes(std::uint64_t block_faces, std::uint64_t brick_faces);

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/orientation_sign.h"
+#include "stream/files/json.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/hole_files.h"
@@ -16,8 +16,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kFixedBytes = std::uint64_t{8} << 20;
 
@@ -40,7 +38,7 @@ class HolesStage : public Stage {
     return hole_task_bytes(limit_.edges) + MeshAround::bytes(store_.patches());
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     const std::vector<NamedLoop> loops = load_loops(files_[task]);
     HoleFillings out;
     std::array<std::uint64_t, kHoleOutcomes> outcomes{};
@@ -94,12 +92,12 @@ class HolesStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return kFixedBytes; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    json total = json::object();
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+    Json total = Json::object();
     for (const char* key : {"loops", "filled", "refused_taken", "refused_outer", "left_wide", "left_sharp",
                             "left_crossing", "not_fair", "vertices", "faces"}) {
       std::uint64_t sum = 0;
-      for (const json& s : summaries) sum += s.at(key).get<std::uint64_t>();
+      for (const Json& s : summaries) sum += s.at(key).get<std::uint64_t>();
       total[key] = sum;
     }
     return total;

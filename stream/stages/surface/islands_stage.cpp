@@ -4,14 +4,13 @@
 #include <optional>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/block_components.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "octree/union_find.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
@@ -23,8 +22,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr const char* kDroppedFile = "islands/dropped.bin";
 constexpr PackedKind kDroppedKind = {"TSDROPD3", "a file of dropped islands"};
@@ -64,7 +61,7 @@ class IslandsStage : public SerialStage {
   std::string unit_name() const override { return "components"; }
   std::uint64_t finish_bytes() const override { return islands_bytes(state_.run, parts_); }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     DisjointSets<std::uint64_t> sets(parts_);
     std::vector<std::uint64_t> faces(parts_, 0), border(parts_, 0);
     std::vector<std::uint8_t> level(parts_, 0);
@@ -119,7 +116,7 @@ class IslandsStage : public SerialStage {
     return 1.0 / static_cast<double>(std::uint64_t{1} << 2 * (coarsest_ - level));
   }
 
-  json decide(const std::vector<std::uint64_t>& root, const std::vector<Island>& island,
+  Json decide(const std::vector<std::uint64_t>& root, const std::vector<Island>& island,
               std::uint64_t all_faces, TaskContext& context) const {
     const std::uint64_t given = reconstruct_options(state_).min_component;
     std::uint64_t components = 0, dropped = dropped_, largest = 0, kept_faces = 0;
@@ -203,7 +200,7 @@ class PruneStage : public Stage {
     return prune_task_bytes(maximum);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter full(context.create(kPrunedFullFolder + task_file_stem(task) + ".tmm"), full_.info());
     std::optional<MeshFileWriter> pass;
     if (!pass_.patches().empty())
@@ -228,11 +225,11 @@ class PruneStage : public Stage {
           rewrite(pass_, static_cast<std::size_t>(p), gone, *pass);
     }
     context.count_written(full.finish() + (pass ? pass->finish() : 0));
-    return json::object();
+    return Json::object();
   }
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
-  json finish(const std::vector<json>&, TaskContext&) const override { return {{"parts", dropped_.size()}}; }
+  Json finish(const std::vector<Json>&, TaskContext&) const override { return {{"parts", dropped_.size()}}; }
   std::vector<std::string> obsolete() const override { return {kIslandFolder}; }
 
  private:

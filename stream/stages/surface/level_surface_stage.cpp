@@ -4,9 +4,8 @@
 #include <array>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/extract/extended_marching_cubes.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/normal_sample.h"
 #include "stream/points/plan.h"
@@ -21,8 +20,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Cells of the points' lattice: no part of a brick is loaded that is smaller.
 constexpr int kLoadedEdge = 8;
@@ -66,7 +63,7 @@ class LevelSurfaceStage : public Stage {
     return level_surface_task_bytes(maximum);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     Work work{context, {state_, context, task}, {}};
     for (const Tile& tile : groups_[task]) {
       context.check_stop();
@@ -74,7 +71,7 @@ class LevelSurfaceStage : public Stage {
       const BrickEntry* brick = store_.find(brick_key(tile.brick));
       if (brick) context.advance(brick->points);
     }
-    json summary = {{"bricks", work.bricks},
+    Json summary = {{"bricks", work.bricks},
                     {"faces_of_level", work.faces},
                     {"loops", work.report.loops},
                     {"crease_samples", work.report.crease_samples},
@@ -88,12 +85,12 @@ class LevelSurfaceStage : public Stage {
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
   /// Bricks and faces by level, the finest first.
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    json sum = {{"h", plan_.lattice.h},
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+    Json sum = {{"h", plan_.lattice.h},
                 {"finest_h", finest_lattice(plan_.lattice, options_).h},
                 {"radius_cells", plan_.radius_cells}};
     std::array<std::uint64_t, kMaxLevels> bricks{}, faces{};
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       for (std::size_t l = 0; l < kMaxLevels; ++l) {
         bricks[l] += s.at("bricks").at(l).get<std::uint64_t>();
         faces[l] += s.at("faces_of_level").at(l).get<std::uint64_t>();

@@ -6,10 +6,9 @@
 
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/points/density_levels.h"
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
@@ -18,8 +17,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kSplitBytesPerPoint = 40 + 13 + 8;  ///< of a brick: loaded, places, split nodes
 constexpr double kMinNoise = 1.5;  ///< cells are no smaller than this many times the noise
@@ -53,7 +50,7 @@ class LevelsStage : public Stage {
     return maximum * kSplitBytesPerPoint + (std::uint64_t{2} << 20);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     std::vector<SplitNode> nodes;
     const auto [first, last] = store_.file_range(task);
     for (std::size_t b = first; b < last; ++b) {
@@ -69,7 +66,7 @@ class LevelsStage : public Stage {
       context.advance(entry.points);
     }
     context.count_written(save_split_nodes(context.create(split_nodes_file(task)), nodes));
-    return json::object();
+    return Json::object();
   }
 
   std::uint64_t finish_bytes() const override {
@@ -79,7 +76,7 @@ class LevelsStage : public Stage {
     return bytes;
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     std::vector<SplitNode> nodes;
     for (const auto& file : list_task_files(work_ / kLevelFolder, ".tsl")) {
       const std::vector<SplitNode> part = load_split_nodes(file);
@@ -87,14 +84,14 @@ class LevelsStage : public Stage {
     }
     const LevelTree tree = make_level_tree(levels_, nodes);
     nodes.clear();
-    json split = json::array();
+    Json split = Json::array();
     for (int level = levels_ - 1; level > 0; --level) {
       for (const std::uint64_t key : tree.split()[static_cast<std::size_t>(level)])
         nodes.push_back({static_cast<std::uint64_t>(level), key});
       split.push_back(tree.split()[static_cast<std::size_t>(level)].size());
     }
     context.count_written(save_split_nodes(context.create(kLevelTreeFile), nodes));
-    json result = {{"levels", levels_}, {"noise_levels", levels_ - min_}, {"split", split}};
+    Json result = {{"levels", levels_}, {"noise_levels", levels_ - min_}, {"split", split}};
     if (min_ > 0)
       result["warnings"].push_back(fmt::format(
           "--levels {}: {} used; cells below {:.3g} times the noise ({:.3g} of h) would show it as "

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "kernels/holes/boundary_loops.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
@@ -18,8 +18,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kBatchEdges = 20'000;
 constexpr std::uint64_t kShortBatchEdges = 4'000;  ///< while the strips around are held
@@ -55,7 +53,7 @@ class LoopsStage : public Stage {
     return loops_task_bytes(store_.patches().subspan(first, last - first));
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     return is_short() ? find_loops(task, context) : write_edges(task, context);
   }
 
@@ -63,11 +61,11 @@ class LoopsStage : public Stage {
     return loops_finish_bytes(state_.run, max_edges_, store_.patches());
   }
 
-  json finish(const std::vector<json>& tasks, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& tasks, TaskContext& context) const override {
     if (max_edges_ == 0) return {{"max_hole", 0}};
     if (!is_short()) return chain(match(context), context);
     std::uint64_t chosen = 0, torn = 0;
-    for (const json& t : tasks) {
+    for (const Json& t : tasks) {
       chosen += t.at("to_fill").get<std::uint64_t>();
       torn += t.at("torn").get<std::uint64_t>();
     }
@@ -99,7 +97,7 @@ class LoopsStage : public Stage {
 
   bool is_short() const { return max_edges_ <= kMaxShortEdges; }
 
-  json find_loops(std::size_t task, TaskContext& context) const {
+  Json find_loops(std::size_t task, TaskContext& context) const {
     StripReader reader(state_, store_, numbering_);
     LoopBatches batches(*this, task, context);
     std::vector<StripFace> faces;
@@ -142,7 +140,7 @@ class LoopsStage : public Stage {
     }
   }
 
-  json write_edges(std::size_t task, TaskContext& context) const {
+  Json write_edges(std::size_t task, TaskContext& context) const {
     NumberedPatches numbered(state_.work, store_, numbering_);
     ClassCache classes(store_);
     PatchFaces patch;
@@ -205,7 +203,7 @@ class LoopsStage : public Stage {
     return boundaries;
   }
 
-  json chain(const BoundaryMatcher& boundaries, TaskContext& context) const {
+  Json chain(const BoundaryMatcher& boundaries, TaskContext& context) const {
     LoopBatches batches(*this, 0, context);
     const LoopCounts counts = for_each_boundary_loop(boundaries, max_edges_, [&](HoleBoundary&& boundary) {
       context.check_stop();

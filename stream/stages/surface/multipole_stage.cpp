@@ -1,7 +1,7 @@
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "kernels/closing/area_weights.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/multipole_store.h"
 #include "stream/points/point_overlay.h"
@@ -11,8 +11,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 // Block of one brick: 40 bytes a point while loading, weight and dipole.
 constexpr std::uint64_t kMultipoleBytesPerPoint = 40 + 4 + sizeof(Dipole);
@@ -36,7 +34,7 @@ class MultipoleStage : public Stage {
     return multipole_task_bytes(maximum);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     MultipoleFileWriter writer(context.create(std::string(MultipoleStore::kFolder) + "/" +
                                               task_file_stem(task) + MultipoleStore::kExtension));
     std::uint64_t bricks = 0;
@@ -64,11 +62,11 @@ class MultipoleStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (!needed_) return {{"needed", false}};
     std::uint64_t bricks = 0;
     std::uint64_t leaves = 0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       bricks += s.at("bricks").get<std::uint64_t>();
       leaves += s.at("leaves").get<std::uint64_t>();
     }

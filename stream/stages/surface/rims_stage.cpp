@@ -1,7 +1,7 @@
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "octree/morton.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/closing_store.h"
 #include "stream/points/point_overlay.h"
@@ -11,8 +11,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kBoundaryTaskBytes = 8u << 20;
 
@@ -39,7 +37,7 @@ class BoundariesStage : public Stage {
     return maximum;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     BrickSectionWriter writer(context.create("rims/" + task_file_stem(task) + ".tsr"));
     const int halo = field_halo_cells(field_);
     FieldOptions options = field_;
@@ -73,10 +71,10 @@ class BoundariesStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (groups_.empty()) return {{"needed", false}};
     std::uint64_t boundaries = 0;
-    for (const json& s : summaries) boundaries += s.at("rim_cells").get<std::uint64_t>();
+    for (const Json& s : summaries) boundaries += s.at("rim_cells").get<std::uint64_t>();
     return {{"needed", true}, {"rim_cells", boundaries}};
   }
 

@@ -5,12 +5,11 @@
 #include <cmath>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/certify/certificate.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
@@ -20,8 +19,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr double kMaxDistance = 4.0;       ///< times the tolerance: distances up to here are told
 constexpr double kMaxDistanceCells = 6.0;  ///< before decimation at least so many spacings of the lattice
@@ -75,7 +72,7 @@ class SamplesStage : public Stage {
     return maximum;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     SampleSums sums;
     for (std::size_t b = first(task); b < first(task + 1); ++b) {
       context.check_stop();
@@ -90,9 +87,9 @@ class SamplesStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     SampleSums sum;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       sum.samples += s.at("samples").get<std::uint64_t>();
       sum.over += s.at("over").get<std::uint64_t>();
       sum.beyond += s.at("beyond").get<std::uint64_t>();
@@ -112,7 +109,7 @@ class SamplesStage : public Stage {
           ", the farthest at " + number_text(sum.position[0]) + " " + number_text(sum.position[1]) + " " +
           number_text(sum.position[2]) + "): the least --tolerance that can do is " +
           (sum.beyond > 0 ? "more than " : "") + number_text(min_above(sum.farthest / (1.0 - kMinLeft))));
-    if (before_) write_durably(context.create(kLeftFile), dump_json(json{{"left", left}}));
+    if (before_) write_durably(context.create(kLeftFile), dump_json(Json{{"left", left}}));
     if (sum.over > 0)
       throw ValidationError("the result gets no name: " + std::to_string(sum.over) + " of " +
                             std::to_string(sum.samples) + " points are farther than " +

@@ -1,11 +1,11 @@
 #include "stream/stages/surface/surface_stage.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
 #include "kernels/mesh/patch_components.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/patch_store.h"
 #include "stream/points/multipole_store.h"
@@ -18,8 +18,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the largest single patch
 
@@ -74,7 +72,7 @@ class SurfaceStage : public Stage {
     return maximum;
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     std::unique_ptr<PatchFileWriter> writer;
     std::unique_ptr<FirstPass> pass;
     if (fused_)
@@ -127,7 +125,7 @@ class SurfaceStage : public Stage {
       total.rejected_samples += report.rejected_samples;
       context.advance(own_points);
     }
-    json summary = {{"patches", patches},
+    Json summary = {{"patches", patches},
                     {"vertices", vertices},
                     {"faces", faces},
                     {"synthetic_faces", synthetic},
@@ -143,10 +141,10 @@ class SurfaceStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    json sum = {{"tiles", 0}, {"h", plan_.lattice.h}, {"radius_cells", plan_.radius_cells}};
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+    Json sum = {{"tiles", 0}, {"h", plan_.lattice.h}, {"radius_cells", plan_.radius_cells}};
     for (const TileGroup& group : groups_) sum["tiles"] = sum["tiles"].get<std::uint64_t>() + group.size();
-    for (const json& s : summaries) add_counts(sum, s);
+    for (const Json& s : summaries) add_counts(sum, s);
     return sum;
   }
 

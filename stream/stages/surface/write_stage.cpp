@@ -1,8 +1,8 @@
 #include "stream/stages/surface/write_stage.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -15,8 +15,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr const char* kReconstruct = "tessera reconstruct";
 
@@ -43,7 +41,7 @@ class WriteStage : public SerialStage {
            rounding_check_bytes(state_.output, !raw_, numbering_.vertices);
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const MeshHeader header = make_header();
     // The format goes by the extension, which the name of an uncommitted file has not.
     const std::filesystem::path committed = raw_ ? context.create(kRawMeshFile) : state_.output;
@@ -57,7 +55,7 @@ class WriteStage : public SerialStage {
     const MeshRounding rounding = writer->rounding();
     if (raw_) std::filesystem::rename(path, committed);
     context.count_written(writer->bytes_written());
-    json result = {{"path", json_text(state_.output)},
+    Json result = {{"path", json_text(state_.output)},
                    {"vertices", header.vertices},
                    {"faces", header.faces},
                    {"synthetic_faces", synthetic},
@@ -102,7 +100,7 @@ class WriteStage : public SerialStage {
               .origin;
       header.check_rounding = holds_floats_only(state_.output);
     }
-    header.comments.push_back("made by " + maker_ + ", lattice spacing " + dump_json(json(plan_.lattice.h)));
+    header.comments.push_back("made by " + maker_ + ", lattice spacing " + dump_json(Json(plan_.lattice.h)));
     return header;
   }
 

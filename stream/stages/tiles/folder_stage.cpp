@@ -2,9 +2,8 @@
 
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 
 namespace tessera {
@@ -33,7 +32,7 @@ class FolderContext : public TaskContext {
 class FolderStage : public Stage {
  public:
   FolderStage(std::string folder, std::unique_ptr<Stage> inner, std::string result_file,
-              std::function<void(const nlohmann::json&)> check)
+              std::function<void(const Json&)> check)
       : folder_(std::move(folder)),
         inner_(std::move(inner)),
         result_file_(std::move(result_file)),
@@ -45,14 +44,14 @@ class FolderStage : public Stage {
   std::string unit_name() const override { return inner_->unit_name(); }
   std::uint64_t finish_bytes() const override { return inner_->finish_bytes(); }
 
-  nlohmann::json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     FolderContext inside(folder_, context);
     return inner_->run(task, inside);
   }
 
-  nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     FolderContext inside(folder_, context);
-    nlohmann::json result = inner_->finish(summaries, inside);
+    Json result = inner_->finish(summaries, inside);
     if (result.empty()) return result;  // an idle stage
     if (check_) check_(result);
     if (!result_file_.empty()) write_durably(inside.create(result_file_), dump_json(result));
@@ -69,13 +68,13 @@ class FolderStage : public Stage {
   std::string folder_;
   std::unique_ptr<Stage> inner_;
   std::string result_file_;
-  std::function<void(const nlohmann::json&)> check_;
+  std::function<void(const Json&)> check_;
 };
 
 }  // namespace
 
 StageEntry stage_in_folder(const std::string& folder, const StageEntry& entry, const std::string& result_file,
-                           const std::function<void(const nlohmann::json&)>& check) {
+                           const std::function<void(const Json&)>& check) {
   return {folder + "-" + entry.name, [=](const JobState& state) -> std::unique_ptr<Stage> {
             JobState inside = state;
             inside.work = state.work / folder;

@@ -5,8 +5,7 @@
 #include <functional>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
@@ -17,6 +16,6 @@ namespace tessera {
 /// \param check  if not empty: called with what finish() returned; may throw
 StageEntry stage_in_folder(const std::string& folder, const StageEntry& entry,
                            const std::string& result_file = "",
-                           const std::function<void(const nlohmann::json&)>& check = {});
+                           const std::function<void(const Json&)>& check = {});
 
 }  // namespace tessera

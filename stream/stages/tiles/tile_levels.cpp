@@ -4,11 +4,10 @@
 #include <cmath>
 #include <map>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/certify/certificate.h"
 #include "kernels/decimate/decimate.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
@@ -21,8 +20,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr const char* kChoice = "tolerance.json";
 constexpr std::uint64_t kSampleFaces = 1u << 14;
@@ -89,9 +86,9 @@ class LevelToleranceStage : public SerialStage {
     return bytes;
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const double tolerance = samples_.empty() ? 0.0 : choose(context);
-    json result = {{"level", level_}, {"tolerance", tolerance}, {"faces_below", below_.face_count()}};
+    Json result = {{"level", level_}, {"tolerance", tolerance}, {"faces_below", below_.face_count()}};
     write_durably(context.create(kChoice), dump_json(result));
     return result;
   }

@@ -8,15 +8,13 @@
 #include <stdexcept>
 
 #include <meshoptimizer.h>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/formats/srgb.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint32_t kNarrow = 65535;  ///< steps that 16 bits can tell
 
@@ -37,9 +35,9 @@ class Binary {
                             const char* filter = nullptr) {
     std::vector<unsigned char> packed(meshopt_encodeVertexBufferBound(count, stride));
     packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), elements, count, stride));
-    json extension = {{"mode", "ATTRIBUTES"}};
+    Json extension = {{"mode", "ATTRIBUTES"}};
     if (filter != nullptr) extension["filter"] = filter;
-    json view = {{"byteStride", stride}, {"target", kArrayBuffer}};
+    Json view = {{"byteStride", stride}, {"target", kArrayBuffer}};
     return add(packed, count, stride, std::move(view), std::move(extension));
   }
 
@@ -56,13 +54,13 @@ class Binary {
     return add(packed, indices.size(), stride, {{"target", kElementBuffer}}, {{"mode", "TRIANGLES"}});
   }
 
-  json views = json::array();
+  Json views = Json::array();
   std::vector<unsigned char> bytes;
   std::size_t unpacked_bytes = 0;
 
  private:
-  std::size_t add(const std::vector<unsigned char>& packed, std::size_t count, std::size_t stride, json view,
-                  json extension) {
+  std::size_t add(const std::vector<unsigned char>& packed, std::size_t count, std::size_t stride, Json view,
+                  Json extension) {
     if (packed.empty()) throw std::logic_error("a stream of a tile does not fit what was reckoned for it");
     extension.update({{"buffer", 0},
                       {"byteOffset", bytes.size()},
@@ -175,13 +173,13 @@ class GlbTile {
   }
 
   template <class Element>
-  json& add_attribute(const char* name, const std::vector<Element>& elements, Component type,
+  Json& add_attribute(const char* name, const std::vector<Element>& elements, Component type,
                       const char* shape, const char* filter = nullptr) {
     attributes_[name] = accessors_.size();
     return add_accessor(binary_.add_attribute(elements.data(), vertices_, sizeof(Element), filter), type,
                         vertices_, shape);
   }
-  json& add_accessor(std::size_t view, Component type, std::size_t count, const char* shape) {
+  Json& add_accessor(std::size_t view, Component type, std::size_t count, const char* shape) {
     accessors_.push_back({{"bufferView", view}, {"componentType", type}, {"count", count}, {"type", shape}});
     return accessors_.back();
   }
@@ -200,7 +198,7 @@ class GlbTile {
       const auto p = y_up(tile_, v);
       return Float3{static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
     };
-    json& accessor = narrow ? add_attribute("POSITION", in_order(steps), kUnsignedShort, "VEC3")
+    Json& accessor = narrow ? add_attribute("POSITION", in_order(steps), kUnsignedShort, "VEC3")
                             : add_attribute("POSITION", in_order(floats), kFloat, "VEC3");
     accessor.update({{"min", {0, 0, 0}}, {"max", maximum}});
   }
@@ -238,12 +236,12 @@ class GlbTile {
                  small ? kUnsignedShort : kUnsignedInt, indices_.size(), "SCALAR");
   }
 
-  json document() const {
+  Json document() const {
     const auto along = [&](std::int64_t steps) { return static_cast<double>(steps) * tile_.grid.step; };
-    const json node = {{"mesh", 0},
+    const Json node = {{"mesh", 0},
                        {"translation", {along(tile_.low[0]), along(tile_.low[2]), -along(tile_.high[1])}},
                        {"scale", {tile_.grid.step, tile_.grid.step, tile_.grid.step}}};
-    const json extensions = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
+    const Json extensions = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
     return {{"asset", {{"version", "2.0"}, {"generator", "Tessera"}}},
             {"extensionsUsed", extensions},
             {"extensionsRequired", extensions},
@@ -268,7 +266,7 @@ class GlbTile {
   std::vector<std::uint32_t> indices_;  ///< of vertices in their new order
   std::vector<std::uint32_t> remap_;    ///< of each vertex in it
   Binary binary_;
-  json attributes_, accessors_ = json::array();
+  Json attributes_, accessors_ = Json::array();
   std::size_t triangles_ = 0;  ///< accessor
 };
 

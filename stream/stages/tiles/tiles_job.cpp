@@ -1,8 +1,7 @@
 #include "stream/stages/tiles/tiles_job.h"
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
+#include "stream/files/json.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/report.h"
 #include "stream/runtime/serial_stage.h"
@@ -17,8 +16,6 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 /// Passes stay within the tolerance: a bound up to this times it is good enough, up to five quarters of that are told.
 constexpr double kReportedScale = 1.04;
 
@@ -27,14 +24,14 @@ bool is_there(const JobState& state, int level) {
   return level_tolerance(state.work.parent_path(), level) > 0.0;
 }
 
-void require_bound(const json& certificate) {
+void require_bound(const Json& certificate) {
   if (!certificate.at("certified_max").is_number())
     throw ValidationError("a level is farther from the one below than it may be: please report this");
 }
 
 void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int level) {
   const auto add = [&](const StageEntry& entry, const std::string& result = "",
-                       const std::function<void(const json&)>& check = {}) {
+                       const std::function<void(const Json&)>& check = {}) {
     stages.push_back(stage_in_folder(level_folder(level), entry, result, check));
   };
   if (level > 0) {
@@ -72,7 +69,7 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
        }});
 }
 
-void summarise(json& report) {
+void summarise(Json& report) {
   report["input"] = import_report(report, kTilesImport);
   report["tiles"] = result_of(report, "tileset");
 }

@@ -6,11 +6,10 @@
 #include <numeric>
 #include <type_traits>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/mesh_block_ops.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
@@ -21,7 +20,6 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kTaskFaces = 1u << 19;  ///< a task is worth a file from here
@@ -118,7 +116,7 @@ class TilesStage : public Stage {
     return tile_task_bytes(maximum);
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     // An older site loses its name before its first tile goes.
     if (std::error_code ignored; level_ == 0) fs::remove(output_, ignored);
     DirectFile records(context.create(kRecords + task_file_stem(task) + ".bin"), std::size_t{1} << 16);
@@ -144,16 +142,16 @@ class TilesStage : public Stage {
       context.advance(1);
     }
     context.count_written(records.finish());
-    return json::object();
+    return Json::object();
   }
 
   std::uint64_t finish_bytes() const override {
     return (cells_.size() + 1) * sizeof(TileRecord) + (1u << 20);
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     (void)summaries;
-    write_durably(context.create(kGrid), dump_json(json{{"step", grid_.step}, {"origin", grid_.origin}}));
+    write_durably(context.create(kGrid), dump_json(Json{{"step", grid_.step}, {"origin", grid_.origin}}));
     return {{"level", level_},
             {"tiles", cells_.size()},
             {"faces", store_.face_count()},
@@ -251,7 +249,7 @@ Double3 tiles_origin(const fs::path& work) {
 TileLevel read_tile_level(const fs::path& work, int level) {
   TileLevel out;
   const fs::path folder = work / level_folder(level);
-  const json grid = parse_json(read_text(folder / kGrid));
+  const Json grid = parse_json(read_text(folder / kGrid));
   out.grid = {grid.at("origin").get<Double3>(), grid.at("step").get<double>()};
   out.step_bound = level_step_bound(work, level);
   out.tiles = read_records(folder);

@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <limits>
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 /// Errors of levels that tell nothing apart still rise, by this much.
 constexpr double kRise = 1.0 + 0x1p-20;
@@ -25,7 +22,7 @@ MeshBox united(const MeshBox& a, const MeshBox& b) {
 }
 
 /// Middle and half axes. Coordinates are a few bits of steps of a power of two, so the halves are exact.
-json box_json(const MeshBox& box) {
+Json box_json(const MeshBox& box) {
   Double3 middle, half;
   for (std::size_t k = 0; k < 3; ++k) {
     middle[k] = 0.5 * (box.low[k] + box.high[k]);
@@ -46,9 +43,9 @@ class Writer {
       : tree_(tree), whole_error_(whole_error), sink_(sink) {}
 
   /// \param up  from the folder of the JSON at hand to that of the site
-  json tile(int level, std::size_t index, const std::string& up) const {
+  Json tile(int level, std::size_t index, const std::string& up) const {
     const TileNode& node = tree_.levels[static_cast<std::size_t>(level)][index];
-    json out = {{"boundingVolume", box_json(node.box)},
+    Json out = {{"boundingVolume", box_json(node.box)},
                 {"geometricError", tree_.error[static_cast<std::size_t>(level)]},
                 {"content", {{"uri", up + tile_file(level, index)}}}};
     for (std::size_t c = node.first_child; c < node.last_child; ++c) {
@@ -61,15 +58,15 @@ class Writer {
       out["children"].push_back({{"boundingVolume", box_json(child.box)},
                                  {"geometricError", error},
                                  {"content", {{"uri", up + tileset_file(level - 1, c)}}}});
-      json root = tile(level - 1, c, "../../");
+      Json root = tile(level - 1, c, "../../");
       root["refine"] = "REPLACE";
       write(tileset_file(level - 1, c), error, std::move(root));
     }
     return out;
   }
 
-  void write(const std::string& name, double error, json root) const {
-    const json all = {{"asset", {{"version", "1.1"}, {"generator", "Tessera"}}},
+  void write(const std::string& name, double error, Json root) const {
+    const Json all = {{"asset", {{"version", "1.1"}, {"generator", "Tessera"}}},
                       {"geometricError", error},
                       {"root", std::move(root)}};
     sink_(name, dump_json(all));
@@ -78,7 +75,7 @@ class Writer {
   void write_whole(const std::vector<double>& transform) const {
     const auto top = static_cast<int>(tree_.levels.size()) - 1;
     const std::vector<TileNode>& nodes = tree_.levels.back();
-    json root;
+    Json root;
     if (nodes.size() == 1) {
       root = tile(top, 0, "");
     } else {  // nothing shrinks any more: all that is left, together

@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "stream/files/json.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/stages/tiles/tiles_stage.h"
 

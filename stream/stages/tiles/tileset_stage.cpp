@@ -2,9 +2,8 @@
 
 #include <set>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/runtime/journal.h"
@@ -16,7 +15,6 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr std::size_t kTilesPerFile = 1000;
@@ -37,7 +35,7 @@ class TilesetStage : public SerialStage {
     return tiles_ * sizeof(TileNode) + (std::uint64_t{32} << 20);
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const TileTree tree = make_tile_tree(levels_, kTilesPerFile);
     const Double3& origin = levels_[0].grid.origin;
     const Double3& shift = level0_.info().shift;
@@ -79,12 +77,12 @@ class TilesetStage : public SerialStage {
     for (const fs::path& path : others) fs::remove(path, ignored);
   }
 
-  json report(const TileTree& tree, const SiteFrame& frame, std::uint64_t json_bytes,
+  Json report(const TileTree& tree, const SiteFrame& frame, std::uint64_t json_bytes,
               std::uint64_t json_files) const {
-    json levels = json::array();
+    Json levels = Json::array();
     std::uint64_t bytes = json_bytes, faces = 0, vertices = 0;
     for (std::size_t l = 0; l < levels_.size(); ++l) {
-      json level = {{"tiles", levels_[l].tiles.size()},
+      Json level = {{"tiles", levels_[l].tiles.size()},
                     {"geometric_error", tree.error[l]},
                     {"step_bound", levels_[l].step_bound},
                     {"grid_step", levels_[l].grid.step}};
@@ -100,10 +98,10 @@ class TilesetStage : public SerialStage {
       faces += level_faces;
       levels.push_back(std::move(level));
     }
-    json frame_report = {{"geocentric", frame.geocentric}, {"transform", frame.transform}};
+    Json frame_report = {{"geocentric", frame.geocentric}, {"transform", frame.transform}};
     if (!frame.crs.empty()) frame_report["system"] = json_text(frame.crs);
     if (frame.geocentric) frame_report["misfit_m"] = frame.misfit_m;
-    json warnings = json::array();
+    Json warnings = Json::array();
     if (!frame.warning.empty()) warnings.push_back(frame.warning);
     return {{"path", json_text(state_.output)},
             {"frame", std::move(frame_report)},

@@ -1,9 +1,9 @@
 #include "stream/stages/weld/border_stage.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "kernels/smooth/border_fairing.h"
+#include "stream/files/json.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/weld/border_moves.h"
@@ -11,8 +11,6 @@
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kBorderFixedBytes = std::uint64_t{4} << 20;
 /// Of one face in the kernel: itself, half a vertex, what scales and beads hold.
@@ -36,7 +34,7 @@ class BorderStage : public Stage {
     return border_task_bytes(store_.patches().subspan(first, last - first));
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     StripReader reader(state_, store_, numbering_);
     BorderMovesWriter writer(context.create(border_moves_file_name(task)));
     std::vector<StripFace> faces;
@@ -61,9 +59,9 @@ class BorderStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     std::uint64_t moved = 0, torn = 0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       moved += s.at("moved").get<std::uint64_t>();
       torn += s.at("torn").get<std::uint64_t>();
     }

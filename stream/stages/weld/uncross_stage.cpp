@@ -1,13 +1,10 @@
 #include "stream/stages/weld/uncross_stage.h"
 
-#include <nlohmann/json.hpp>
-
+#include "stream/files/json.h"
 #include "stream/stages/weld/near_faces.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 class UncrossStage : public Stage {
  public:
@@ -28,7 +25,7 @@ class UncrossStage : public Stage {
     return uncross_task_bytes(store_.patches().subspan(first, last - first));
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     NearFaces near(work_, store_, numbering_, round_);
     std::vector<std::uint64_t> back;
     std::uint64_t pairs = 0;
@@ -46,9 +43,9 @@ class UncrossStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     std::uint64_t pairs = 0, torn = 0;
-    for (const json& s : summaries) {
+    for (const Json& s : summaries) {
       pairs += s.at("pairs").get<std::uint64_t>();
       torn += s.at("torn").get<std::uint64_t>();
     }

@@ -3,19 +3,17 @@
 #include <algorithm>
 #include <cstring>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "octree/error.h"
 #include "octree/union_find.h"
+#include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/cell_ladder.h"
 #include "stream/points/reconstruct_options.h"
 
 namespace tessera {
 namespace {
-
-using json = nlohmann::json;
 
 constexpr std::uint64_t kSeamCacheBytes = 16u << 20;
 
@@ -98,7 +96,7 @@ class WeldStage : public Stage {
     return weld_task_bytes(store_.patches().subspan(first, last - first));
   }
 
-  json run(std::size_t task, TaskContext& context) const override {
+  Json run(std::size_t task, TaskContext& context) const override {
     SeamCache cache(store_);
     std::vector<VertexSlot> slots;
     std::vector<Link> links;
@@ -144,7 +142,7 @@ class WeldStage : public Stage {
     return weld_finish_bytes(store_.patches().size(), first_component_.back());
   }
 
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     const std::uint64_t count = first_component_.back();
     DisjointSets<std::uint64_t> sets(count);
     std::vector<ComponentSize> sizes;
@@ -164,8 +162,8 @@ class WeldStage : public Stage {
     links.erase(std::unique(links.begin(), links.end()), links.end());
   }
 
-  json number(const std::vector<std::uint64_t>& root, const std::vector<ComponentSize>& sizes,
-              const std::vector<json>& summaries, TaskContext& context) const {
+  Json number(const std::vector<std::uint64_t>& root, const std::vector<ComponentSize>& sizes,
+              const std::vector<Json>& summaries, TaskContext& context) const {
     std::vector<std::uint64_t> faces(root.size(), 0), border(root.size(), 0);
     std::uint64_t all_faces = 0, largest = 0;
     for (std::uint64_t c = 0; c < root.size(); ++c) {
@@ -189,7 +187,7 @@ class WeldStage : public Stage {
     }
     numbering.patches.resize(store_.patches().size());
     std::uint64_t shared = 0;
-    for (const json& s : summaries) shared += s.at("shared_vertices").get<std::uint64_t>();
+    for (const Json& s : summaries) shared += s.at("shared_vertices").get<std::uint64_t>();
     for (std::size_t file = 0; file < store_.file_count(); ++file) {
       const auto [first, last] = store_.file_range(file);
       std::uint64_t offset = 0;

@@ -2,10 +2,9 @@
 
 #include <cmath>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/check/compared_before.h"
 #include "stream/check/mesh_compare.h"
+#include "stream/files/json_text.h"
 #include "stream/import/import_mesh.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
@@ -69,7 +68,7 @@ TEST_CASE("compared before: cells far from every change are the same, byte by by
     const auto cell_report = [&](const MeshStore& mesh, const MeshBox& box) {
       MeshComparison sum = begun;
       add_cell(sum, compare_cell(mesh, reference, begun, box, kTolerance));
-      return to_json(sum).dump();
+      return tessera::dump_json(to_json(sum));
     };
     CHECK(cell_report(earlier, then.at(static_cast<std::size_t>(c)).box) == cell_report(now, cell.box));
   }

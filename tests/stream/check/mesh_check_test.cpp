@@ -5,10 +5,9 @@
 #include <limits>
 #include <numeric>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "stream/check/mesh_check.h"
+#include "stream/files/json_text.h"
 #include "tests/helpers/memory_mesh.h"
 
 namespace tessera::mesh_check_test {
@@ -240,10 +239,10 @@ TEST_CASE("check: random complexes agree with plain counting at every cap", "[pr
     }
     const MemoryMesh mesh(points, faces);
     const Plain want = plain_counts(mesh);
-    const std::string whole = to_json(check(mesh)).dump();
+    const std::string whole = tessera::dump_json(to_json(check(mesh)));
     const MeshCheck c = check(mesh, 400000);  // many ranges, everything spilled
     CAPTURE(round, n);
-    CHECK(to_json(c).dump() == whole);
+    CHECK(tessera::dump_json(to_json(c)) == whole);
     CHECK(c.edges == want.edges);
     CHECK(c.boundary_edges == want.boundary);
     CHECK(c.nonmanifold_edges == want.nonmanifold);
@@ -255,16 +254,16 @@ TEST_CASE("check: random complexes agree with plain counting at every cap", "[pr
 
 TEST_CASE("check: the result does not depend on the cap nor on the order of faces", "[property]") {
   const MemoryMesh mesh = test::torus(120, 60, 37);
-  const std::string whole = to_json(check(mesh)).dump();
+  const std::string whole = tessera::dump_json(to_json(check(mesh)));
   std::vector<MeshFace> shuffled = mesh.faces();
   test::Random random;
   for (std::size_t i = shuffled.size(); i > 1; --i) std::swap(shuffled[i - 1], shuffled[random.below(i)]);
   for (MeshFace& f : shuffled)
     std::rotate(f.begin(), f.begin() + static_cast<std::ptrdiff_t>(random.below(3)), f.end());
-  CHECK(to_json(check({mesh.points(), shuffled}, 300000)).dump() == whole);
-  CHECK(to_json(check(mesh, 300000)).dump() == whole);
-  const std::string welded = to_json(check(test::soup(mesh))).dump();
-  CHECK(to_json(check(test::soup(mesh), 500000)).dump() == welded);
+  CHECK(tessera::dump_json(to_json(check({mesh.points(), shuffled}, 300000))) == whole);
+  CHECK(tessera::dump_json(to_json(check(mesh, 300000))) == whole);
+  const std::string welded = tessera::dump_json(to_json(check(test::soup(mesh))));
+  CHECK(tessera::dump_json(to_json(check(test::soup(mesh), 500000))) == welded);
 }
 
 TEST_CASE("check: a vertex with more faces than the cap holds is refused by name", "[memory]") {

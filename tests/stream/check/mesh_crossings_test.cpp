@@ -6,10 +6,9 @@
 #include <numeric>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "stream/check/mesh_check.h"
 #include "stream/check/mesh_crossings.h"
+#include "stream/files/json.h"
 #include "tests/helpers/icosphere.h"
 #include "tests/helpers/memory_mesh.h"
 #include "tests/helpers/random.h"

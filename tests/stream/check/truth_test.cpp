@@ -6,12 +6,11 @@
 #include <cstdlib>
 #include <fstream>
 
-#include <nlohmann/json.hpp>
-
 #include "octree/error.h"
 #include "octree/portable_math.h"
 #include "stream/check/truth.h"
 #include "stream/check/truth_features.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 
 namespace truth_test {
@@ -152,7 +151,7 @@ TEST_CASE("truth: shift of the scan and of the file are taken out, threads chang
   mesh.header_.shift = {1000, -2000, 30};
   for (auto& p : mesh.positions) p[0] += 0.01 * p[1] * p[2];
   TruthOptions o = options_for(0.2);
-  const nlohmann::json first = to_json(compare_with_truth(mesh, truth, o));
+  const Json first = to_json(compare_with_truth(mesh, truth, o));
   CHECK(first.at("vertices").at("max").get<double>() < 0.011);
   o.threads = 1;
   CHECK(to_json(compare_with_truth(mesh, truth, o)) == first);

@@ -1,4 +1,5 @@
 #include "stream/commands/convert_points.h"
+#include "stream/files/json_text.h"
 
 #include <sys/wait.h>
 
@@ -7,7 +8,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "stream/points/point_summary.h"
@@ -210,7 +210,7 @@ TEST_CASE("info and convert: as a user runs them", "[pipeline]") {
   CHECK_THAT(text, Catch::Contains("LAS 1.4 point format 7") && Catch::Contains("299 read"));
   std::tie(code, text) = run("info --json " + in + " " + out, folder);
   CHECK(code == 0);
-  const auto json = nlohmann::json::parse(text);
+  const auto json = tessera::parse_json(text);
   CHECK(json["files"].size() == 2);
   CHECK(json["files"][0]["points"]["not_finite"] == 1);
   CHECK(json["files"][1]["points"]["declared"] == 299);

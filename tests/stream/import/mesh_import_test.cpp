@@ -8,11 +8,10 @@
 #include <random>
 #include <set>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/check/mesh_check.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/import/import_mesh.h"
 #include "stream/import/import_stages.h"
@@ -106,7 +105,7 @@ void shuffle(Mesh& mesh, unsigned seed) {
 
 struct Imported {
   Mesh mesh;
-  nlohmann::json report;
+  tessera::Json report;
   std::string bytes;
   std::size_t patches = 0;
 };
@@ -185,9 +184,9 @@ TEST_CASE("mesh import: numbers of vertices that do not fit in memory are taken 
   state.work = folder.path();
   state.inputs = {folder.path() / "a.ply"};
   state.run.memory_bytes = 1;
-  nlohmann::json welded;
+  tessera::Json welded;
   for (const StageEntry& entry : import_stages({0, "mesh"})) {
-    const nlohmann::json report = test::run_stage(*entry.make(state), state.work);
+    const tessera::Json report = test::run_stage(*entry.make(state), state.work);
     if (entry.name == "mesh-vertices") welded = report.at("welded");
   }
   CHECK(welded == 59 * n);

@@ -1,7 +1,7 @@
 #include "stream/queue/makespan.h"
+#include "stream/files/json.h"
 
 #include <catch2/catch.hpp>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 
@@ -103,8 +103,8 @@ TEST_CASE("makespan: more of the same kind means more tasks of the same size", "
 }
 
 TEST_CASE("makespan: costs are read from a report, and from nothing else", "[unit]") {
-  nlohmann::json stage = {{"name", "order"}, {"tasks", 3},      {"tasks_s", 6.0},     {"longest_task_s", 2.5},
-                          {"end_s", 0.5},    {"bytes_read", 7}, {"bytes_written", 11}};
+  Json stage = {{"name", "order"}, {"tasks", 3},      {"tasks_s", 6.0},     {"longest_task_s", 2.5},
+                {"end_s", 0.5},    {"bytes_read", 7}, {"bytes_written", 11}};
   const std::vector<StageCost> costs = stage_costs({{"stages", {stage}}}, "r.json");
   REQUIRE(costs.size() == 1);
   CHECK(costs[0].stage == "order");
@@ -112,7 +112,7 @@ TEST_CASE("makespan: costs are read from a report, and from nothing else", "[uni
   CHECK(costs[0].moved_bytes == 18.0);
   stage.erase("end_s");
   CHECK_THROWS_AS(stage_costs({{"stages", {stage}}}, "r.json"), InputError);
-  CHECK_THROWS_AS(stage_costs(nlohmann::json::array(), "r.json"), InputError);
+  CHECK_THROWS_AS(stage_costs(Json::array(), "r.json"), InputError);
 }
 
 }  // namespace makespan_test

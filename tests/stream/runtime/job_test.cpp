@@ -1,6 +1,6 @@
 #include <catch2/catch.hpp>
-#include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
 #include "stream/runtime/job.h"
 #include "tests/helpers/toy.h"
 
@@ -24,7 +24,7 @@ TEST_CASE("job: an undisturbed run leaves the output and its report, nothing els
   CHECK(outcome.said.empty());
   CHECK(toy.tidy());
   CHECK(fs::file_size(toy.output()) == 8002);
-  const nlohmann::json report = nlohmann::json::parse(file_bytes(toy.report()));
+  const Json report = parse_json(file_bytes(toy.report()));
   CHECK(report.at("schema") == 1);
   CHECK(report.at("stages").size() == 4);
   CHECK(report.at("stages").at(0).at("name") == "make");
@@ -190,7 +190,7 @@ TEST_CASE("job: progress lines are JSON, one a line, on stderr", "[pipeline]") {
   std::string line;
   int ends = 0;
   while (std::getline(lines, line)) {
-    const nlohmann::json j = nlohmann::json::parse(line);
+    const Json j = parse_json(line);
     if (j.at("event") == "stage_end") {
       ++ends;
       CHECK(j.at("done") == j.at("total"));
@@ -204,26 +204,26 @@ TEST_CASE("job: options from a job file, flags win, unknown keys are errors", "[
   const TempFolder scratch;
   const Toy toy(scratch.path());
   const std::string call = TESSERA_TOY_JOB " run --job " + (scratch / "job.json").string();
-  nlohmann::json job = {{"inputs", {(scratch / "in.txt").string()}},
-                        {"out", toy.output().string()},
-                        {"resolution", 2},
-                        {"memory", "512M"},
-                        {"viewpoint", {"1,2,3", "4,5,6"}},
-                        {"up", {0, 0, 1}},
-                        {"keep", true},
-                        {"progress", "none"}};
-  spill(scratch / "job.json", job.dump());
+  Json job = {{"inputs", {(scratch / "in.txt").string()}},
+              {"out", toy.output().string()},
+              {"resolution", 2},
+              {"memory", "512M"},
+              {"viewpoint", {"1,2,3", "4,5,6"}},
+              {"up", {0, 0, 1}},
+              {"keep", true},
+              {"progress", "none"}};
+  spill(scratch / "job.json", dump_json(job));
   const Outcome outcome = test::shell(call + " --resolution 1");
   CHECK(outcome.said.empty());
   CHECK(outcome.code == 0);
   CHECK(toy.result() == toy_truth());
-  const nlohmann::json options = nlohmann::json::parse(file_bytes(toy.report())).at("options");
+  const Json options = parse_json(file_bytes(toy.report())).at("options");
   CHECK(options.at("resolution") == 1.0);
-  CHECK(options.at("viewpoint") == nlohmann::json({{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}));
-  CHECK(options.at("up") == nlohmann::json({0.0, 0.0, 1.0}));
+  CHECK(options.at("viewpoint") == Json({{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}));
+  CHECK(options.at("up") == Json({0.0, 0.0, 1.0}));
   CHECK(fs::exists(toy.work()));
   job["resolutoin"] = 3;
-  spill(scratch / "job.json", job.dump());
+  spill(scratch / "job.json", dump_json(job));
   const Outcome unknown = test::shell(call);
   CHECK(unknown.code == 2);
   CHECK_THAT(unknown.said, Catch::Contains("resolutoin") && Catch::Contains("--resolution"));

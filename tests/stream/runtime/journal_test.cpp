@@ -1,4 +1,5 @@
 #include "stream/runtime/journal.h"
+#include "stream/files/json_text.h"
 
 #include <catch2/catch.hpp>
 #include <fstream>
@@ -65,7 +66,7 @@ TEST_CASE("journal: every line is one line of JSON", "[unit]") {
   r.summary = {{"text", "two\nlines \xff"}};
   const std::string line = journal_line(r);
   CHECK(line.find('\n') == std::string::npos);
-  CHECK(nlohmann::json::parse(line).at("record").at("stage") == "order");
+  CHECK(parse_json(line).at("record").at("stage") == "order");
 }
 
 TEST_CASE("journal: a line torn anywhere counts as never written", "[property]") {
@@ -89,23 +90,23 @@ TEST_CASE("journal: a flipped bit anywhere counts as never written", "[property]
 }
 
 TEST_CASE("journal: a record of wrong shape counts as never written, whatever its checksum says", "[fault]") {
-  const auto line = [](const nlohmann::json& text) {
-    return R"({"xxh3":")" + hex64(hash_text(text.dump())) + R"(","record":)" + text.dump() + "}";
+  const auto line = [](const Json& text) {
+    return R"({"xxh3":")" + hex64(hash_text(dump_json(text))) + R"(","record":)" + dump_json(text) + "}";
   };
-  const nlohmann::json whole = nlohmann::json::parse(journal_line(record(3))).at("record");
+  const Json whole = parse_json(journal_line(record(3))).at("record");
   TaskRecord out;
   REQUIRE(parse_journal_line(line(whole), out));
   for (const auto& [key, value] : whole.items()) {
     CAPTURE(key);
-    nlohmann::json bad = whole;
+    Json bad = whole;
     bad.erase(key);
     CHECK_FALSE(parse_journal_line(line(bad), out));
     if (key == "summary") continue;  // holds what the stage likes
     bad = whole;
-    bad[key] = nlohmann::json::array({nlohmann::json::object()});
+    bad[key] = Json::array({Json::object()});
     CHECK_FALSE(parse_journal_line(line(bad), out));
   }
-  nlohmann::json bad = whole;
+  Json bad = whole;
   bad["files"] = {{{"name", "a"}, {"bytes", 1}, {"xxh3", "no digits"}}};
   CHECK_FALSE(parse_journal_line(line(bad), out));
   CHECK_FALSE(parse_journal_line(line("text"), out));

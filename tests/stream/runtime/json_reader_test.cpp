@@ -1,7 +1,7 @@
 #include "stream/runtime/json_reader.h"
+#include "stream/files/json.h"
 
 #include <catch2/catch.hpp>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 
@@ -9,11 +9,9 @@ namespace json_reader_test {
 
 using namespace tessera;
 using Catch::Contains;
-using json = nlohmann::json;
-
 TEST_CASE("json reader: what a file may hold is read", "[unit]") {
   const JsonReader read("edit.json");
-  const json object =
+  const Json object =
       read.parsed(R"({"at": [1, 2.5, -3], "on": true, "name": "a", "all": [[0, 0, 0], [1, 1, 1]]})");
   read.known(object, "the file", {"at", "on", "name", "all"});
   CHECK(read.point(read.member(object, "at", "the file"), "\"at\"") == Double3{1, 2.5, -3});
@@ -34,7 +32,7 @@ TEST_CASE("json reader: what it may not hold is told with file and place", "[uni
   CHECK_THROWS_WITH(read.text(1, "\"name\""), Contains("takes a text"));
   CHECK_THROWS_WITH(read.number("1", "\"x\""), Contains("takes a number"));
   CHECK_THROWS_WITH(read.numbers({1, "2"}, 2, "\"x\""), Contains("takes 2 numbers"));
-  CHECK_THROWS_WITH(read.points(json::array(), "\"x\""), Contains("at least one point"));
+  CHECK_THROWS_WITH(read.points(Json::array(), "\"x\""), Contains("at least one point"));
   CHECK_THROWS_AS(read.point({1, 2}, "\"x\""), InputError);
 }
 

@@ -1,7 +1,7 @@
 #include "stream/runtime/option_table.h"
+#include "stream/files/json_text.h"
 
 #include <catch2/catch.hpp>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/points/reconstruct_options.h"
@@ -12,12 +12,10 @@
 namespace option_table_test {
 
 using namespace tessera;
-using nlohmann::json;
-
 namespace {
 
 /// A value that the row does not hold and may.
-json other_value(const OptionRow& row) {
+Json other_value(const OptionRow& row) {
   if (std::holds_alternative<std::vector<Double3>*>(row.field)) return {{0.1, -2.5, 1e300}, {4.0, 5.0, 6.0}};
   if (std::holds_alternative<std::vector<std::string>*>(row.field)) return {"x", "y"};
   if (std::holds_alternative<bool*>(row.field)) return !*std::get<bool*>(row.field);
@@ -36,16 +34,16 @@ template <typename Options>
 void check_round_trip() {
   Options plain;
   const OptionTable names = option_table(plain);
-  const json defaults = names.to_json();
-  CHECK(json::parse(to_settings(plain)) == defaults);
+  const Json defaults = names.to_json();
+  CHECK(parse_json(to_settings(plain)) == defaults);
   CHECK(defaults.size() == names.rows().size());
   for (const OptionRow& row : names.rows()) {
     CAPTURE(row.names.front());
     Options changed;
     const OptionTable table = option_table(changed);
-    const json value = other_value(*table.find(row.names.front()));
+    const Json value = other_value(*table.find(row.names.front()));
     table.from_json({{row.names.front(), value}});
-    json expected = defaults;
+    Json expected = defaults;
     expected[row.names.front()] = value;
     CHECK(table.to_json() == expected);
     CHECK(table.to_json() != defaults);
@@ -99,7 +97,7 @@ TEST_CASE("option table: what is typed is read, or refused by name", "[unit]") {
   CHECK(positions == std::vector<Double3>{{1, 2, 3}, {4, 5, 6}});
   set("up", {"0,0,1"});
   CHECK(up == Double3{0, 0, 1});
-  t.from_json({{"up", nullptr}, {"places", json::array()}, {"memory", "1K"}, {"columns", "a,b"}});
+  t.from_json({{"up", nullptr}, {"places", Json::array()}, {"memory", "1K"}, {"columns", "a,b"}});
   CHECK_FALSE(up.has_value());
   CHECK(positions.empty());
   CHECK(bytes == 1024);
@@ -133,7 +131,7 @@ TEST_CASE("option table: a word that stands for a number is typed, kept and show
   row->set({"auto"});
   CHECK(share == -1.0);
   CHECK(row->value_text() == "auto");
-  CHECK(t.to_json() == json({{"share", "auto"}}));
+  CHECK(t.to_json() == Json({{"share", "auto"}}));
   share = 0.5;
   t.from_json({{"share", "auto"}});
   CHECK(share == -1.0);

@@ -1,4 +1,5 @@
 #include "stream/runtime/work_dir.h"
+#include "stream/files/json_text.h"
 
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -27,7 +28,7 @@ JobState state_in(const TempFolder& scratch) {
   return state;
 }
 
-nlohmann::json identity_of(const JobState& state) {
+Json identity_of(const JobState& state) {
   std::vector<InputFingerprint> inputs;
   for (const auto& input : state.inputs) inputs.push_back(fingerprint_input(input));
   return job_identity("reconstruct", state, inputs);
@@ -56,7 +57,7 @@ TEST_CASE("work directory: the same job goes on, and knows itself again", "[unit
   CHECK(read.inputs == state.inputs);
   CHECK(read.run.memory_bytes == state.run.memory_bytes);
   CHECK(read.run.threads == 3);
-  CHECK(nlohmann::json::parse(read.settings) == nlohmann::json::parse(state.settings));
+  CHECK(parse_json(read.settings) == parse_json(state.settings));
 }
 
 TEST_CASE("work directory: of another job is refused, and the sentence says what differs", "[fault]") {
@@ -74,7 +75,7 @@ TEST_CASE("work directory: of another job is refused, and the sentence says what
     CHECK_THROWS_WITH(WorkDir::open_job(state.work, identity_of(state), false), Catch::Contains("input"));
   }
   SECTION("another version") {
-    nlohmann::json identity = identity_of(state);
+    Json identity = identity_of(state);
     identity["version"] = "9.9.9";
     CHECK_THROWS_WITH(WorkDir::open_job(state.work, identity, false), Catch::Contains("version"));
   }

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "octree/vector.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/numbers.h"
 #include "stream/runtime/option_table.h"

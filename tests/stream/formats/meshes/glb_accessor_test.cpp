@@ -22,8 +22,6 @@ namespace glb_accessor_test {
 using namespace tessera;
 using namespace tessera::test;
 using Catch::Contains;
-using json = nlohmann::json;
-
 namespace {
 
 const std::vector<Double3> kCorners = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0},
@@ -31,13 +29,13 @@ const std::vector<Double3> kCorners = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0
 const std::vector<std::uint32_t> kCube = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
                                           2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
 
-json primitive(std::size_t positions, std::size_t indices, int mode = 4) {
+Json primitive(std::size_t positions, std::size_t indices, int mode = 4) {
   return {{"attributes", {{"POSITION", positions}}}, {"indices", indices}, {"mode", mode}};
 }
 
-json cube_of(GlbFile& file) {
+Json cube_of(GlbFile& file) {
   const std::size_t at = file.floats(kCorners);
-  return json::array({primitive(at, file.indices(kCube))});
+  return Json::array({primitive(at, file.indices(kCube))});
 }
 
 WholeMesh read(const std::string& bytes) {
@@ -88,18 +86,18 @@ std::string packed_sequence(const std::vector<std::uint32_t>& corners, std::size
 
 TEST_CASE("GLB: faces of mirrored nodes are turned, at any depth", "[unit]") {
   GlbFile file;
-  const json cube = cube_of(file);
-  check_cube(read(file.bytes(cube, json::array({{{"mesh", 0}, {"scale", {-2, 1, 1}}}}))), 2.0);
+  const Json cube = cube_of(file);
+  check_cube(read(file.bytes(cube, Json::array({{{"mesh", 0}, {"scale", {-2, 1, 1}}}}))), 2.0);
   // A part and its mirror image, which is how symmetric things are modelled.
-  const json pair = {{{"mesh", 0}, {"translation", {0.5, 0, 0}}}, {{"mesh", 0}, {"scale", {-1, 1, 1}}}};
+  const Json pair = {{{"mesh", 0}, {"translation", {0.5, 0, 0}}}, {{"mesh", 0}, {"scale", {-1, 1, 1}}}};
   const WholeMesh both = read(file.bytes(cube, pair));
   CHECK(both.faces.size() == 24);
   CHECK(volume(both) == Approx(2.0));
   CHECK(is_closed(both));
   // Mirrored twice is not mirrored; a matrix mirrors as a scale does.
-  const auto nested = [&](const json& child) {
-    json more = {{"scenes", {{{"nodes", {0}}}}}};
-    const json nodes = {{{"children", {1}}, {"scale", {1, -1, 1}}}, child};
+  const auto nested = [&](const Json& child) {
+    Json more = {{"scenes", {{{"nodes", {0}}}}}};
+    const Json nodes = {{{"children", {1}}, {"scale", {1, -1, 1}}}, child};
     return read(file.bytes(cube, nodes, more));
   };
   check_cube(nested({{"mesh", 0}, {"scale", {1, 1, -3}}}), 3.0);
@@ -111,7 +109,7 @@ TEST_CASE("GLB: strips turn every second triangle, joints and restarts are none,
           "[unit]") {
   GlbFile file;
   const std::size_t at = file.floats(kCorners);
-  json strips = json::array();
+  Json strips = Json::array();
   for (const std::vector<std::uint32_t>& s :
        {std::vector<std::uint32_t>{0, 2, 1, 3, 5, 7, 4, 6, 0, 2}, {4, 0, 5, 1}, {2, 6, 3, 7}})
     strips.push_back(primitive(at, file.indices(s), 5));
@@ -120,11 +118,11 @@ TEST_CASE("GLB: strips turn every second triangle, joints and restarts are none,
   // In one strip: joined by triangles that are none, or begun anew by the largest index.
   const std::vector<std::uint32_t> joined = {0, 2, 1, 3, 5, 7, 4, 6, 0, 2, 2,
                                              4, 4, 0, 5, 1, 1, 2, 2, 6, 3, 7};
-  check_cube(read(file.bytes(json::array({primitive(at, file.indices(joined), 5)}))));
+  check_cube(read(file.bytes(Json::array({primitive(at, file.indices(joined), 5)}))));
   const std::vector<std::uint32_t> anew = {0,     2, 1, 3, 5, 7,     4, 6, 0, 2,
                                            65535, 4, 0, 5, 1, 65535, 2, 6, 3, 7};
-  check_cube(read(file.bytes(json::array({primitive(at, file.indices(anew), 5)}))));
-  json fans = json::array();
+  check_cube(read(file.bytes(Json::array({primitive(at, file.indices(anew), 5)}))));
+  Json fans = Json::array();
   for (const std::vector<std::uint32_t>& f : {std::vector<std::uint32_t>{0, 2, 3, 1},
                                               {4, 5, 7, 6},
                                               {0, 1, 5, 4},
@@ -136,18 +134,18 @@ TEST_CASE("GLB: strips turn every second triangle, joints and restarts are none,
   CHECK(read(file.bytes(fans)).points.size() == 8);  // all fans have the same vertices
   // Without indices, and mirrored.
   const std::size_t in_order = file.floats({{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {1, 1, 0}});
-  const json bare = json::array({{{"attributes", {{"POSITION", in_order}}}, {"mode", 5}}});
+  const Json bare = Json::array({{{"attributes", {{"POSITION", in_order}}}, {"mode", 5}}});
   CHECK(read(file.bytes(bare)).faces == std::vector<MeshFace>{{0, 1, 2}, {1, 3, 2}});
-  CHECK(read(file.bytes(bare, json::array({{{"mesh", 0}, {"scale", {1, 1, -1}}}}))).faces ==
+  CHECK(read(file.bytes(bare, Json::array({{{"mesh", 0}, {"scale", {1, 1, -1}}}}))).faces ==
         std::vector<MeshFace>{{0, 2, 1}, {1, 2, 3}});
-  check_refused(file.bytes(json::array({primitive(at, 0, 9)})), "mode 9");
+  check_refused(file.bytes(Json::array({primitive(at, 0, 9)})), "mode 9");
 }
 
 TEST_CASE("GLB: quantised, interleaved, sparse and narrow numbers give the same cube", "[unit]") {
   GlbFile file;
   const std::size_t cube = file.indices(kCube);
-  const auto triangles = [&](std::size_t positions) { return json::array({primitive(positions, cube)}); };
-  const json halved = json::array({{{"mesh", 0}, {"scale", {0.5, 0.5, 0.5}}}});
+  const auto triangles = [&](std::size_t positions) { return Json::array({primitive(positions, cube)}); };
+  const Json halved = Json::array({{{"mesh", 0}, {"scale", {0.5, 0.5, 0.5}}}});
   std::vector<double> shorts, bytes;
   std::string interleaved;
   for (const Double3& p : kCorners) {
@@ -156,7 +154,7 @@ TEST_CASE("GLB: quantised, interleaved, sparse and narrow numbers give the same 
     interleaved += std::string(8, 'x') + packed_numbers<float>(std::vector<double>(p.begin(), p.end())) +
                    std::string(4, 'x');
   }
-  const json normalized = {{"normalized", true}};
+  const Json normalized = {{"normalized", true}};
   check_cube(read(file.bytes(triangles(
       file.accessor(file.view(packed_numbers<std::uint16_t>(shorts), 8), 5123, 8, "VEC3", normalized)))));
   check_cube(read(file.bytes(
@@ -168,12 +166,12 @@ TEST_CASE("GLB: quantised, interleaved, sparse and narrow numbers give the same 
   check_cube(read(file.bytes(
       triangles(file.accessor(file.view(interleaved, 24), 5126, 8, "VEC3", {{"byteOffset", 8}})))));
   const std::size_t at = file.floats(kCorners);
-  check_cube(read(file.bytes(json::array(
+  check_cube(read(file.bytes(Json::array(
       {primitive(at, file.accessor(file.view(packed_numbers<std::uint8_t>(kCube)), 5121, 36, "SCALAR"))}))));
 
   // All of it, or one corner, in a sparse accessor.
   const auto sparse = [&](const std::vector<std::uint32_t>& which, const std::vector<double>& values) {
-    return json{{"count", which.size()},
+    return Json{{"count", which.size()},
                 {"indices",
                  {{"bufferView", file.view(packed_numbers<std::uint16_t>(which))}, {"componentType", 5123}}},
                 {"values", {{"bufferView", file.view(packed_numbers<float>(values))}}}};
@@ -187,7 +185,7 @@ TEST_CASE("GLB: quantised, interleaved, sparse and narrow numbers give the same 
   std::vector<Double3> dented = kCorners;
   dented[5] = {7, 7, 7};
   const std::size_t mended = file.floats(dented);
-  const json one = sparse({5}, {1, 0, 1});
+  const Json one = sparse({5}, {1, 0, 1});
   file.last_accessor()["sparse"] = one;
   check_cube(read(file.bytes(triangles(mended))));
 
@@ -225,7 +223,7 @@ TEST_CASE("GLB: colours are linear in the file, whatever their type", "[unit]") 
     std::vector<int> grey;
     for (const std::uint32_t c :
          read(file.bytes(
-                  json::array({{{"attributes", {{"POSITION", at}, {"COLOR_0", accessor}}}, {"mode", 5}}})))
+                  Json::array({{{"attributes", {{"POSITION", at}, {"COLOR_0", accessor}}}, {"mode", 5}}})))
              .rgba) {
       CHECK((c >> 8 & 255) == (c & 255));
       CHECK(c >> 24 == 255);
@@ -281,9 +279,9 @@ TEST_CASE("GLB: meshopt-compressed vertices, triangles and strips", "[unit]") {
   const std::size_t in_threes =
       file.accessor(file.packed_view(packed_triangles(corners, n), corners.size(), 2, "TRIANGLES"), 5123,
                     corners.size(), "SCALAR");
-  const json required = {{"extensionsRequired", {"EXT_meshopt_compression"}}};
+  const Json required = {{"extensionsRequired", {"EXT_meshopt_compression"}}};
   const WholeMesh back =
-      read(file.bytes(json::array({primitive(at, in_threes)}), json::array({{{"mesh", 0}}}), required));
+      read(file.bytes(Json::array({primitive(at, in_threes)}), Json::array({{{"mesh", 0}}}), required));
   REQUIRE(back.points.size() == n);
   CHECK(packed_numbers<float>([&] {
           std::vector<double> all;
@@ -297,7 +295,7 @@ TEST_CASE("GLB: meshopt-compressed vertices, triangles and strips", "[unit]") {
 
   const std::size_t in_strip = file.accessor(
       file.packed_view(packed_sequence(strip, n), strip.size(), 4, "INDICES"), 5125, strip.size(), "SCALAR");
-  const WholeMesh strips = read(file.bytes(json::array({primitive(at, in_strip, 5)})));
+  const WholeMesh strips = read(file.bytes(Json::array({primitive(at, in_strip, 5)})));
   CHECK(strips.faces.size() == plain.faces.size());
   CHECK(volume(strips) == Approx(volume(plain)).epsilon(1e-6));
 
@@ -308,7 +306,7 @@ TEST_CASE("GLB: meshopt-compressed vertices, triangles and strips", "[unit]") {
   const std::size_t filtered =
       file.accessor(file.packed_view(packed_vertices(exponents, n, 12), n, 12, "ATTRIBUTES", "EXPONENTIAL"),
                     5126, n, "VEC3");
-  CHECK(volume(read(file.bytes(json::array({primitive(filtered, in_threes)})))) ==
+  CHECK(volume(read(file.bytes(Json::array({primitive(filtered, in_threes)})))) ==
         Approx(volume(plain)).epsilon(1e-4));
 
   SECTION("damage is told, and claims cost no memory") {
@@ -316,7 +314,7 @@ TEST_CASE("GLB: meshopt-compressed vertices, triangles and strips", "[unit]") {
                              const std::string& mode, const std::string& filter, const std::string& words) {
       const std::size_t bad =
           file.accessor(file.packed_view(packed, count, stride, mode, filter), 5126, 3, "VEC3");
-      check_refused(file.bytes(json::array({{{"attributes", {{"POSITION", bad}}}}})), words);
+      check_refused(file.bytes(Json::array({{{"attributes", {{"POSITION", bad}}}}})), words);
     };
     refused(std::string(1000, 'x'), n, 12, "ATTRIBUTES", "NONE", "does not unpack");
     refused(std::string(100, 'x'), std::size_t{1} << 40, 12, "ATTRIBUTES", "NONE", "do not fit each other");
@@ -348,31 +346,31 @@ TEST_CASE("GLB: a tile of a site is a mesh", "[unit]") {
 
 TEST_CASE("GLB: what is left out is told, what cannot be read is named", "[unit]") {
   GlbFile file;
-  json all = cube_of(file);
+  Json all = cube_of(file);
   CHECK(notes(file.bytes(all)).empty());
   all.push_back({{"attributes", {{"POSITION", 0}}}, {"mode", 0}});
   CHECK_THAT(notes(file.bytes(all)).at(0), Contains("1 primitive of points or lines left out"));
   all.push_back({{"attributes", {{"POSITION", 0}}}, {"mode", 3}});
   CHECK_THAT(notes(file.bytes(all)).at(0), Contains("2 primitives of points or lines left out"));
   check_cube(read(file.bytes(all)));
-  check_refused(file.bytes(json::array({all[1], all[2]})), "no triangles, only points or lines");
-  json cube = json::array({all[0]});
-  const json outside = {{"scenes", {{{"nodes", {0}}}}}};
-  const json two = {{{"mesh", 0}}, {{"mesh", 0}, {"translation", {9, 9, 9}}}};
+  check_refused(file.bytes(Json::array({all[1], all[2]})), "no triangles, only points or lines");
+  Json cube = Json::array({all[0]});
+  const Json outside = {{"scenes", {{{"nodes", {0}}}}}};
+  const Json two = {{{"mesh", 0}}, {{"mesh", 0}, {"translation", {9, 9, 9}}}};
   check_cube(read(file.bytes(cube, two, outside)));
   CHECK_THAT(notes(file.bytes(cube, two, outside)).at(0), Contains("1 node with a mesh left out"));
   cube[0]["attributes"]["TEXCOORD_0"] = 0;
   cube[0]["targets"] = {{{"POSITION", 0}}};
   const std::vector<std::string> reported =
-      notes(file.bytes(cube, json::array({{{"mesh", 0}, {"skin", 0}}})));
+      notes(file.bytes(cube, Json::array({{{"mesh", 0}, {"skin", 0}}})));
   REQUIRE(reported.size() == 3);
   CHECK_THAT(reported[0], Contains("texture coordinates"));
   CHECK_THAT(reported[1], Contains("skin"));
   CHECK_THAT(reported[2], Contains("morph targets"));
 
-  cube = json::array({all[0]});
+  cube = Json::array({all[0]});
   const auto requiring = [&](const char* name) {
-    return file.bytes(cube, json::array({{{"mesh", 0}}}), {{"extensionsRequired", {name}}});
+    return file.bytes(cube, Json::array({{{"mesh", 0}}}), {{"extensionsRequired", {name}}});
   };
   check_cube(read(requiring("KHR_materials_unlit")));
   check_cube(read(requiring("KHR_texture_transform")));
@@ -392,9 +390,9 @@ TEST_CASE("GLB: triangles without indices are joined by their positions, as thos
   GlbFile file;
   std::vector<Double3> soup;
   for (const std::uint32_t v : kCube) soup.push_back(kCorners[v]);
-  const json bare = json::array({{{"attributes", {{"POSITION", file.floats(soup)}}}}});
+  const Json bare = Json::array({{{"attributes", {{"POSITION", file.floats(soup)}}}}});
   const auto path =
-      folder.write("a.glb", file.bytes(bare, json::array({{{"mesh", 0}, {"scale", {-1, 1, 1}}}})));
+      folder.write("a.glb", file.bytes(bare, Json::array({{{"mesh", 0}, {"scale", {-1, 1, 1}}}})));
   CHECK_FALSE(open_mesh_file(path)->shared_vertices());
   const MeshCheck check = check_mesh(*open_mesh_file(path), {});
   CHECK(check.boundary_edges == 0);
@@ -406,13 +404,13 @@ TEST_CASE("GLB: triangles without indices are joined by their positions, as thos
 
 TEST_CASE("GLB: a node in many places by EXT_mesh_gpu_instancing", "[unit]") {
   GlbFile file;
-  const json cube = cube_of(file);
+  const Json cube = cube_of(file);
   const std::size_t to = file.floats({{0, 0, 0}, {5, 0, 0}, {9, 0, 0}}),
                     size = file.floats({{1, 1, 1}, {2, 1, 1}, {-1, 1, 1}});
-  const auto placed = [&](const json& attributes) {
+  const auto placed = [&](const Json& attributes) {
     return file.bytes(
         cube,
-        json::array(
+        Json::array(
             {{{"mesh", 0}, {"extensions", {{"EXT_mesh_gpu_instancing", {{"attributes", attributes}}}}}}}),
         {{"extensionsRequired", {"EXT_mesh_gpu_instancing"}}});
   };

@@ -1,9 +1,8 @@
 // The JSON of a GLB: what is asked for stays, nothing else costs memory.
 #include "stream/formats/meshes/glb_document.h"
+#include "stream/files/json_text.h"
 
 #include <catch2/catch.hpp>
-
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "tests/helpers/temp_folder.h"
@@ -15,7 +14,7 @@ using namespace tessera::test;
 
 namespace {
 
-nlohmann::json document(const std::string& text) {
+Json document(const std::string& text) {
   const TempFolder folder;
   const ReadFile file(folder.write("a.json", text));
   return read_glb_document(ByteWindow(file, 0, file.size(), 4096), "a.glb");
@@ -30,12 +29,12 @@ std::string repeated(const std::string& word, std::size_t times) {
 }  // namespace
 
 TEST_CASE("glb document: keys that meshes use stay as they are", "[unit]") {
-  const nlohmann::json kept = document(
+  const Json kept = document(
       R"({"asset":{"generator":"g","extras":{"tessera_shift":[1,2,3]}},"scene":0,"scenes":[{"nodes":[0]}],
           "nodes":[{"mesh":0,"extras":{"mesh":7,"deep":[[{"scene":1}]]},"matrix":[1.5,-2]}],
           "materials":[{"count":3}],"accessors":[{"count":3,"max":[1],"sparse":{"count":1},"type":"VEC3"}],
           "buffers":[{"uri":"data:abc","byteLength":4}]})");
-  CHECK(kept == nlohmann::json::parse(
+  CHECK(kept == parse_json(
                     R"({"asset":{"generator":"g","extras":{"tessera_shift":[1,2,3]}},"scene":0,
                         "scenes":[{"nodes":[0]}],"nodes":[{"mesh":0,"matrix":[1.5,-2]}],
                         "accessors":[{"count":3,"sparse":{"count":1},"type":"VEC3"}],
@@ -51,8 +50,7 @@ TEST_CASE("glb document: depth, count and length have an end", "[fault]") {
   CHECK_THROWS_AS(document(R"({"nodes":)"), InputError);
   CHECK_THROWS_AS(document(""), InputError);
   // what is not asked for may be as much as it likes
-  CHECK(document(R"({"extras":[{})" + repeated(",{}", 500000) + R"(],"scene":1})") ==
-        nlohmann::json{{"scene", 1}});
+  CHECK(document(R"({"extras":[{})" + repeated(",{}", 500000) + R"(],"scene":1})") == Json{{"scene", 1}});
 }
 
 }  // namespace glb_document_test

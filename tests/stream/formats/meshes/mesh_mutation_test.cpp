@@ -60,10 +60,10 @@ std::string foreign_glb(bool packed) {
         meshopt_encodeIndexBuffer(reinterpret_cast<unsigned char*>(faces.data()), faces.size(), corners, 12));
     const std::size_t at = file.accessor(file.packed_view(vertices, 4, 12, "ATTRIBUTES"), 5126, 4, "VEC3");
     const std::size_t index = file.accessor(file.packed_view(faces, 12, 2, "TRIANGLES"), 5123, 12, "SCALAR");
-    return file.bytes(nlohmann::json::array({{{"attributes", {{"POSITION", at}}}, {"indices", index}}}));
+    return file.bytes(tessera::Json::array({{{"attributes", {{"POSITION", at}}}, {"indices", index}}}));
   }
   const std::size_t at = file.floats(mesh.points);
-  const nlohmann::json sparse = {
+  const tessera::Json sparse = {
       {"count", 1},
       {"indices", {{"bufferView", file.view(std::string(1, '\3'))}, {"componentType", 5121}}},
       {"values", {{"bufferView", file.view(floats.substr(0, 12))}}}};
@@ -71,10 +71,10 @@ std::string foreign_glb(bool packed) {
   const std::size_t colours = file.accessor(file.view(std::string(48, 'c'), 12), 5123, 4, "VEC4");
   const std::size_t index = file.indices({0, 1, 2, 3, 0, 65535, 1, 2, 3});
   return file.bytes(
-      nlohmann::json::array(
+      tessera::Json::array(
           {{{"attributes", {{"POSITION", at}, {"COLOR_0", colours}}}, {"indices", index}, {"mode", 5}},
            {{"attributes", {{"POSITION", at}}}, {"mode", 6}}}),
-      nlohmann::json::array({{{"mesh", 0}, {"scale", {1, -1, 1}}}}));
+      tessera::Json::array({{{"mesh", 0}, {"scale", {1, -1, 1}}}}));
 }
 
 struct Case {

@@ -1,5 +1,6 @@
 // Meshes far from zero in formats of 32-bit floats: where they count from, what rounding moves, and what it breaks.
 #include "stream/formats/meshes/mesh_precision.h"
+#include "stream/files/json_text.h"
 
 #include <catch2/catch.hpp>
 
@@ -7,8 +8,6 @@
 #include <fstream>
 #include <iterator>
 #include <string>
-
-#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "octree/vector.h"
@@ -117,8 +116,8 @@ TEST_CASE("mesh precision: GLB is written y-up from a translated node, in double
   test::write_whole(path, mesh);
   std::ifstream in(path, std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  const auto document = nlohmann::json::parse(bytes.substr(20, bytes.find("BIN") - 24));
-  CHECK(document.at("nodes").at(0).at("translation") == nlohmann::json({691607.0, 512.0, -5334760.0}));
+  const auto document = tessera::parse_json(bytes.substr(20, bytes.find("BIN") - 24));
+  CHECK(document.at("nodes").at(0).at("translation") == tessera::Json({691607.0, 512.0, -5334760.0}));
   // The box of the accessor: x, z up, -y.
   const auto low = document.at("accessors").at(0).at("min"), high = document.at("accessors").at(0).at("max");
   CHECK(low[0].get<double>() == Approx(0.137).margin(1e-4));

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <utility>
 #include <vector>
 
+#include "stream/files/json_text.h"
 #include "stream/stages/coverage/coverage_stage.h"
 #include "stream/stages/coverage/missing_picture.h"
 #include "stream/stages/coverage/seen_stages.h"
@@ -67,7 +67,7 @@ class Rectangle : public FaceSource {
 };
 
 struct Measured {
-  nlohmann::json coverage;
+  Json coverage;
   Plan plan;
   std::string picture;
 };
@@ -101,8 +101,8 @@ TEST_CASE("coverage: both figures are what counting says, strewn points in neith
   const std::vector<TestPoint> points = ground_and_cloud();
   const double right = 84.0;
   const Measured m = measure(points, {}, right, kWidth, 7, 3);
-  const nlohmann::json& c = m.coverage;
-  CAPTURE(c.dump());
+  const Json& c = m.coverage;
+  CAPTURE(dump_json(c));
   CHECK(c.at("spacing").get<double>() == Approx(kStep).epsilon(0.002));
   CHECK(c.at("one_in") == 1);
   // Points of the ground whose neighbours lie all around them; those beyond the faces by more than two spacings are missing.
@@ -183,7 +183,7 @@ TEST_CASE("coverage: points too far apart for the lattice are not measured", "[u
   std::vector<TestPoint> points;
   for (int i = 0; i < 400; ++i) points.push_back({{20.0 * (i % 20), 20.0 * (i / 20), 0.0}, {0, 0, 1}});
   const Measured m = measure(points, {}, 10.0, 10.0, 1, 1);
-  CHECK(m.coverage == nlohmann::json{{"measured", false}});
+  CHECK(m.coverage == Json{{"measured", false}});
   CHECK(m.picture.empty());
 }
 

@@ -43,7 +43,7 @@ std::uint64_t growth_of(const Work& work) {
 /// Every task and the finish stay within what they announce.
 void check_stage(const Stage& stage, const std::filesystem::path& work) {
   SerialContext context(work);
-  std::vector<nlohmann::json> summaries;
+  std::vector<Json> summaries;
   for (std::size_t k = 0; k < stage.task_count(); ++k) {
     const std::uint64_t grown = growth_of([&] { stage.run(k, context); });
     INFO(stage.name() << " task " << k << " took " << grown << " of " << stage.task_bytes(k));

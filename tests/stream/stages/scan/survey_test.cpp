@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/points/brick_histogram.h"
 #include "stream/points/normal_sample.h"
 #include "stream/runtime/numbers.h"
@@ -28,7 +29,7 @@ Plan survey(const std::vector<TestPoint>& points, const ChainSetup& setup = {}) 
 /// What does not concern execution.
 std::string result_of(Plan plan) {
   plan.buckets.clear();
-  return plan.to_json().dump();
+  return dump_json(plan.to_json());
 }
 
 /// h as the two measuring passes choose it.

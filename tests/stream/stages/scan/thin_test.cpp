@@ -37,7 +37,7 @@ Thinned thinned(const std::vector<TestPoint>& points, std::size_t files, bool ba
   const JobState job = chain_job(work.path(), setup);
   const auto first = chain_inputs(points, setup);
   run_stage(*make_unpack_stage(job, first), job.work, backwards);
-  const nlohmann::json report = run_stage(*make_thin_stage(job, first), job.work, backwards);
+  const Json report = run_stage(*make_thin_stage(job, first), job.work, backwards);
   auto inputs = std::const_pointer_cast<PointInputs>(chain_inputs(points, setup));
   inputs->read_unpacked_of(job.work, true);
   Thinned t;

@@ -30,8 +30,8 @@ struct MeshSetup : ChainSetup {
 struct MeshResult {
   std::string bytes;
   MeshCheck check;
-  nlohmann::json orient, close, surface, weld, border;
-  nlohmann::json holes;
+  Json orient, close, surface, weld, border;
+  Json holes;
 };
 
 MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup) {

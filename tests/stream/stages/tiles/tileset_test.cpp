@@ -1,5 +1,6 @@
 // The tree of tiles and its JSON, in one file or in many.
 #include "stream/stages/tiles/tileset.h"
+#include "stream/files/json_text.h"
 
 #include <catch2/catch.hpp>
 
@@ -45,7 +46,7 @@ TEST_CASE("tileset: one file or many, the same tree", "[unit]") {
                    const auto path = folder.path() / (name.empty() ? "tileset.json" : name);
                    std::filesystem::create_directories(path.parent_path());
                    folder.write(path.lexically_relative(folder.path()).string(), text);
-                   const auto all = nlohmann::json::parse(text);
+                   const auto all = parse_json(text);
                    ++files;
                    last = name;
                  });
@@ -90,7 +91,7 @@ TEST_CASE("tileset: where nothing shrinks any more, a root without content holds
   std::string text;
   write_tilesets(make_tile_tree(levels, 1000), {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, 100.0,
                  [&](const std::string&, const std::string& t) { text = t; });
-  const auto all = nlohmann::json::parse(text);
+  const auto all = parse_json(text);
   CHECK_FALSE(all.at("root").contains("content"));
   CHECK(all.at("root").at("children").size() == 16);
   CHECK(all.at("root").at("geometricError") == 100.0);
