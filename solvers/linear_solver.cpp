@@ -5,7 +5,6 @@
 
 #include "octree/error.h"
 #include "solvers/cholesky_solver.h"
-#include "solvers/krylov_solver.h"
 #include "solvers/multifrontal_solver.h"
 #include "solvers/multigrid_solver.h"
 
@@ -49,8 +48,6 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
       return make_cholesky_solver(options);
     case SolverKind::kFronts:
       return make_fronts_solver(options);
-    case SolverKind::kConjugateGradients:
-      return make_conjugate_gradients_solver(options);
     case SolverKind::kAutomatic:
       return std::make_unique<AutomaticSolver>(options);
     case SolverKind::kMultigrid:
@@ -67,8 +64,6 @@ const char* name(SolverKind kind) {
       return "Cholesky";
     case SolverKind::kFronts:
       return "fronts";
-    case SolverKind::kConjugateGradients:
-      return "conjugate gradients";
     case SolverKind::kAutomatic:
       return "automatic";
     case SolverKind::kMultigrid:

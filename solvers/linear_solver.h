@@ -21,9 +21,8 @@ namespace tessera {
 enum class SolverKind {
   kCholesky,  ///< CHOLMOD, supernodal; symmetric positive definite
   kFronts,    ///< CHOLMOD's analysis, our fronts: the same bits on every machine; symmetric positive definite
-  kConjugateGradients,  ///< preconditioned by incomplete Cholesky; symmetric positive definite
-  kAutomatic,           ///< our fronts where the factor fits, else multigrid
-  kMultigrid,           ///< conjugate gradients preconditioned by our multigrid; symmetric positive definite
+  kAutomatic,  ///< our fronts where the factor fits, else multigrid
+  kMultigrid,  ///< conjugate gradients preconditioned by our multigrid; symmetric positive definite
   kLu,  ///< our fronts with pivots within them: the same bits on every machine; nearly symmetric pattern
 };
 

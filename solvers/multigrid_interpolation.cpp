@@ -120,17 +120,17 @@ bool smooth_row(std::span<const Double3> coarse, std::span<const double> support
   row.cluster.resize(kept);
   if (kept < kFewestSeeds) return false;
   for (double& m : mean) m /= total;
-  Matrix3 moments = Matrix3::Zero();
+  Matrix3 moments = Matrix3::zero();
   double largest_support = 0.0;
   for (std::size_t k = 0; k < kept; ++k) {
     const Double3 d = coarse[row.cluster[k]] - x - mean;
     largest_support = std::max(largest_support, support[row.cluster[k]]);
     for (int r = 0; r < 3; ++r)
-      for (int q = 0; q < 3; ++q) moments.coeffRef(r, q) += row.weight[k] * d[r] * d[q];
+      for (int q = 0; q < 3; ++q) moments(r, q) += row.weight[k] * d[r] * d[q];
   }
-  const double trace = moments.coeff(0, 0) + moments.coeff(1, 1) + moments.coeff(2, 2);
+  const double trace = moments(0, 0) + moments(1, 1) + moments(2, 2);
   if (!(trace > 0.0)) return false;
-  for (int r = 0; r < 3; ++r) moments.coeffRef(r, r) += kFlat * trace;
+  for (int r = 0; r < 3; ++r) moments(r, r) += kFlat * trace;
   Double3 y = -mean;
   eliminate(moments, y);
   double absolute = 0.0;

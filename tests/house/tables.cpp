@@ -129,7 +129,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/scene/scene", "octree", {"portable_math"});
 
     by("solvers/linear_solver", "solvers",
-       {"cholesky_solver", "cholmod_view", "conjugate_gradients", "krylov_solver", "multigrid_cycle",
+       {"cholesky_solver", "cholmod_view", "conjugate_gradients", "multigrid_cycle",
         "multigrid_interpolation", "multigrid_levels", "multigrid_solver", "rcm_ordering", "single_thread",
         "sparse_matrix"});
     by("solvers/multifrontal_cholesky", "solvers",

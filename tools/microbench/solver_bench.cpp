@@ -21,6 +21,7 @@
 #include "solvers/linear_solver.h"
 #include "tests/helpers/irregular_mesh.h"
 #include "tools/microbench/hypre_solver.h"
+#include "tools/microbench/krylov_solver.h"
 #include "tools/microbench/thread_seconds.h"
 
 namespace {
@@ -209,10 +210,13 @@ Run runner(const std::string& which, const Settings& s) {
   constexpr auto kFull = MultigridCycle::kFull;
   if (which == "cholesky-nd") return with(kCholesky, Ordering::kNestedDissection, kFull);
   if (which == "cholesky-amd") return with(kCholesky, Ordering::kMinimumDegree, kFull);
-  if (which == "cg") return with(kConjugateGradients, Ordering::kAuto, kFull);
   if (which == "multigrid") return with(kMultigrid, Ordering::kAuto, kFull);
   if (which == "multigrid-v") return with(kMultigrid, Ordering::kAuto, MultigridCycle::kV);
   if (which == "multigrid-cascade") return with(kMultigrid, Ordering::kAuto, MultigridCycle::kCascading);
+  if (which == "cg")
+    return [options](const System& system) {
+      return through_interface(*make_conjugate_gradients_solver(options(system)), system);
+    };
   if (which == "hypre")
     return [options](const System& system) {
       return through_interface(*make_hypre_solver(options(system)), system);

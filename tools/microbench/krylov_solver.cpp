@@ -1,4 +1,4 @@
-#include "solvers/krylov_solver.h"
+#include "tools/microbench/krylov_solver.h"
 
 #include <Eigen/Core>
 #include <Eigen/IterativeLinearSolvers>

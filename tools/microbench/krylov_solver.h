@@ -8,7 +8,7 @@
 
 namespace tessera {
 
-/// kConjugateGradients.
+/// What multigrid is measured against.
 std::unique_ptr<LinearSolver> make_conjugate_gradients_solver(const SolverOptions& options);
 
 }  // namespace tessera
