@@ -230,13 +230,42 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
     const auto [xx, yy, zz, xy, xz, yz] = spread;
     const double ridge = kRidge * size,
                  sphere = (normal_moment[0] + normal_moment[1] + normal_moment[2]) / size;
-    SmallMatrix<6> k;
-    k << xx + ridge, 0, 0, xy, xz, 0,            //
-        0, yy + ridge, 0, xy, 0, yz,             //
-        0, 0, zz + ridge, 0, xz, yz,             //
-        xy, xy, 0, xx + yy + 2 * ridge, yz, xz,  //
-        xz, 0, xz, yz, xx + zz + 2 * ridge, xy,  //
-        0, yz, yz, xz, xy, yy + zz + 2 * ridge;
+    const SmallMatrix<6> k = {{xx + ridge,
+                               0,
+                               0,
+                               xy,
+                               xz,
+                               0,  //
+                               0,
+                               yy + ridge,
+                               0,
+                               xy,
+                               0,
+                               yz,  //
+                               0,
+                               0,
+                               zz + ridge,
+                               0,
+                               xz,
+                               yz,  //
+                               xy,
+                               xy,
+                               0,
+                               xx + yy + 2 * ridge,
+                               yz,
+                               xz,  //
+                               xz,
+                               0,
+                               xz,
+                               yz,
+                               xx + zz + 2 * ridge,
+                               xy,  //
+                               0,
+                               yz,
+                               yz,
+                               xz,
+                               xy,
+                               yy + zz + 2 * ridge}};
     SmallMatrix<6> factor = k;
     if (!cholesky_factor(factor)) return {};
     hessian = {normal_moment[0] + ridge * sphere,
@@ -251,7 +280,7 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
         -ridge * (hessian[0] * hessian[0] + hessian[1] * hessian[1] + hessian[2] * hessian[2] +
                   2 * (hessian[3] * hessian[3] + hessian[4] * hessian[4] + hessian[5] * hessian[5]));
     for (std::size_t i = 0; i < 6; ++i)
-      for (std::size_t j = 0; j < 6; ++j) steep += hessian[i] * k.coeff(i, j) * hessian[j];
+      for (std::size_t j = 0; j < 6; ++j) steep += hessian[i] * k(i, j) * hessian[j];
     explained += 2.0 * contract(hessian, normal_moment) - steep;
   }
   const Double3 ap = times(hessian, p);

@@ -1,40 +1,45 @@
 /// \file small_matrix.h
-/// Systems of at most a handful of unknowns, over Eigen's fixed-size storage. For .cpp files: Eigen compiles slowly.
-/// The loops are ours: Eigen's sum up in an order that hangs on the packets of the instruction set and on what it
-/// inlines, here it is written down, with nothing but + - * / sqrt.
+/// Systems of at most a handful of unknowns. The order of all sums is written down, with nothing but + - * / sqrt: the same
+/// bits on every machine.
 #pragma once
-#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <type_traits>
 
 #include "octree/vector.h"
 
 namespace tessera {
 
-template <int kSize>
-using SmallMatrix = Eigen::Matrix<double, kSize, kSize, Eigen::RowMajor>;
+/// Rows of a square matrix; not set by default.
+template <std::size_t kSize>
+struct SmallMatrix {
+  std::array<double, kSize * kSize> entries;
+
+  static SmallMatrix zero() { return {{}}; }
+  double& operator()(std::size_t row, std::size_t column) { return entries[row * kSize + column]; }
+  double operator()(std::size_t row, std::size_t column) const { return entries[row * kSize + column]; }
+};
 using Matrix3 = SmallMatrix<3>;
 
 /// The row as a vector.
-inline Double3 row(const Matrix3& m, Eigen::Index i) {
-  return {m.coeff(i, 0), m.coeff(i, 1), m.coeff(i, 2)};
+inline Double3 row(const Matrix3& m, std::size_t i) {
+  return {m(i, 0), m(i, 1), m(i, 2)};
 }
 
 /// Turns the lower triangle of the leading n x n block into its Cholesky factor.
 /// \return false where a pivot is not above `minimum` + `share` of its diagonal entry
-template <int kSize>
-bool cholesky_factor(SmallMatrix<kSize>& a, double minimum = 0.0, double share = 0.0,
-                     Eigen::Index n = kSize) {
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j <= i; ++j) {
-      double sum = a.coeff(i, j);
-      for (Eigen::Index k = 0; k < j; ++k) sum -= a.coeff(i, k) * a.coeff(j, k);
+template <std::size_t kSize>
+bool cholesky_factor(SmallMatrix<kSize>& a, double minimum = 0.0, double share = 0.0, std::size_t n = kSize) {
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      double sum = a(i, j);
+      for (std::size_t k = 0; k < j; ++k) sum -= a(i, k) * a(j, k);
       if (i != j) {
-        a.coeffRef(i, j) = sum / a.coeff(j, j);
-      } else if (sum > minimum + share * a.coeff(i, i)) {
-        a.coeffRef(i, i) = std::sqrt(sum);
+        a(i, j) = sum / a(j, j);
+      } else if (sum > minimum + share * a(i, i)) {
+        a(i, i) = std::sqrt(sum);
       } else {
         return false;
       }
@@ -44,36 +49,36 @@ bool cholesky_factor(SmallMatrix<kSize>& a, double minimum = 0.0, double share =
 }
 
 /// x of L L' x = b in place of b. \param factor  of cholesky_factor
-template <int kSize>
+template <std::size_t kSize>
 void cholesky_solve(const SmallMatrix<kSize>& factor, std::type_identity_t<std::array<double, kSize>>& x,
-                    Eigen::Index n = kSize) {
+                    std::size_t n = kSize) {
   double* const at = x.data();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index k = 0; k < i; ++k) at[i] -= factor.coeff(i, k) * at[k];
-    at[i] /= factor.coeff(i, i);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < i; ++k) at[i] -= factor(i, k) * at[k];
+    at[i] /= factor(i, i);
   }
-  for (Eigen::Index i = n; i-- > 0;) {
-    for (Eigen::Index k = i + 1; k < n; ++k) at[i] -= factor.coeff(k, i) * at[k];
-    at[i] /= factor.coeff(i, i);
+  for (std::size_t i = n; i-- > 0;) {
+    for (std::size_t k = i + 1; k < n; ++k) at[i] -= factor(k, i) * at[k];
+    at[i] /= factor(i, i);
   }
 }
 
 /// x of m x = b in place of b, by elimination of the leading n x n block without pivots.
 /// \pre m is symmetric, positive definite
-template <int kSize>
+template <std::size_t kSize>
 void eliminate(SmallMatrix<kSize>& m, std::type_identity_t<std::array<double, kSize>>& b,
-               Eigen::Index n = kSize) {
+               std::size_t n = kSize) {
   double* const at = b.data();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index r = i + 1; r < n; ++r) {
-      const double factor = m.coeff(r, i) / m.coeff(i, i);
-      for (Eigen::Index j = i; j < n; ++j) m.coeffRef(r, j) -= factor * m.coeff(i, j);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t r = i + 1; r < n; ++r) {
+      const double factor = m(r, i) / m(i, i);
+      for (std::size_t j = i; j < n; ++j) m(r, j) -= factor * m(i, j);
       at[r] -= factor * at[i];
     }
   }
-  for (Eigen::Index i = n; i-- > 0;) {
-    for (Eigen::Index j = i + 1; j < n; ++j) at[i] -= m.coeff(i, j) * at[j];
-    at[i] /= m.coeff(i, i);
+  for (std::size_t i = n; i-- > 0;) {
+    for (std::size_t j = i + 1; j < n; ++j) at[i] -= m(i, j) * at[j];
+    at[i] /= m(i, i);
   }
 }
 
@@ -96,18 +101,19 @@ struct Cramer3 {
 /// \param vector  out: eigenvectors as columns
 /// \param sweeps  at most so many
 /// \param enough  stop when the squares of the entries above the diagonal sum to no more
-template <int kSize>
+template <std::size_t kSize>
 void jacobi_eigen(SmallMatrix<kSize>& a, SmallMatrix<kSize>& vector, int sweeps, double enough) {
-  vector.setIdentity();
+  vector = SmallMatrix<kSize>::zero();
+  for (std::size_t k = 0; k < kSize; ++k) vector(k, k) = 1.0;
   for (int sweep = 0; sweep < sweeps; ++sweep) {
     double off = 0.0;
-    for (Eigen::Index p = 0; p + 1 < kSize; ++p)
-      for (Eigen::Index q = p + 1; q < kSize; ++q) off += a.coeff(p, q) * a.coeff(p, q);
+    for (std::size_t p = 0; p + 1 < kSize; ++p)
+      for (std::size_t q = p + 1; q < kSize; ++q) off += a(p, q) * a(p, q);
     if (off <= enough) break;
-    for (Eigen::Index p = 0; p + 1 < kSize; ++p) {
-      for (Eigen::Index q = p + 1; q < kSize; ++q) {
-        if (a.coeff(p, q) == 0.0) continue;
-        const double theta = (a.coeff(q, q) - a.coeff(p, p)) / (2.0 * a.coeff(p, q));
+    for (std::size_t p = 0; p + 1 < kSize; ++p) {
+      for (std::size_t q = p + 1; q < kSize; ++q) {
+        if (a(p, q) == 0.0) continue;
+        const double theta = (a(q, q) - a(p, p)) / (2.0 * a(p, q));
         const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
         const double c = 1.0 / std::sqrt(t * t + 1.0);
         const double s = t * c;
@@ -116,10 +122,10 @@ void jacobi_eigen(SmallMatrix<kSize>& a, SmallMatrix<kSize>& vector, int sweeps,
           first = c * u - s * v;
           second = s * u + c * v;
         };
-        for (Eigen::Index k = 0; k < kSize; ++k) rotate(a.coeffRef(k, p), a.coeffRef(k, q));
-        for (Eigen::Index k = 0; k < kSize; ++k) rotate(a.coeffRef(p, k), a.coeffRef(q, k));
-        a.coeffRef(p, q) = a.coeffRef(q, p) = 0.0;
-        for (Eigen::Index k = 0; k < kSize; ++k) rotate(vector.coeffRef(k, p), vector.coeffRef(k, q));
+        for (std::size_t k = 0; k < kSize; ++k) rotate(a(k, p), a(k, q));
+        for (std::size_t k = 0; k < kSize; ++k) rotate(a(p, k), a(q, k));
+        a(p, q) = a(q, p) = 0.0;
+        for (std::size_t k = 0; k < kSize; ++k) rotate(vector(k, p), vector(k, q));
       }
     }
   }
@@ -130,16 +136,15 @@ void jacobi_eigen(SmallMatrix<kSize>& a, SmallMatrix<kSize>& vector, int sweeps,
 inline void symmetric_eigen3(const std::array<double, 6>& m, Double3& values,
                              std::array<Double3, 3>& vectors) {
   constexpr int kSweeps = 12;  // six suffice for double, twice that costs nothing
-  Matrix3 a, column;
-  a << m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5];
+  Matrix3 a = {{m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5]}}, column;
   jacobi_eigen(a, column, kSweeps, 0.0);
-  const Double3 value = {a.coeff(0, 0), a.coeff(1, 1), a.coeff(2, 2)};
+  const Double3 value = {a(0, 0), a(1, 1), a(2, 2)};
   std::array<std::size_t, 3> order = {0, 1, 2};
   std::sort(order.begin(), order.end(),
             [&](std::size_t i, std::size_t j) { return value[i] != value[j] ? value[i] < value[j] : i < j; });
   for (std::size_t i = 0; i < 3; ++i) {
     values[i] = value[order[i]];
-    for (std::size_t k = 0; k < 3; ++k) vectors[i][k] = column.coeff(k, order[i]);
+    for (std::size_t k = 0; k < 3; ++k) vectors[i][k] = column(k, order[i]);
   }
 }
 

@@ -221,26 +221,26 @@ ProfileFit fit_profile(std::span<const Double2> points, const RibProfile& start,
   for (const Double2& p : points) extent = std::max(extent, std::sqrt(dot2(p, p)));
   double cost = cost_of(q, points), damp = 1e-4;
   for (int step = 0; step < kMaxFitSteps; ++step) {
-    SmallMatrix<5> normal = SmallMatrix<5>::Zero();
+    SmallMatrix<5> normal = SmallMatrix<5>::zero();
     Row gradient{};
     const Laid laid(q);
     for (const Double2& p : points) {
       Row row;
       const double d = residual(laid, p, row);
-      for (Eigen::Index i = 0; i < 5; ++i) {
+      for (std::size_t i = 0; i < 5; ++i) {
         const double a = row[static_cast<std::size_t>(i)];
         if (a == 0.0) continue;
-        for (Eigen::Index j = 0; j <= i; ++j) normal.coeffRef(i, j) += a * row[static_cast<std::size_t>(j)];
+        for (std::size_t j = 0; j <= i; ++j) normal(i, j) += a * row[static_cast<std::size_t>(j)];
         gradient[static_cast<std::size_t>(i)] -= a * d;
       }
     }
     double largest = 0.0;
-    for (Eigen::Index i = 0; i < 5; ++i) largest = std::max(largest, normal.coeff(i, i));
+    for (std::size_t i = 0; i < 5; ++i) largest = std::max(largest, normal(i, i));
     bool better = false;
     double moved = 0.0;
     for (; damp < 1e8 && !better; damp *= 8.0) {
       SmallMatrix<5> a = normal;
-      for (Eigen::Index i = 0; i < 5; ++i) a.coeffRef(i, i) += damp * normal.coeff(i, i) + 1e-14 * largest;
+      for (std::size_t i = 0; i < 5; ++i) a(i, i) += damp * normal(i, i) + 1e-14 * largest;
       Row x = gradient;
       if (!cholesky_factor(a)) continue;
       cholesky_solve(a, x);

@@ -189,18 +189,17 @@ Rotation nearest_rotation(const Rotation& s) {
   for (const double x : s) size = std::max(size, std::fabs(x));
   if (!(size > 0.0) || !std::isfinite(size)) return kIdentityRotation;
   const auto at = [&](int to, int from) { return s[static_cast<std::size_t>(3 * to + from)] / size; };
-  Matrix4 a;
-  a << at(0, 0) + at(1, 1) + at(2, 2), at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1),
-      at(2, 1) - at(1, 2), at(0, 0) - at(1, 1) - at(2, 2), at(0, 1) + at(1, 0), at(0, 2) + at(2, 0),
-      at(0, 2) - at(2, 0), at(0, 1) + at(1, 0), at(1, 1) - at(0, 0) - at(2, 2), at(1, 2) + at(2, 1),
-      at(1, 0) - at(0, 1), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1), at(2, 2) - at(0, 0) - at(1, 1);
+  Matrix4 a = {{at(0, 0) + at(1, 1) + at(2, 2), at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1),
+                at(2, 1) - at(1, 2), at(0, 0) - at(1, 1) - at(2, 2), at(0, 1) + at(1, 0), at(0, 2) + at(2, 0),
+                at(0, 2) - at(2, 0), at(0, 1) + at(1, 0), at(1, 1) - at(0, 0) - at(2, 2), at(1, 2) + at(2, 1),
+                at(1, 0) - at(0, 1), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1),
+                at(2, 2) - at(0, 0) - at(1, 1)}};
   Matrix4 vector;
   jacobi_eigen(a, vector, kSweeps, kEnough);
-  Eigen::Index best = 0;
-  for (Eigen::Index k = 1; k < 4; ++k)
-    if (a.coeff(k, k) > a.coeff(best, best)) best = k;
-  const double w = vector.coeff(0, best), x = vector.coeff(1, best), y = vector.coeff(2, best),
-               z = vector.coeff(3, best);
+  std::size_t best = 0;
+  for (std::size_t k = 1; k < 4; ++k)
+    if (a(k, k) > a(best, best)) best = k;
+  const double w = vector(0, best), x = vector(1, best), y = vector(2, best), z = vector(3, best);
   const double u = 2.0 / (w * w + x * x + y * y + z * z);
   return {1 - u * (y * y + z * z), u * (x * y - w * z),     u * (x * z + w * y),
           u * (x * y + w * z),     1 - u * (x * x + z * z), u * (y * z - w * x),

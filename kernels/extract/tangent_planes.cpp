@@ -20,7 +20,7 @@ constexpr double kEnough = 1e-22;
 }  // namespace
 
 PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& anchor, int rank) {
-  Matrix3 a = Matrix3::Zero();
+  Matrix3 a = Matrix3::zero();
   Double3 b{};
   for (std::size_t i = 0; i < planes.size; ++i) {
     const Double3& n = planes.normal[i];
@@ -30,13 +30,13 @@ PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& a
     for (std::size_t r = 0; r < 3; ++r) {
       const double wn = planes.weight[i] * n[r];
       b[r] += wn * d;
-      for (std::size_t c = 0; c < 3; ++c) a.coeffRef(r, c) += wn * n[c];
+      for (std::size_t c = 0; c < 3; ++c) a(r, c) += wn * n[c];
     }
   }
   Matrix3 vector;
-  const double trace = a.coeff(0, 0) + a.coeff(1, 1) + a.coeff(2, 2);
+  const double trace = a(0, 0) + a(1, 1) + a(2, 2);
   jacobi_eigen(a, vector, kSweeps, kEnough * trace * trace);
-  const Double3 value = {a.coeff(0, 0), a.coeff(1, 1), a.coeff(2, 2)};
+  const Double3 value = {a(0, 0), a(1, 1), a(2, 2)};
   std::array<std::size_t, 3> order = {0, 1, 2};
   if (value[order[0]] < value[order[1]]) std::swap(order[0], order[1]);
   if (value[order[1]] < value[order[2]]) std::swap(order[1], order[2]);
@@ -47,7 +47,7 @@ PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& a
   for (std::size_t k = 0; k < static_cast<std::size_t>(rank); ++k) {
     const std::size_t column = order[k];
     if (!(value[column] > cut)) break;
-    const Double3 v = {vector.coeff(0, column), vector.coeff(1, column), vector.coeff(2, column)};
+    const Double3 v = {vector(0, column), vector(1, column), vector(2, column)};
     const double s = dot(v, b) / value[column];
     for (std::size_t r = 0; r < 3; ++r) out.position[r] += s * v[r];
   }
@@ -96,21 +96,20 @@ void extrapolate_normals(TangentPlanes& planes, const std::array<int, kMaxPlanes
     p_mean[k] /= static_cast<double>(count);
     n_mean[k] /= static_cast<double>(count);
   }
-  Matrix3 spread = Matrix3::Zero(), cross_cov = Matrix3::Zero();
-  for (int k = 0; k < 3; ++k) spread.coeffRef(k, k) = kRidge;
+  Matrix3 spread = Matrix3::zero(), cross_cov = Matrix3::zero();
+  for (int k = 0; k < 3; ++k) spread(k, k) = kRidge;
   for (std::size_t i = 0; i < planes.size; ++i) {
     if (sheets[i] != sheet) continue;
     for (std::size_t r = 0; r < 3; ++r) {
       for (std::size_t c = 0; c < 3; ++c) {
         const double q = planes.point[i][c] - p_mean[c];
-        spread.coeffRef(r, c) += (planes.point[i][r] - p_mean[r]) * q;
-        cross_cov.coeffRef(r, c) += (planes.normal[i][r] - n_mean[r]) * q;
+        spread(r, c) += (planes.point[i][r] - p_mean[r]) * q;
+        cross_cov(r, c) += (planes.normal[i][r] - n_mean[r]) * q;
       }
     }
   }
   // The ridge keeps the determinant above kRidge^3.
-  const Cramer3 system{spread.coeff(0, 0), spread.coeff(0, 1), spread.coeff(0, 2),
-                       spread.coeff(1, 1), spread.coeff(1, 2), spread.coeff(2, 2)};
+  const Cramer3 system{spread(0, 0), spread(0, 1), spread(0, 2), spread(1, 1), spread(1, 2), spread(2, 2)};
   const Double3 y = system.solve(x - p_mean);
   Double3 at_x;
   for (std::size_t k = 0; k < 3; ++k) at_x[k] = n_mean[k] + dot(row(cross_cov, k), y);

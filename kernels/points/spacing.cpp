@@ -215,14 +215,14 @@ double quadric_residual(const std::vector<Double3>& points) {
     const double v = along(p, axes[1]);
     return std::array<double, kQuadricTerms>{1.0, u, v, u * u, u * v, v * v};
   };
-  SmallMatrix<kQuadricTerms> m = SmallMatrix<kQuadricTerms>::Zero();
+  SmallMatrix<kQuadricTerms> m = SmallMatrix<kQuadricTerms>::zero();
   std::array<double, kQuadricTerms> b{};
   for (const Double3& p : points) {
     const auto t = terms(p);
     const double w = along(p, axes[0]);
     for (std::size_t i = 0; i < t.size(); ++i) {
       b[i] += t[i] * w;
-      for (std::size_t j = 0; j <= i; ++j) m.coeffRef(i, j) += t[i] * t[j];
+      for (std::size_t j = 0; j <= i; ++j) m(i, j) += t[i] * t[j];
     }
   }
   if (!cholesky_factor(m, 1e-9)) return -1.0;

@@ -80,8 +80,8 @@ Double3 meet(const std::vector<FittedSide>& sides, Double3 p, double max_move) {
     std::array<double, StarSides::kMax> share{};
     for (std::size_t i = 0; i < k; ++i) share[i] = -sides[i].distance(p, g[i]);
     for (std::size_t i = 0; i < k; ++i)
-      for (std::size_t j = 0; j < k; ++j) m.coeffRef(i, j) = dot(g[i], g[j]) + (i == j ? kParallel : 0.0);
-    eliminate(m, share, static_cast<Eigen::Index>(k));
+      for (std::size_t j = 0; j < k; ++j) m(i, j) = dot(g[i], g[j]) + (i == j ? kParallel : 0.0);
+    eliminate(m, share, k);
     Double3 move{};
     for (std::size_t i = k; i-- > 0;) move = move + g[i] * share[i];
     const double length = norm(move);

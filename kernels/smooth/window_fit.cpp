@@ -39,7 +39,7 @@ std::array<double, kTerms> basis(double s, double t, double per_radius) {
 }
 
 struct Moments {
-  SmallMatrix<kTerms> a = SmallMatrix<kTerms>::Zero();  ///< the lower triangle
+  SmallMatrix<kTerms> a = SmallMatrix<kTerms>::zero();  ///< the lower triangle
   std::array<double, kTerms> b = {};
   double count = 0.0, weight = 0.0, weight_square = 0.0, height_square = 0.0;
 };
@@ -67,10 +67,10 @@ Moments sum_moments(const WindowSamples& samples, double radius) {
   std::size_t at = 0;
   for (std::size_t r = 0; r < kTerms; ++r) {
     m.b[r] = total(b[r]);
-    for (std::size_t c = 0; c <= r; ++c) m.a.coeffRef(r, c) = total(a[at++]);
+    for (std::size_t c = 0; c <= r; ++c) m.a(r, c) = total(a[at++]);
   }
   m.count = total(count);
-  m.weight = m.a.coeff(0, 0);
+  m.weight = m.a(0, 0);
   m.weight_square = total(square);
   m.height_square = total(zz);
   return m;

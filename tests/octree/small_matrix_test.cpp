@@ -6,9 +6,8 @@ namespace tessera::small_matrix_test {
 
 TEST_CASE("small matrix: Cholesky, elimination and Cramer solve what was made from a known solution",
           "[unit]") {
-  Matrix3 a;
-  a << 4, 12, -16, 12, 37, -43, -16, -43, 98;       // = L L', L = (2; 6 1; -8 5 3)
-  const std::array<double, 3> b = {-20, -43, 192};  // = a (1, 2, 3)
+  Matrix3 a = {{4, 12, -16, 12, 37, -43, -16, -43, 98}};  // = L L', L = (2; 6 1; -8 5 3)
+  const std::array<double, 3> b = {-20, -43, 192};        // = a (1, 2, 3)
   const std::array<double, 3> x = {1, 2, 3};
 
   Matrix3 factor = a;
@@ -32,8 +31,7 @@ TEST_CASE("small matrix: Cholesky, elimination and Cramer solve what was made fr
 }
 
 TEST_CASE("small matrix: the leading block alone, and a pivot that is too small", "[unit]") {
-  Matrix3 a;
-  a << 4, 2, 0, 2, 5, 0, 0, 0, -1;
+  Matrix3 a = {{4, 2, 0, 2, 5, 0, 0, 0, -1}};
   Matrix3 factor = a;
   CHECK_FALSE(cholesky_factor<3>(factor));
   factor = a;
