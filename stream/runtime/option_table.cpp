@@ -9,7 +9,6 @@
 
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
@@ -119,11 +118,6 @@ struct Reader {
   void operator()(Double3* field) const { *field = vector(); }
   void operator()(std::optional<Double3>* field) const { *field = vector(); }
   void operator()(std::vector<Double3>* field) const { field->push_back(vector()); }
-  void operator()(const OptionSetter& setter) const {
-    bool on = true;
-    if (row.is_flag) operator()(&on);
-    if (on) setter(text);
-  }
 };
 
 struct ToJson {
@@ -139,7 +133,6 @@ struct ToJson {
     return list;
   }
   Json operator()(const std::optional<Double3>* field) const { return *field ? Json(**field) : Json(); }
-  Json operator()(const OptionSetter&) const { return nullptr; }
 };
 
 /// The word that is typed for a JSON value.
@@ -196,6 +189,7 @@ std::string OptionRow::value_text() const {
 }
 
 Json OptionRow::value_json() const {
+  if (setter) return nullptr;
   const auto* number = std::get_if<double*>(&field);
   if (number != nullptr && !word.empty() && **number == word_value) return word;
   return std::visit(ToJson{}, field);
@@ -205,12 +199,27 @@ void OptionRow::set(const std::vector<std::string>& typed_words) const {
   if (const auto* list = std::get_if<std::vector<std::string>*>(&field)) (*list)->clear();
   if (const auto* list = std::get_if<std::vector<Double3>*>(&field)) (*list)->clear();
   if (const auto* maybe = std::get_if<std::optional<Double3>*>(&field)) (*maybe)->reset();
-  for (const std::string& text : typed_words) std::visit(Reader{*this, text}, field);
+  for (const std::string& text : typed_words) {
+    const Reader read{*this, text};
+    bool on = true;
+    if (!setter)
+      std::visit(read, field);
+    else if (is_flag)
+      read(&on);
+    if (setter && on) setter(text);
+  }
 }
 
+OptionTable::OptionTable(std::string group) : group_(std::move(group)) {}
+OptionTable::OptionTable(const OptionTable& other) = default;
+OptionTable::OptionTable(OptionTable&& other) noexcept = default;
+OptionTable& OptionTable::operator=(const OptionTable& other) = default;
+OptionTable& OptionTable::operator=(OptionTable&& other) noexcept = default;
+OptionTable::~OptionTable() = default;
+
 OptionRow& OptionTable::add(const std::string& names, OptionField field, const std::string& help) {
-  static constexpr const char* kPlaceholders[] = {"X",    "N",    "N",     "N",     "",      "WORD",
-                                                  "PATH", "WORD", "X,Y,Z", "X,Y,Z", "X,Y,Z", "TEXT"};
+  static constexpr const char* kPlaceholders[] = {"X",    "N",    "N",     "N",     "",     "WORD",
+                                                  "PATH", "WORD", "X,Y,Z", "X,Y,Z", "X,Y,Z"};
   static_assert(std::size(kPlaceholders) == std::variant_size_v<OptionField>);
   OptionRow row;
   row.names = cut(names);
@@ -218,8 +227,14 @@ OptionRow& OptionTable::add(const std::string& names, OptionField field, const s
   row.group = group_;
   row.placeholder = kPlaceholders[field.index()];
   row.is_flag = std::holds_alternative<bool*>(field);
-  row.field = std::move(field);
+  row.field = field;
   return rows_.emplace_back(std::move(row));
+}
+
+OptionRow& OptionTable::add(const std::string& names, OptionSetter setter, const std::string& help) {
+  OptionRow& row = add(names, OptionField(), help);
+  row.setter = std::move(setter);
+  return row.shown_as("TEXT");
 }
 
 OptionRow& OptionTable::add_flag(const std::string& names, std::function<void()> given,
@@ -243,7 +258,7 @@ const OptionRow* OptionTable::find(const std::string& name) const {
 Json OptionTable::to_json() const {
   Json values = Json::object();
   for (const OptionRow& row : rows_)
-    if (!std::holds_alternative<OptionSetter>(row.field)) values[row.names.front()] = row.value_json();
+    if (!row.setter) values[row.names.front()] = row.value_json();
   return values;
 }
 

@@ -26,13 +26,14 @@ namespace tessera {
 
 /// For values that only their command can read; never part of a job. A flag calls it once for every time it is given.
 using OptionSetter = std::function<void(const std::string&)>;
-using OptionField = std::variant<double*, int*, std::uint32_t*, std::uint64_t*, bool*, std::string*,
-                                 std::filesystem::path*, std::vector<std::string>*, Double3*,
-                                 std::optional<Double3>*, std::vector<Double3>*, OptionSetter>;
+using OptionField =
+    std::variant<double*, int*, std::uint32_t*, std::uint64_t*, bool*, std::string*, std::filesystem::path*,
+                 std::vector<std::string>*, Double3*, std::optional<Double3>*, std::vector<Double3>*>;
 
 struct OptionRow {
   std::vector<std::string> names;  ///< without dashes; the first one is the key
   OptionField field;
+  OptionSetter setter;  ///< called instead of writing the field, where there is one
   std::string help;
   std::string group;
   std::string placeholder;  ///< what stands for a value in the help; empty for flags
@@ -70,10 +71,17 @@ struct OptionRow {
 
 class OptionTable {
  public:
-  explicit OptionTable(std::string group = "") : group_(std::move(group)) {}
+  explicit OptionTable(std::string group = "");
+  // Not inline: every stage makes a table, and would compile them again.
+  OptionTable(const OptionTable& other);
+  OptionTable(OptionTable&& other) noexcept;
+  OptionTable& operator=(const OptionTable& other);
+  OptionTable& operator=(OptionTable&& other) noexcept;
+  ~OptionTable();
 
   /// \param names  "threads,t": the key, `--threads`, and other names; those of one letter have one dash
   OptionRow& add(const std::string& names, OptionField field, const std::string& help);
+  OptionRow& add(const std::string& names, OptionSetter setter, const std::string& help);
   OptionRow& add_flag(const std::string& names, std::function<void()> given, const std::string& help);
   void append(const OptionTable& more);
 

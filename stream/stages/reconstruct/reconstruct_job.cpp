@@ -1,4 +1,6 @@
 #include "stream/stages/reconstruct/reconstruct_job.h"
+
+#include "kernels/decimate/auto_tolerance.h"
 #include "stream/files/json.h"
 #include "stream/runtime/report.h"
 

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "kernels/decimate/auto_tolerance.h"
 #include "kernels/mesh/block_components.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/mesh/patch_mesh.h"
