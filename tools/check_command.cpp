@@ -10,7 +10,6 @@
 #include "stream/check/mesh_compare.h"
 #include "stream/check/truth.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"

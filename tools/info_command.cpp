@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/points/file_notices.h"
 #include "stream/points/point_inputs.h"

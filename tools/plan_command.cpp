@@ -8,7 +8,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/points/plan.h"
 #include "stream/queue/makespan.h"

@@ -5,7 +5,6 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/page/report_value.h"

@@ -9,7 +9,6 @@
 #include "octree/error.h"
 #include "stream/check/fixed_sum.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"

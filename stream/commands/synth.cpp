@@ -4,13 +4,11 @@
 #include <chrono>
 #include <cmath>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/scene/sample_source.h"
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "octree/vector.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
@@ -245,7 +243,7 @@ class Corrupter {
 
 void write_truth(const SynthOptions& o, const SynthReport& report, const std::vector<ScanInfo>& scans,
                  const std::filesystem::path& path) {
-  nlohmann::ordered_json truth;
+  Json truth;
   truth["schema"] = 1;
   truth["scene"] = o.scene;
   truth["octaves"] = o.octaves;
@@ -273,7 +271,7 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
         {{"origin", scan.origin + o.shift}, {"columns", scan.columns}, {"rows", scan.rows}});
   }
   OutputFile out(path);
-  out.append(truth.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+  out.append(dump_json(truth, 2) + "\n");
   out.finish();
 }
 

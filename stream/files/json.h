@@ -1,6 +1,6 @@
 /// \file json.h
 /// A JSON value whose members are compiled once. nlohmann::json is templates: every file that named a key or a list paid
-/// for them again, half of what building the stages took. It reads and writes the text still (json_text.cpp).
+/// for them again, a third of what building the stages took. It reads and writes the text still.
 #pragma once
 #include <array>
 #include <compare>
@@ -213,5 +213,19 @@ class Json {
   Value value_ = {};
   Kind kind_ = Kind::kNull;
 };
+
+/// JSON that people wrote. \param name  of the file, for messages
+/// \throws InputError naming it and the byte where it is no JSON, or that a number is beyond all reading
+Json parse_json(const std::string& text, const std::string& name);
+
+/// JSON that the program wrote itself. \throws JsonError
+Json parse_json(const std::string& text);
+
+/// A discarded value where the text is no JSON.
+Json try_parse_json(const std::string& text);
+
+/// What is no UTF-8 becomes U+FFFD. \param indent  spaces a level; negative: all in one line
+/// \param ascii  everything beyond ASCII is escaped
+std::string dump_json(const Json& value, int indent = -1, bool ascii = false);
 
 }  // namespace tessera

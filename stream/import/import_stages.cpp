@@ -5,7 +5,6 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/report.h"

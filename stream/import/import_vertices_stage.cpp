@@ -11,7 +11,6 @@
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/serial_stage.h"

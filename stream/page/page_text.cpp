@@ -8,7 +8,6 @@
 #include "kernels/picture/caption.h"
 #include "stream/files/bound_text.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/page/html.h"
 #include "stream/page/page_figures.h"
 #include "stream/page/page_script.h"

@@ -7,7 +7,6 @@
 
 #include "kernels/picture/caption.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 

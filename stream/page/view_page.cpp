@@ -12,7 +12,7 @@
 #include "octree/vector.h"
 #include "stream/check/mesh_deviation.h"
 #include "stream/files/durable_file.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"

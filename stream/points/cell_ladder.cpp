@@ -9,7 +9,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {

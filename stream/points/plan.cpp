@@ -5,7 +5,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 
 namespace tessera {

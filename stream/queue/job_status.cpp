@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "stream/files/durable_file.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/runtime/journal.h"
 #include "stream/runtime/resume.h"
 #include "stream/runtime/task_notes.h"

@@ -16,7 +16,7 @@
 #include "octree/error.h"
 #include "octree/lattice.h"
 #include "stream/files/durable_file.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/files/planned_writes.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/commit.h"

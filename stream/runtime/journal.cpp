@@ -15,7 +15,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/file_lock.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 namespace {

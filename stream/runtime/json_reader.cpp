@@ -5,7 +5,6 @@
 
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/runtime/option_table.h"
 
 namespace tessera {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 namespace tessera {
 

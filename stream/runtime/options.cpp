@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/runtime/option_table.h"
 
 namespace tessera {

@@ -6,7 +6,6 @@
 
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/runtime/memory_budget.h"
 
 namespace tessera {

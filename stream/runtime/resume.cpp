@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "stream/files/durable_file.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/runtime/commit.h"
 
 namespace tessera {

@@ -15,7 +15,6 @@
 
 #include "stream/files/file_time.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {

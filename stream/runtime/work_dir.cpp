@@ -18,7 +18,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/file_lock.h"
 #include "stream/files/file_time.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/read_file.h"

@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {

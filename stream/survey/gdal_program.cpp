@@ -9,7 +9,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/files/read_file.h"

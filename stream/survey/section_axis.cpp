@@ -7,7 +7,6 @@
 #include "octree/error.h"
 #include "stream/files/geojson.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 
 namespace tessera {

@@ -1,6 +1,6 @@
 // The option tables of all jobs: a job file's values, and words as typed. What a table took it gives back, the same.
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/options.h"

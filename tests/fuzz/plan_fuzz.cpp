@@ -1,5 +1,5 @@
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/points/plan.h"
 #include "tests/fuzz/text_check.h"
 

@@ -1,5 +1,5 @@
 // Whatever JSON a report holds, it makes a page, and no tag of the page comes from it.
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/page/page_text.h"
 
 #include "tests/fuzz/point_reader_check.h"

@@ -13,7 +13,7 @@
 #include <meshoptimizer.h>
 
 #include "octree/vector.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera::test {

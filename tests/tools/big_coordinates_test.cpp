@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "stream/check/mesh_check.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"

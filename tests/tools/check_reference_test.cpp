@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "stream/check/mesh_compare.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/surfaces.h"

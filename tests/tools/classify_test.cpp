@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/aerial_scene.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"

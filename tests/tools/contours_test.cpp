@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/height_sheet.h"
 #include "tests/helpers/shell.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/proj_library.h"
 
 #include "tests/helpers/command.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "stream/check/mesh_check.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "stream/files/file_extension.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/made_meshes.h"

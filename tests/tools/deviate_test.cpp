@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "octree/vector.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/points/las_records.h"
 #include "tests/helpers/aerial_scene.h"
 #include "tests/helpers/command.h"

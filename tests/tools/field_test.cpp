@@ -8,7 +8,7 @@
 
 #include "kernels/solid/distance_octree.h"
 #include "octree/vector.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/octree_file.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <functional>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/render/doubt.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/e57_writer.h"

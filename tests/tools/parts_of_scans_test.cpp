@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/copc_file.h"
 #include "tests/helpers/killed_command.h"

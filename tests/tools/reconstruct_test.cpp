@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <map>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/runtime/memory_budget.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/reconstruct_command.h"

@@ -8,7 +8,7 @@
 
 #include "octree/portable_math.h"
 #include "stream/check/mesh_check.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "kernels/picture/caption.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/page/html.h"
 #include "stream/page/page_text.h"
 #include "stream/page/report_page.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "octree/error.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/stages/reconstruct/site_after.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/shell.h"

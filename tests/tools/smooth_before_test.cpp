@@ -11,7 +11,7 @@
 #include "kernels/mesh/closest_face.h"
 #include "octree/vector.h"
 #include "stream/check/mesh_check.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/command.h"

@@ -11,7 +11,7 @@
 #include "kernels/mesh/closest_face.h"
 #include "kernels/smooth/smooth.h"
 #include "octree/vector.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/import/import_mesh.h"
 #include "tests/helpers/command.h"

@@ -5,7 +5,7 @@
 
 #include "octree/placement.h"
 #include "octree/portable_math.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/solid_command.h"

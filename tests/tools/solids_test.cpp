@@ -5,7 +5,7 @@
 
 #include "octree/error.h"
 #include "octree/portable_math.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/stages/solid/csg_job.h"
 #include "tests/helpers/command.h"

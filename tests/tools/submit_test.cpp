@@ -7,7 +7,7 @@
 #include <random>
 
 #include "stream/files/durable_file.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/slurm_cluster.h"

@@ -14,7 +14,7 @@
 #include "octree/vector.h"
 #include "stream/check/truth.h"
 #include "stream/commands/synth.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/meshes/scene_file.h"
 #include "tests/helpers/temp_folder.h"

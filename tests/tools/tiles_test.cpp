@@ -11,7 +11,7 @@
 
 #include "kernels/mesh/closest_face.h"
 #include "octree/portable_math.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "octree/vector.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"

@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "octree/portable_math.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"

@@ -12,7 +12,7 @@
 #include <chrono>
 #include <cstring>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/page/view_page.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/shell.h"

@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/height_sheet.h"
 #include "tests/helpers/temp_folder.h"

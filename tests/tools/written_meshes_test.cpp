@@ -14,7 +14,7 @@
 #include "kernels/mesh/closest_face.h"
 #include "octree/vector.h"
 #include "stream/check/mesh_check.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"

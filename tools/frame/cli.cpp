@@ -13,7 +13,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/system_reason.h"
 #include "stream/runtime/long_call.h"
 #include "stream/runtime/stop.h"

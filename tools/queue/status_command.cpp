@@ -5,7 +5,6 @@
 
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/queue/job_status.h"
 #include "stream/runtime/memory_budget.h"

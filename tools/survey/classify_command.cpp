@@ -9,7 +9,6 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/formats/points/las_copy.h"
 #include "stream/runtime/memory_budget.h"

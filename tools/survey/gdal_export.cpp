@@ -21,7 +21,6 @@
 #include "octree/vector.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/child_process.h"

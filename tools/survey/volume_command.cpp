@@ -7,7 +7,6 @@
 #include "octree/error.h"
 #include "stream/check/mesh_volume.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/runtime/memory_budget.h"

@@ -181,8 +181,10 @@ class Pruner : public nlohmann::json_sax<nlohmann::json> {
            " values of meshes and nodes: join the meshes before exporting them");
     if (open_.empty()) return &(root = std::move(v));
     Json& parent = *open_.back();
-    if (parent.is_array()) parent.push_back(std::move(v));
-    return &parent.back();
+    if (parent.is_array()) {
+      parent.push_back(std::move(v));
+      return &parent.back();
+    }
     return &(parent[key_] = std::move(v));
   }
 

@@ -12,7 +12,6 @@
 
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
 #include "stream/formats/srgb.h"
 
@@ -169,13 +168,13 @@ std::unique_ptr<MeshWriter> create_glb_mesh(const std::filesystem::path& path, c
   // Counts above the limit would overflow the products below.
   const bool countable = header.vertices <= kMaxBytes && header.faces <= kMaxBytes;
   const std::uint64_t bin = countable ? header.vertices * vertex_bytes(header) + 12 * header.faces : 0;
-  const std::string Json = countable ? document(header) : std::string();
-  if (!countable || 28 + Json.size() + bin > kMaxBytes) {
+  const std::string text = countable ? document(header) : std::string();
+  if (!countable || 28 + text.size() + bin > kMaxBytes) {
     throw UsageError(path.string() + ": GLB ends at 4 GiB, too little for " +
                      std::to_string(header.vertices) + " vertices and " + std::to_string(header.faces) +
                      " faces; write .ply instead");
   }
-  return std::make_unique<GlbMeshWriter>(path, header, Json);
+  return std::make_unique<GlbMeshWriter>(path, header, text);
 }
 
 }  // namespace tessera

@@ -3,7 +3,6 @@
 #include "kernels/decimate/auto_tolerance.h"
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"

@@ -7,7 +7,6 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/serial_stage.h"

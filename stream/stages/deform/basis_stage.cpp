@@ -12,7 +12,6 @@
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/long_call.h"
 #include "stream/runtime/numbers.h"

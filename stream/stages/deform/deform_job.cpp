@@ -3,7 +3,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_stages.h"

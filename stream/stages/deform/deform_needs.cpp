@@ -7,7 +7,6 @@
 #include "kernels/remesh/remesh.h"
 #include "kernels/smooth/smooth.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/import/import_needs.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"

@@ -5,7 +5,6 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/formats/meshes/mesh_io.h"

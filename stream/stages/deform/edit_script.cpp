@@ -8,7 +8,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/json_reader.h"
 #include "stream/runtime/option_table.h"

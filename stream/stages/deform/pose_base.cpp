@@ -12,7 +12,6 @@
 #include "kernels/mesh/face_components.h"
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {

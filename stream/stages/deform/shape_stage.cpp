@@ -3,7 +3,6 @@
 #include "kernels/edit/thin_faces.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/deform/deform_stages.h"

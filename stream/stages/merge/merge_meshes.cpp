@@ -3,7 +3,6 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_runs.h"

@@ -7,7 +7,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_runs.h"
 #include "stream/runtime/numbers.h"

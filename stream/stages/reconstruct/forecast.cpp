@@ -7,7 +7,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/runtime/disk_space.h"
 #include "stream/runtime/memory_budget.h"
 

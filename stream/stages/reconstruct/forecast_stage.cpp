@@ -4,7 +4,6 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/meshes/patch_store.h"
 #include "stream/points/point_inputs.h"
 #include "stream/points/point_store.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"

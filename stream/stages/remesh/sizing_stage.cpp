@@ -9,7 +9,6 @@
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/numbers.h"

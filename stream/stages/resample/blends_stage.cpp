@@ -11,7 +11,6 @@
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/stages/resample/resample_stages.h"
 

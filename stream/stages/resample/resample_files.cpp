@@ -2,7 +2,6 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/path_text.h"
 #include "stream/files/task_files.h"

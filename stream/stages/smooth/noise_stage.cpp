@@ -8,7 +8,6 @@
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/import/import_plan.h"
 #include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/smooth/smooth_stage.h"

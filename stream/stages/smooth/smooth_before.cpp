@@ -5,7 +5,6 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/smooth/smooth_stage.h"
 #include "stream/stages/smooth/untangle_stages.h"

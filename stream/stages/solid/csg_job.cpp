@@ -2,7 +2,6 @@
 
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 

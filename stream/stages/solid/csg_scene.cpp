@@ -7,7 +7,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/solid/csg_job.h"
 

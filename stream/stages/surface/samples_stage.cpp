@@ -10,7 +10,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"

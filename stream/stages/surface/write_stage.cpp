@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/store_write_stage.h"

@@ -4,7 +4,6 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {

@@ -8,7 +8,6 @@
 #include "kernels/decimate/decimate.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_blocking.h"

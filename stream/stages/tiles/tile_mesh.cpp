@@ -10,7 +10,6 @@
 #include <meshoptimizer.h>
 
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/formats/srgb.h"
 
 namespace tessera {

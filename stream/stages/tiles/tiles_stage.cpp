@@ -10,7 +10,6 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_store.h"

@@ -4,7 +4,7 @@
 
 #include "stream/check/compared_before.h"
 #include "stream/check/mesh_compare.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/import/import_mesh.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"

@@ -7,7 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/check/mesh_check.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "tests/helpers/memory_mesh.h"
 
 namespace tessera::mesh_check_test {

@@ -1,5 +1,5 @@
 #include "stream/commands/convert_points.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 #include <sys/wait.h>
 

@@ -6,13 +6,13 @@
 #include <catch2/catch.hpp>
 
 #include "octree/error.h"
-#include "stream/files/json_text.h"
 
 using namespace tessera;
 
 namespace json_test {
 
-TEST_CASE("json: lists of pairs are objects, all others arrays, and members stand in the order of their keys", "[unit]") {
+TEST_CASE("json: lists of pairs are objects, all others arrays, and members stand in the order of their keys",
+          "[unit]") {
   const Json object = {{"b", 1}, {"a", {1, 2.5, "text"}}, {"none", nullptr}, {"yes", true}};
   CHECK(dump_json(object) == R"({"a":[1,2.5,"text"],"b":1,"none":null,"yes":true})");
   CHECK(Json{"a", 1}.is_array());

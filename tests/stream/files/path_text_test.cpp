@@ -1,6 +1,6 @@
 // Names in JSON: whatever bytes they hold comes back.
 #include "stream/files/path_text.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 #include <catch2/catch.hpp>
 

@@ -1,6 +1,6 @@
 #include <catch2/catch.hpp>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/runtime/job.h"
 #include "tests/helpers/toy.h"
 

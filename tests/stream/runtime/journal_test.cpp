@@ -1,5 +1,5 @@
 #include "stream/runtime/journal.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 #include <catch2/catch.hpp>
 #include <fstream>

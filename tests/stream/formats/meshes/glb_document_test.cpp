@@ -1,6 +1,6 @@
 // The JSON of a GLB: what is asked for stays, nothing else costs memory.
 #include "stream/formats/meshes/glb_document.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 #include <catch2/catch.hpp>
 

@@ -1,6 +1,6 @@
 // Meshes far from zero in formats of 32-bit floats: where they count from, what rounding moves, and what it breaks.
 #include "stream/formats/meshes/mesh_precision.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 #include <catch2/catch.hpp>
 

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/stages/coverage/coverage_stage.h"
 #include "stream/stages/coverage/missing_picture.h"
 #include "stream/stages/coverage/seen_stages.h"

@@ -1,6 +1,6 @@
 // What passes of decimation add up in their summaries. The passes themselves run in tests/tools/decimate_test.cpp.
 #include "stream/stages/decimate/simplify_stage.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 #include <catch2/catch.hpp>
 #include <limits>

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 #include "stream/points/brick_histogram.h"
 #include "stream/points/normal_sample.h"
 #include "stream/runtime/numbers.h"

@@ -1,6 +1,6 @@
 // The tree of tiles and its JSON, in one file or in many.
 #include "stream/stages/tiles/tileset.h"
-#include "stream/files/json_text.h"
+#include "stream/files/json.h"
 
 #include <catch2/catch.hpp>
 
