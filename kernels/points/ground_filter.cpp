@@ -53,13 +53,13 @@ constexpr auto kLower = [](std::int32_t a, std::int32_t b) { return std::min(a, 
 constexpr auto kUpper = [](std::int32_t a, std::int32_t b) { return std::max(a, b); };
 
 Heights opened(Heights h, int width, int height, int radius) {
-  window_square(h, width, height, radius, kLower);
-  window_square(h, width, height, radius, kUpper);
+  erode_raster(h, width, height, radius);
+  dilate_raster(h, width, height, radius);
   return h;
 }
 Heights closed(Heights h, int width, int height, int radius) {
-  window_square(h, width, height, radius, kUpper);
-  window_square(h, width, height, radius, kLower);
+  dilate_raster(h, width, height, radius);
+  erode_raster(h, width, height, radius);
   return h;
 }
 
@@ -68,9 +68,9 @@ std::int32_t mean_of(std::int64_t sum, std::int64_t count) {
   return static_cast<std::int32_t>(sum >= 0 ? sum / count : -((count - 1 - sum) / count));
 }
 
-/// Heights where `known`, elsewhere a membrane between them: means of squares of two cells fill from coarse to fine, each level
-/// is relaxed towards the mean of the four cells around. Without any known cell all are zero.
-void fill_membrane(Heights& h, std::vector<std::uint8_t>& known, int width, int height) {
+}  // namespace
+
+void fill_membrane(Heights& h, const std::vector<std::uint8_t>& known, int width, int height) {
   const auto at = [](int u, int v, int w) {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(w) + static_cast<std::size_t>(u);
   };
@@ -121,7 +121,12 @@ void fill_membrane(Heights& h, std::vector<std::uint8_t>& known, int width, int 
   }
 }
 
-}  // namespace
+void dilate_raster(std::vector<std::int32_t>& heights, int width, int height, int radius) {
+  window_square(heights, width, height, radius, kUpper);
+}
+void erode_raster(std::vector<std::int32_t>& heights, int width, int height, int radius) {
+  window_square(heights, width, height, radius, kLower);
+}
 
 GroundSurface find_ground(std::span<const std::int32_t> lowest, int width, int height,
                           const GroundRules& rules) {

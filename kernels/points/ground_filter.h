@@ -42,10 +42,20 @@ struct GroundSurface {
 
 /// A cell's kind depends on nothing farther away than max_window * (max_window + 1) + 2 cells where cells around it were
 /// measured; the membrane over a hole, and what stands in for cells without any measurement, on the rim of the hole.
-/// \param lowest  of every cell, u fastest, kNoGround where nothing was measured; |height| < 2^29  \pre rules are in their ranges
+/// \param lowest  of every cell, u fastest, kNoGround where nothing was measured; |height| <= 2^30  \pre rules are in their ranges
 /// \cost 20 bytes and about 0.2 µs a cell
 GroundSurface find_ground(std::span<const std::int32_t> lowest, int width, int height,
                           const GroundRules& rules);
+
+/// Heights where `known`, elsewhere a membrane between them: means of squares of two cells fill from coarse to fine, each level
+/// is relaxed towards the mean of the four cells around. What fills a hole depends on its rim alone. Without any known cell all
+/// are zero. \param heights  u fastest
+void fill_membrane(std::vector<std::int32_t>& heights, const std::vector<std::uint8_t>& known, int width,
+                   int height);
+
+/// The greatest, the least height of the square of 2 radius + 1 cells around every cell; squares end at the raster.
+void dilate_raster(std::vector<std::int32_t>& heights, int width, int height, int radius);
+void erode_raster(std::vector<std::int32_t>& heights, int width, int height, int radius);
 
 /// Height of the surface at a place, bilinear between the middles of cells; and the height difference up to which a point there
 /// is ground. \param u, v  cells

@@ -274,7 +274,7 @@ std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vecto
         const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
         if (wanted[j] == 0 || model.height[j] == kNoHeight) continue;
         if (std::abs(std::int64_t{model.height[i]} - model.height[j]) >= kBareStep &&
-            (model.use == ModelUse::kSkin ||
+            (model.use != ModelUse::kStandIn ||
              !is_measured(model, {u, v, axis, model.height[i], model.height[j]})))
           out[i] = out[j] = 1;
       }
@@ -285,30 +285,6 @@ std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vecto
 /// The smaller of both slopes where they agree in sign, 0 where not: no overshoot at steps.
 float minmod(float a, float b) {
   return a * b <= 0.0f ? 0.0f : std::fabs(a) < std::fabs(b) ? a : b;
-}
-
-/// \pre at least one point
-PointLayer layer_of(std::span<const ColumnPoint> points) {
-  PointLayer layer;
-  layer.height = points[points.size() / 2].height;
-  std::uint64_t volumetric = 0, coloured = 0;
-  std::array<std::uint64_t, 3> colour{};
-  for (const ColumnPoint& p : points) {
-    volumetric += p.volumetric;
-    if ((p.rgba >> 24) == 0) continue;
-    ++coloured;
-    for (unsigned k = 0; k < 3; ++k) colour[k] += p.rgba >> (8 * k) & 0xff;
-  }
-  // Where there are more than can be told, a share of them, as they are.
-  const std::size_t count = std::min<std::size_t>(points.size(), 0xffff);
-  layer.points = static_cast<std::uint16_t>(count);
-  layer.volumetric = static_cast<std::uint16_t>(volumetric * count / points.size());
-  if (coloured > 0) {
-    layer.rgba = 0xff000000u;
-    for (unsigned k = 0; k < 3; ++k)
-      layer.rgba |= static_cast<std::uint32_t>((colour[k] + coloured / 2) / coloured) << (8 * k);
-  }
-  return layer;
 }
 
 /// \param points  of a column, from above
@@ -372,6 +348,29 @@ void settle_skin(Square s, std::span<const ColumnLayers> layers, SurfaceModel& m
 
 }  // namespace
 
+PointLayer layer_of(std::span<const ColumnPoint> points) {
+  PointLayer layer;
+  layer.height = points[points.size() / 2].height;
+  std::uint64_t volumetric = 0, coloured = 0;
+  std::array<std::uint64_t, 3> colour{};
+  for (const ColumnPoint& p : points) {
+    volumetric += p.volumetric;
+    if ((p.rgba >> 24) == 0) continue;
+    ++coloured;
+    for (unsigned k = 0; k < 3; ++k) colour[k] += p.rgba >> (8 * k) & 0xff;
+  }
+  // Where there are more than can be told, a share of them, as they are.
+  const std::size_t count = std::min<std::size_t>(points.size(), 0xffff);
+  layer.points = static_cast<std::uint16_t>(count);
+  layer.volumetric = static_cast<std::uint16_t>(volumetric * count / points.size());
+  if (coloured > 0) {
+    layer.rgba = 0xff000000u;
+    for (unsigned k = 0; k < 3; ++k)
+      layer.rgba |= static_cast<std::uint32_t>((colour[k] + coloured / 2) / coloured) << (8 * k);
+  }
+  return layer;
+}
+
 void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers) {
   std::sort(points.begin(), points.end(), [](const ColumnPoint& a, const ColumnPoint& b) {
     if (a.column != b.column) return a.column < b.column;
@@ -415,22 +414,21 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, M
   SurfaceModel model;
   model.edge = edge;
   model.use = use;
-  const bool skin = use == ModelUse::kSkin;
+  const bool skin = use != ModelUse::kStandIn;
   const std::size_t n = layers.size();
   model.wall_low.resize(n), model.wall_high.resize(n), model.wall_u.resize(n), model.wall_v.resize(n);
   model.height.resize(n), model.noise.resize(n), model.rgba.resize(n), model.flags.assign(n, 0);
   model.ground.assign(n, kNoHeight), model.ground_rgba.resize(n);
-  std::vector<std::uint8_t> measured(n);
+  std::vector<std::uint8_t> measured(n), hole(n);
   for (std::size_t i = 0; i < n; ++i) {
     model.height[i] = layers[i].top.height, model.rgba[i] = layers[i].top.rgba;
     measured[i] = layers[i].top.height != kNoHeight;
+    hole[i] = measured[i] == 0 || layers[i].synthetic;
     model.wall_low[i] = layers[i].wall_low, model.wall_high[i] = layers[i].wall_high;
     model.wall_u[i] = layers[i].wall_u, model.wall_v[i] = layers[i].wall_v;
   }
   // Columns between samples are no holes: those with nothing all around are.
   const std::vector<std::uint8_t> closed = erode(s, dilate(s, measured, kFillRadius), kFillRadius);
-  std::vector<std::uint8_t> hole(n);
-  for (std::size_t i = 0; i < n; ++i) hole[i] = measured[i] == 0;
   hole = dilate(s, erode(s, hole, 1), 1);
 
   // Strewn points and rough layers against the others.
@@ -452,9 +450,9 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, M
   const std::vector<std::uint8_t> beside = dilate(s, bare_steps(model, measured), kBareMargin);
   std::vector<std::uint8_t> stands(n), unsure(n);
   for (std::size_t i = 0; i < n; ++i) {
-    const bool filled = measured[i] == 0 && closed[i] != 0 && hole[i] != 0;
+    const bool filled = (layers[i].synthetic || measured[i] == 0) && closed[i] != 0 && hole[i] != 0;
     if (filled) model.flags[i] |= kModelFilled;
-    unsure[i] = filled || (strewn[i] != 0 && closed[i] != 0);
+    unsure[i] = filled || layers[i].synthetic || (strewn[i] != 0 && closed[i] != 0);
     stands[i] = unsure[i] != 0 || (beside[i] != 0 && closed[i] != 0);
   }
 
@@ -462,10 +460,10 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, M
   const std::vector<std::uint8_t> near = dilate(s, unsure, kActiveMargin + kFillRounds);
   fill_empty(s, closed, model.height, model.rgba);
   model.height = median5(s, model.height, near);
-  close_pits(s, unsure, model.height);
+  if (use != ModelUse::kGround) close_pits(s, unsure, model.height);
   std::vector<std::int64_t> off(n, 0), counted(n, 0);
   for (std::size_t i = 0; i < n; ++i)
-    if (measured[i] != 0 && near[i] != 0)
+    if (measured[i] != 0 && near[i] != 0 && !layers[i].synthetic)
       off[i] = std::abs(std::int64_t{layers[i].top.height} - model.height[i]), counted[i] = 1;
   off = box_sums(s, off, kNoiseRadius), counted = box_sums(s, counted, kNoiseRadius);
   for (std::size_t i = 0; i < n; ++i)
@@ -482,7 +480,7 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, M
     }
     if (stands[i] != 0) model.flags[i] |= kModelStands;
     if (by_step[i] != 0) model.flags[i] |= kModelStep;
-    if (skin) model.flags[i] |= kModelSkin;
+    if (skin) model.flags[i] |= use == ModelUse::kGround ? kModelSkin | kModelGround : kModelSkin;
   }
   if (skin)
     settle_skin(s, layers, model);
@@ -548,7 +546,9 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
         const std::int64_t rise = std::int64_t{model.height[j]} - model.height[i];
         const Step step = {u, v, axis, model.height[i], model.height[j]};
         const bool tall = std::abs(rise) >= kBareStep, measured = tall && is_measured(model, step);
-        const bool skin = model.use == ModelUse::kSkin;
+        const bool skin = model.use != ModelUse::kStandIn;
+        const bool filled =
+            model.use == ModelUse::kGround && (model.flags[i] & model.flags[j] & kModelFilled) != 0;
         if (!tall && !stands(i) && !stands(j)) continue;
         const std::int64_t lines = std::abs(rise) / (skin ? kSkinStep : kSampleStep);
         const float steep = static_cast<float>(rise) / kQuantaPerCell;
@@ -568,7 +568,7 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
           if (!inside(m)) continue;
           const bool seen = measured && is_measured_at(model, step, m.height);
           if (seen && !skin) continue;
-          m.unseen = tall && !seen;
+          m.unseen = filled || (tall && !seen);
           use(m);
         }
       }

@@ -40,12 +40,16 @@ struct PointLayer {
   std::uint32_t rgba = 0;        ///< mean of the coloured ones
 };
 
-/// What a column shows from above, and what lies lowest in it.
+/// What a column shows from above, and what lies lowest in it; of the ground alone, the terrain.
 struct ColumnLayers {
   PointLayer top, bottom;
   std::int32_t wall_low = 0, wall_high = 0;  ///< where steep surfaces were measured; equal where none
   std::int8_t wall_u = 0, wall_v = 0;        ///< their mean normal across up, 127 = 1
+  bool synthetic = false;  ///< nothing was measured: its top tells where the surface should go on
 };
+
+/// The median height of points and the mean of their colours. \pre at least one; in order of height
+PointLayer layer_of(std::span<const ColumnPoint> points);
 
 /// Of every column the highest and the lowest layer of three cells that hold at least three points of many, two of few: not
 /// the highest point, so that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
@@ -54,15 +58,17 @@ void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> l
 /// What a model and its samples are for.
 enum class ModelUse {
   kStandIn,  ///< for points on no surface of their own; measured walls, and what lies below, are left to their points
-  kSkin,  ///< all that one sees: one height per column, joined by walls, and nothing below
+  kSkin,    ///< all that one sees: one height per column, joined by walls, and nothing below
+  kGround,  ///< a skin too, of layers of the ground alone (terrain.h): no pits in it are closed
 };
 
 /// Bits of SurfaceModel::flags.
 enum ModelFlag : std::uint8_t {
-  kModelStands = 1,  ///< samples of the model stand in for what was measured
-  kModelFilled = 2,  ///< nothing was measured here, but all around
-  kModelStep = 4,    ///< near a step whose wall was not measured; of a skin near any
-  kModelSkin = 8,    ///< the model has a height here, and is a skin
+  kModelStands = 1,   ///< samples of the model stand in for what was measured
+  kModelFilled = 2,   ///< nothing of it was measured here, but all around
+  kModelStep = 4,     ///< near a step whose wall was not measured; of a skin near any
+  kModelSkin = 8,     ///< the model has a height here, and is a skin
+  kModelGround = 16,  ///< that is the ground's: no steep points lie on it, and all show up
 };
 
 /// The model over a square of columns, u fastest.

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdlib>
 #include <vector>
 
 #include "kernels/points/ground_filter.h"
@@ -118,6 +119,34 @@ TEST_CASE("ground filter: a part with its context says of its cells what the who
   for (int v = 0; v < kHeight; ++v)
     for (int u = kFirst; u < kLast; ++u)
       REQUIRE(cut.kind[static_cast<std::size_t>(v * width + u - kFirst + kHalo)] == whole.kind[at(u, v)]);
+}
+
+TEST_CASE("ground filter: a membrane fills a hole from its rim alone, and keeps what is known", "[unit]") {
+  std::vector<std::int32_t> heights = bare();
+  std::vector<std::uint8_t> known(heights.size(), 1);
+  for (int v = 40; v < 60; ++v)
+    for (int u = 50; u < 75; ++u) heights[at(u, v)] = kNoGround, known[at(u, v)] = 0;
+  std::vector<std::int32_t> other = heights;
+  for (int v = 0; v < kHeight; ++v) other[at(5, v)] = 100000;  // far away
+  fill_membrane(heights, known, kWidth, kHeight);
+  fill_membrane(other, known, kWidth, kHeight);
+  const std::vector<std::int32_t> truth = bare();
+  for (int v = 0; v < kHeight; ++v)
+    for (int u = 10; u < kWidth; ++u) {
+      REQUIRE(other[at(u, v)] == heights[at(u, v)]);
+      REQUIRE(std::abs(heights[at(u, v)] - truth[at(u, v)]) <= (known[at(u, v)] != 0 ? 0 : 600));
+    }
+}
+
+TEST_CASE("ground filter: windows spread the greatest and the least height", "[unit]") {
+  std::vector<std::int32_t> heights(kWidth * kHeight, 0);
+  heights[at(20, 30)] = 7;
+  dilate_raster(heights, kWidth, kHeight, 3);
+  CHECK(std::count(heights.begin(), heights.end(), 7) == 49);
+  CHECK(heights[at(23, 27)] == 7);
+  erode_raster(heights, kWidth, kHeight, 2);
+  CHECK(std::count(heights.begin(), heights.end(), 7) == 9);
+  CHECK(heights[at(21, 29)] == 7);
 }
 
 TEST_CASE("ground filter: nothing measured, or nothing at all, is no error", "[unit]") {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "kernels/points/surface_model.h"
+#include "kernels/points/terrain.h"
 #include "tests/helpers/random.h"
 
 namespace surface_model_test {
@@ -259,10 +260,30 @@ TEST_CASE("surface model: smooth bottoms under crowns are ground, ragged ones ar
   }
 }
 
+TEST_CASE("surface model: ground keeps its pits, and synthetic columns are samples that nobody saw",
+          "[unit]") {
+  const auto layers = layers_of([&](int u, int v) {
+    // A ditch below crowns, and a part of a slope on which something stood.
+    ColumnLayers c = column(u >= 78 && u < 84 ? 4.0 : 10.0, in_square(u, v, 70, 90));
+    if (in_square(u, v, 100, 110)) c = column(10.0 + 0.8 * (u - 100)), c.synthetic = true;
+    return c;
+  });
+  const SurfaceModel model = fit_surface_model(layers, kEdge, ModelUse::kGround);
+  CHECK(model.height[model.at(80, 82)] < cells(6));
+  CHECK(fit_surface_model(layers, kEdge, ModelUse::kSkin).height[model.at(80, 82)] > cells(9));
+  CHECK(count_of(model, kModelFilled) == 100);
+  CHECK((model.flags[model.at(75, 75)] & (kModelStands | kModelFilled)) == kModelStands);
+  for (const ModelSample& m : samples_of(model)) {
+    const int u = m.u / kCell, v = m.v / kCell;
+    if (in_square(u, v, 101, 109)) CHECK(m.unseen);
+    if (in_square(u, v, 70, 90) && !m.step) CHECK_FALSE(m.unseen);
+  }
+}
+
 TEST_CASE("surface model: a column depends on nothing beyond the halo", "[property]") {
   // The same scene in a raster and in one shifted by a brick: equal where both know their surroundings.
-  const ModelUse use = GENERATE(ModelUse::kStandIn, ModelUse::kSkin);
-  const auto height = [](int u, int v) {
+  const ModelUse use = GENERATE(ModelUse::kStandIn, ModelUse::kSkin, ModelUse::kGround);
+  const auto height = [use](int u, int v) {
     const std::uint32_t mixed =
         (static_cast<std::uint32_t>(u) * 2654435761u) ^ (static_cast<std::uint32_t>(v) * 40503u);
     const std::uint32_t r = (mixed ^ mixed >> 13) * 2246822519u >> 16;
@@ -270,15 +291,18 @@ TEST_CASE("surface model: a column depends on nothing beyond the halo", "[proper
     const bool crown = (u / 23 + v / 17) % 3 == 0;
     ColumnLayers c = column((crown ? 30 : 3) + (r % 100) * (crown ? 0.05 : 0.002), crown && r % 5 != 0);
     c.bottom = column(3 + (r % 7) * 0.01, crown).bottom;
+    c.synthetic = u / 31 % 4 == 0 && use == ModelUse::kGround;
     return c;
   };
   constexpr int kWide = 4 * kBrickCells;
   std::vector<ColumnLayers> wide;
   for (int v = 0; v < kWide; ++v)
     for (int u = 0; u < kWide; ++u) wide.push_back(height(u, v));
+  std::vector<ColumnLayers> narrow =
+      layers_of([&](int u, int v) { return height(u + kBrickCells, v + kBrickCells); });
+  if (use == ModelUse::kGround) follow_measured(wide, kWide), follow_measured(narrow, kEdge);
   const SurfaceModel all = fit_surface_model(wide, kWide, use);
-  const SurfaceModel part = fit_surface_model(
-      layers_of([&](int u, int v) { return height(u + kBrickCells, v + kBrickCells); }), kEdge, use);
+  const SurfaceModel part = fit_surface_model(narrow, kEdge, use);
   std::uint64_t stands = 0;
   for (int v = kBrickCells; v < 2 * kBrickCells; ++v)
     for (int u = kBrickCells; u < 2 * kBrickCells; ++u) {

@@ -1,0 +1,224 @@
+#include "kernels/points/terrain.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdlib>
+#include <limits>
+
+namespace tessera {
+namespace {
+
+/// Of follow_measured(): each takes the mean of the neighbours of the round before, then sweeps even that out.
+constexpr int kGrowRounds = 14;
+/// Cells on either side of the widest window at rims.
+constexpr int kRimWindow = 4;
+
+/// Colours of the cells whose ground was seen, spread over the others as heights are.
+void spread_colours(std::span<const TerrainCell> cells, int width, int height,
+                    std::vector<TerrainNode>& nodes) {
+  constexpr int kShift = 8;  // parts of a shade, so that a membrane between near ones is smooth
+  std::vector<std::uint8_t> coloured(cells.size());
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    coloured[i] = (nodes[i].flags & kTerrainSeen) != 0 && (cells[i].rgba >> 24) != 0;
+  if (std::find(coloured.begin(), coloured.end(), 1) == coloured.end()) return;
+  std::vector<std::int32_t> shade(cells.size());
+  for (TerrainNode& node : nodes) node.rgba = 0xff000000u;
+  for (unsigned channel = 0; channel < 24; channel += 8) {
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      shade[i] = static_cast<std::int32_t>(cells[i].rgba >> channel & 0xff) << kShift;
+    fill_membrane(shade, coloured, width, height);
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      nodes[i].rgba |= static_cast<std::uint32_t>(shade[i] >> kShift & 0xff) << channel;
+  }
+}
+
+/// Takes out what stands at the rim of the scan or of a hole: beyond it the ground filter goes on at its height, as it must on a
+/// slope, and no window reaches around it. Windows that see measured cells alone do, small ones, since they cut slopes there too.
+void drop_rim_objects(std::vector<std::int32_t>& lowest, int width, int height, const GroundRules& rules) {
+  constexpr std::int32_t kHighest = std::numeric_limits<std::int32_t>::max();
+  std::vector<std::uint8_t> stands(lowest.size(), 0);
+  std::vector<std::int32_t> surface = lowest;
+  for (int radius = 1; radius <= std::min(kRimWindow, rules.max_window); ++radius) {
+    std::vector<std::int32_t> open = surface;
+    for (std::int32_t& h : open) h = h == kNoGround ? kHighest : h;
+    erode_raster(open, width, height, radius);
+    for (std::size_t i = 0; i < open.size(); ++i)
+      if (lowest[i] == kNoGround) open[i] = kNoGround;
+    dilate_raster(open, width, height, radius);
+    const auto most = static_cast<std::int64_t>(rules.slope * radius * rules.cell + 0.5);
+    for (std::size_t i = 0; i < lowest.size(); ++i) {
+      if (lowest[i] == kNoGround) continue;
+      stands[i] = stands[i] != 0 || std::int64_t{surface[i]} - open[i] > most;
+      surface[i] = open[i];
+    }
+  }
+  for (std::size_t i = 0; i < lowest.size(); ++i)
+    if (stands[i] != 0) lowest[i] = kNoGround;
+}
+
+/// Cells inside the outline of what was measured, whose holes no wider than the window count, and so do all cells around them.
+void mark_inside(std::span<const TerrainCell> cells, int width, int height, int max_window,
+                 std::vector<TerrainNode>& nodes) {
+  std::vector<std::int32_t> inside(nodes.size());
+  for (std::size_t i = 0; i < nodes.size(); ++i) inside[i] = cells[i].lowest != kNoGround;
+  dilate_raster(inside, width, height, max_window);
+  erode_raster(inside, width, height, max_window + 1);
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    if (inside[i] != 0) nodes[i].flags |= kTerrainInside;
+}
+
+}  // namespace
+
+void find_terrain_cells(std::span<ColumnPoint> points, int cell_columns, std::int32_t depth,
+                        std::span<TerrainCell> cells) {
+  const int shift = std::countr_zero(static_cast<unsigned>(cell_columns)), row = kBrickBits - shift;
+  const auto cell = [&](const ColumnPoint& p) {
+    return (p.column >> (kBrickBits + shift)) << row | (p.column & (kBrickCells - 1)) >> shift;
+  };
+  std::sort(points.begin(), points.end(), [&](const ColumnPoint& a, const ColumnPoint& b) {
+    const int first = cell(a), second = cell(b);
+    return first != second ? first < second : a.height < b.height;
+  });
+  for (std::size_t first = 0; first < points.size();) {
+    const int at = cell(points[first]);
+    const std::int64_t top = std::int64_t{points[first].height} + depth;
+    std::size_t low = first, end = first;
+    for (; end < points.size() && cell(points[end]) == at; ++end)
+      if (points[end].height <= top) low = end + 1;
+    const PointLayer layer = layer_of(points.subspan(first, low - first));
+    cells[static_cast<std::size_t>(at)] = {points[first].height, layer.height, layer.rgba};
+    first = end;
+  }
+}
+
+std::vector<TerrainNode> fit_terrain(std::span<const TerrainCell> cells, int width, int height,
+                                     const GroundRules& rules) {
+  std::vector<std::int32_t> heights(cells.size());
+  for (std::size_t i = 0; i < cells.size(); ++i) heights[i] = cells[i].lowest;
+  drop_rim_objects(heights, width, height, rules);
+  const GroundSurface found = find_ground(heights, width, height, rules);
+  std::vector<TerrainNode> nodes(cells.size());
+  std::vector<std::uint8_t> known(cells.size());
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    known[i] = found.kind[i] == kGroundMeasured;
+    if (known[i] != 0) heights[i] = cells[i].level;
+    nodes[i].flags = known[i] != 0 ? kTerrainSeen : cells[i].lowest == kNoGround ? 0u : kTerrainStands;
+  }
+  fill_membrane(heights, known, width, height);
+  for (std::size_t i = 0; i < cells.size(); ++i) nodes[i].level = heights[i];
+  heights = {};
+  mark_inside(cells, width, height, rules.max_window, nodes);
+  spread_colours(cells, width, height, nodes);
+  return nodes;
+}
+
+int terrain_halo(const GroundRules& rules) {
+  return rules.max_window * (rules.max_window + 1) + 2 + kRimWindow * (kRimWindow + 1);
+}
+
+BrickTerrain::BrickTerrain(std::span<const TerrainNode> nodes, const GroundRules& rules)
+    : rules_(rules), nodes_(nodes.begin(), nodes.end()) {
+  if (!known()) return;
+  surface_.width = surface_.height = edge(rules);
+  for (const TerrainNode& node : nodes_) surface_.ground.push_back(node.level);
+}
+
+GroundAt BrickTerrain::at(int u, int v) const {
+  const double cells = static_cast<double>(kQuantaPerCell) / rules_.cell;
+  return ground_at(surface_, rules_, 1.0 + (u + 0.5) * cells, 1.0 + (v + 0.5) * cells);
+}
+
+std::uint32_t BrickTerrain::rgba(int u, int v) const {
+  // In half columns from the middle of the first node on: whole numbers.
+  const int span = 2 * rules_.cell / kQuantaPerCell, x = span / 2 + 2 * u + 1, y = span / 2 + 2 * v + 1;
+  const int s = x % span, t = y % span;
+  const auto at = [&](int i, int j) {
+    return nodes_[static_cast<std::size_t>((y / span + j) * surface_.width + x / span + i)].rgba;
+  };
+  std::uint32_t out = 0xff000000u;
+  for (unsigned channel = 0; channel < 24; channel += 8) {
+    const auto shade = [&](int i, int j) { return static_cast<int>(at(i, j) >> channel & 0xff); };
+    const int low = shade(0, 0) * (span - s) + shade(1, 0) * s,
+              high = shade(0, 1) * (span - s) + shade(1, 1) * s;
+    out |= static_cast<std::uint32_t>((low * (span - t) + high * t) / (span * span)) << channel;
+  }
+  return (at(0, 0) >> 24) != 0 ? out : 0;
+}
+
+const TerrainNode& BrickTerrain::node(int u, int v) const {
+  const int columns = rules_.cell / kQuantaPerCell;
+  return nodes_[static_cast<std::size_t>((v / columns + 1) * surface_.width + u / columns + 1)];
+}
+
+void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
+                        std::span<ColumnLayers> layers) {
+  constexpr std::size_t kColumns = std::size_t{kBrickCells} * kBrickCells;
+  std::vector<std::int32_t> height(kColumns), reach(kColumns);
+  for (int v = 0; v < kBrickCells; ++v)
+    for (int u = 0; u < kBrickCells; ++u) {
+      const GroundAt ground = terrain.at(u, v);
+      const auto i = static_cast<std::size_t>(v * kBrickCells + u);
+      height[i] = static_cast<std::int32_t>(ground.height);
+      reach[i] = static_cast<std::int32_t>(std::min<double>(ground.tolerance, kQuantaPerCell << kBrickBits));
+    }
+  std::vector<std::uint8_t> seen(kColumns, 0);
+  for (const ColumnPoint& p : points) seen[p.column] = 1;
+  const auto above = std::partition(points.begin(), points.end(), [&](const ColumnPoint& p) {
+    return !p.steep && std::abs(std::int64_t{p.height} - height[p.column]) <= reach[p.column];
+  });
+  find_column_layers({points.begin(), above}, layers);
+  for (int v = 0; v < kBrickCells; ++v)
+    for (int u = 0; u < kBrickCells; ++u) {
+      const auto i = static_cast<std::size_t>(v * kBrickCells + u);
+      ColumnLayers& column = layers[i];
+      const TerrainNode& node = terrain.node(u, v);
+      if (column.bottom.height != kNoHeight) {
+        column.top = column.bottom;
+      } else if (seen[i] != 0 || (node.flags & kTerrainInside) != 0) {
+        column.top = {height[i], 0, 0, terrain.rgba(u, v)};
+        column.synthetic = true;
+      }
+      column.bottom = {height[i], 0, 0, 0};
+    }
+}
+
+void follow_measured(std::span<ColumnLayers> layers, int edge) {
+  const auto row = static_cast<std::ptrdiff_t>(edge);
+  const std::array<std::ptrdiff_t, 4> around = {-row, -1, 1, row};
+  std::vector<std::size_t> columns;  // synthetic
+  std::vector<std::int32_t> off(layers.size(), kNoHeight);
+  for (int v = 0; v < edge; ++v)
+    for (int u = 0; u < edge; ++u) {
+      const auto i = static_cast<std::size_t>(v * edge + u);
+      if (layers[i].top.height == kNoHeight) continue;
+      if (!layers[i].synthetic)
+        off[i] = layers[i].top.height - layers[i].bottom.height;
+      else if (u > 0 && v > 0 && u + 1 < edge && v + 1 < edge)
+        columns.push_back(i);
+    }
+  std::vector<std::int32_t> next(columns.size());
+  for (int round = 0; round < kFollowColumns; ++round) {
+    const bool grows = round < kGrowRounds;
+    const std::int64_t before =
+        kGrowRounds - round;  // what is left of a measured one at the last round is nothing
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      next[c] = off[columns[c]];
+      if (grows == (next[c] != kNoHeight)) continue;
+      std::int64_t sum = 0, count = 0;
+      for (const std::ptrdiff_t d : around) {
+        const std::int32_t near = off[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(columns[c]) + d)];
+        if (near == kNoHeight) continue;
+        sum += near;
+        ++count;
+      }
+      if (count > 0)
+        next[c] = static_cast<std::int32_t>(grows ? sum * (before - 1) / (count * before) : sum / count);
+    }
+    for (std::size_t c = 0; c < columns.size(); ++c) off[columns[c]] = next[c];
+  }
+  for (const std::size_t i : columns)
+    if (off[i] != kNoHeight) layers[i].top.height += off[i];
+}
+
+}  // namespace tessera

@@ -1,0 +1,84 @@
+/// \file terrain.h
+/// The bare terrain of a scan seen from above (a digital terrain model): what lies lowest in cells of several columns, the
+/// ground that is found among them (ground_filter.h) with a membrane below whatever stands, and what it leaves of the points of
+/// a brick column: layers of ground, and columns in which none was seen. Heights are quanta along up, integers, so the result
+/// is the same on every machine.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "kernels/points/ground_filter.h"
+#include "kernels/points/surface_model.h"
+
+namespace tessera {
+
+/// What lies lowest in a cell.
+struct TerrainCell {
+  std::int32_t lowest = kNoGround;  ///< kNoGround without a point
+  std::int32_t level =
+      kNoGround;  ///< median height of the points close above the lowest, without the low bias of that
+  std::uint32_t rgba = 0;  ///< mean of their colours
+};
+
+/// Cells of a brick column. \param points  get sorted \param cell_columns  along the edge of a cell, divides kBrickCells
+/// \param depth  points no higher above the lowest make the level \param cells  of the brick column, u fastest
+void find_terrain_cells(std::span<ColumnPoint> points, int cell_columns, std::int32_t depth,
+                        std::span<TerrainCell> cells);
+
+/// Bits of TerrainNode::flags.
+enum TerrainFlag : std::uint32_t {
+  kTerrainSeen = 1,    ///< ground was measured in this cell
+  kTerrainStands = 2,  ///< what was measured stands on it, or lies below as a pit does
+  kTerrainInside =
+      4,  ///< here and in the cells around something was measured, or they lie in holes no wider than the window
+};
+
+/// The terrain at the middle of a cell.
+struct TerrainNode {
+  std::int32_t level = kNoGround;
+  std::uint32_t rgba = 0;
+  std::uint32_t flags = 0;
+};
+
+/// The terrain over a raster of cells, u fastest: ground where SMRF finds it, elsewhere a membrane between its levels.
+/// A node depends on no cell farther away than terrain_halo(), but for membranes over holes wider than that.
+/// \cost 48 bytes and half a µs a cell
+std::vector<TerrainNode> fit_terrain(std::span<const TerrainCell> cells, int width, int height,
+                                     const GroundRules& rules);
+int terrain_halo(const GroundRules& rules);
+
+/// The terrain below one brick column.
+class BrickTerrain {
+ public:
+  /// \param nodes  of its cells and of those around it, u fastest; none = nothing is known here
+  BrickTerrain(std::span<const TerrainNode> nodes, const GroundRules& rules);
+
+  /// Nodes of a brick column with those around it, along an edge.
+  static int edge(const GroundRules& rules) { return kBrickCells * kQuantaPerCell / rules.cell + 2; }
+  bool known() const { return !nodes_.empty(); }
+  /// Height at the middle of a column, and how far from it ground lies. \pre known()
+  GroundAt at(int u, int v) const;
+  /// Colour there, between those of the nodes; alpha 0 without.
+  std::uint32_t rgba(int u, int v) const;
+  const TerrainNode& node(int u, int v) const;  ///< of the cell that holds a column
+
+ private:
+  GroundRules rules_;
+  GroundSurface surface_;
+  std::vector<TerrainNode> nodes_;
+};
+
+/// Layers of the ground alone: the lowest one of every column that has points near the terrain, no steep ones as at the foot of
+/// walls, is its top; columns with other
+/// points, and those inside, get a synthetic one on the terrain; all others none. The bottom is the terrain. \pre terrain.known()
+/// \param points  get sorted \param layers  kBrickCells^2, u fastest
+void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
+                        std::span<ColumnLayers> layers);
+
+/// Synthetic layers come off the terrain towards measured ones up to kFollowColumns away, since cells are coarser than columns.
+/// A layer depends on nothing farther away: with what its model depends on it stays within kSurfaceModelHalo. \param layers  edge^2 of find_ground_layers(), u fastest
+inline constexpr int kFollowColumns = 22;
+void follow_measured(std::span<ColumnLayers> layers, int edge);
+
+}  // namespace tessera
