@@ -50,6 +50,7 @@ void run_reconstruct(const ReconstructOptions& options, JobState state, const st
                cost_text(report));
     cli::print_tolerance(report);
     cli::print_smoothing(report);
+    if (const std::string ground = ground_text(report); !ground.empty()) fmt::print("{}\n", ground);
     if (const std::string coverage = coverage_text(report); !coverage.empty())
       fmt::print("{}{}\n", coverage,
                  report.at("coverage").at("picture") == true

@@ -159,7 +159,9 @@ std::string completeness(const Json& report, const PageParts& parts) {
       "columns seen from above",
       fmt::format("{}, squares of {} that hold at least four points, have no mesh",
                   missing("/columns_missing", "/columns"), number_text(number_at(coverage, "/column_edge"))));
-  std::string body = html::paragraph(said + ".") + html::table(rows);
+  std::string body = html::paragraph(said + ".");
+  if (const std::string ground = ground_text(report); !ground.empty()) body += html::paragraph(ground + ".");
+  body += html::table(rows);
   if (!parts.missing.empty())
     body += html::picture(
         parts.missing, "The scan from above, in magenta where its mesh lacks what was seen",

@@ -65,6 +65,13 @@ std::string coverage_text(const Json& report) {
   return text;
 }
 
+std::string ground_text(const Json& report) {
+  const Json& share = value_at(report, "/ground/unseen_share");
+  if (!share.is_number()) return "";
+  return fmt::format("{:.1f} % of the ground was not seen: a membrane, marked as synthetic, stands for it",
+                     100.0 * std::clamp(share.get<double>(), 0.0, 1.0));
+}
+
 std::string count_text(const Json& value) {
   if (is_count(value)) return with_commas(value.get<std::uint64_t>());
   return value.is_number() ? number_text(value.get<double>()) : "";

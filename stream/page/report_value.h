@@ -21,6 +21,8 @@ const Json& stage_result(const Json& report, const std::string& stage);
 /// Of `coverage` in the report of a reconstruction: "99.30 % of what was seen is in the mesh, seen from above 99.99 %"; empty
 /// where it was not measured. Nothing is 100 % of which a part is missing.
 std::string coverage_text(const Json& report);
+/// Of `ground`: how much of the terrain is a membrane; empty where the product is another.
+std::string ground_text(const Json& report);
 
 std::string count_text(const Json& value);  ///< 1,234,567
 std::string bytes_text(const Json& value);  ///< 1.50 GiB

@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kPlanVersion = 5;
+constexpr int kPlanVersion = 6;
 constexpr PackedKind kBricksKind = {"TSBRICK3", "a brick list"};
 
 constexpr std::pair<const char*, std::uint64_t PointDispositions::*> kDispositions[] = {
@@ -35,6 +35,7 @@ Json Plan::to_json() const {
   j["origin_brick"] = lattice.origin_brick;
   j["radius_cells"] = radius_cells;
   j["noise_cells"] = noise_cells;
+  j["metres"] = metres;
   j["spacing"] = spacing;
   j["auto_resolution"] = auto_resolution;
   j["resolution_reason"] = resolution_reason;
@@ -75,6 +76,7 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("origin_brick").get_to(p.lattice.origin_brick);
     j.at("radius_cells").get_to(p.radius_cells);
     j.at("noise_cells").get_to(p.noise_cells);
+    j.at("metres").get_to(p.metres);
     j.at("spacing").get_to(p.spacing);
     j.at("auto_resolution").get_to(p.auto_resolution);
     j.at("resolution_reason").get_to(p.resolution_reason);

@@ -50,6 +50,7 @@ struct Plan {
   Lattice lattice;
   double radius_cells = 3.0;  ///< support radius in cells, within [1, 4]
   double noise_cells = 0.0;   ///< standard deviation of the points along the normal, in cells
+  double metres = 0.0;        ///< of a unit of the scan; 0 = it does not say
   double spacing = 0.0;  ///< measured distance to the next sample (high percentile), scan units; 0 = unknown
   bool auto_resolution = false;  ///< h was chosen by measurement
   std::string resolution_reason = "given";

@@ -20,6 +20,11 @@ inline constexpr const char* kScanPointFolder = "points";
 inline constexpr const char* kSurfacePointFolder = "surface_points";
 inline constexpr const char* kPointExtension = ".tsp";
 
+/// Sample of the points on a surface beyond doubt: Int3 in quanta, canonical order of points.
+inline constexpr const char* kSeenSampleFile = "seen/sample.bin";
+/// Those of them on the ground, in jobs whose mesh is that alone: then they are what is held against it.
+inline constexpr const char* kSeenGroundFile = "seen/ground.bin";
+
 inline constexpr PackedKind kPointFile = {"TSPOINT2", "a point file"};
 
 /// One brick of the store, as the table of its file has it.

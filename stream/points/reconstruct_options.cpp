@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
+#include <utility>
 
 #include "kernels/decimate/auto_tolerance.h"
 #include "octree/error.h"
@@ -44,6 +45,16 @@ void validate_levels(const ReconstructOptions& o) {
            "a surface model stands in for strewn points in lattices of one cell size only");
   if (o.reference == "points")
     refuse("--reference points", "points are measured in lattices of one cell size only");
+}
+
+/// \throws UsageError for options of a product that is not wanted
+void validate_ground(const ReconstructOptions& o) {
+  const ReconstructOptions defaults;
+  for (const auto& [name, given] : {std::pair{"--ground-slope", o.ground_slope != defaults.ground_slope},
+                                    {"--ground-window", o.ground_window != defaults.ground_window},
+                                    {"--ground-threshold", o.ground_threshold != defaults.ground_threshold}})
+    if (given && o.surface != "ground")
+      throw UsageError(std::string(name) + ": means something with --surface ground only");
 }
 
 /// \throws UsageError for what excludes one product of a scene from above
@@ -133,8 +144,19 @@ OptionTable option_table(ReconstructOptions& o) {
         "digital "
         "surface model), a height everywhere and walls at its steps, nothing below crowns, eaves and roofs; "
         "faces of it that nobody saw are marked (`synthetic` in PLY), e.g. reconstruct town.laz -o dsm.ply "
-        "--surface top")
-      .one_of({"all", "top"});
+        "--surface top; ground: the bare terrain (a digital terrain model) without crowns, buildings and "
+        "cars, one skin too, with a smooth membrane, marked, where they stood")
+      .one_of({"all", "top", "ground"});
+  t.add("ground-slope", &o.ground_slope,
+        "with --surface ground: steepest ground, rise over run: steeper steps are objects")
+      .within(0, 10);
+  t.add("ground-window", &o.ground_window,
+        "with --surface ground: half the width of the widest object to take away, scan units; 0 = 18 m")
+      .at_least(0);
+  t.add("ground-threshold", &o.ground_threshold,
+        "with --surface ground: distance from the terrain up to which points of level ground are ground, "
+        "scan units; 0 = 0.5 m")
+      .at_least(0);
   t.add(
        "normals", &o.normals,
        "auto: given normals where at least half of the points have one, those of rows and columns (E57, PTX) "
@@ -223,6 +245,7 @@ void ReconstructOptions::validate() {
   max_hole_edges();
   if (has_levels()) validate_levels(*this);
   if (surface != "all") validate_surface(*this);
+  validate_ground(*this);
   PointFilter{*this};
   if (!clip.empty()) clip_rings = ClipPolygon::text_of_file(clip);
   if (!crs.empty()) crs = crs_text(crs, "--crs");

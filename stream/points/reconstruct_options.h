@@ -22,6 +22,9 @@ struct ReconstructOptions {
   std::string outliers = "auto";
   std::string vegetation = "auto";
   std::string surface = "all";
+  double ground_slope = 0.15;
+  double ground_window = 0.0;     ///< 18 m
+  double ground_threshold = 0.0;  ///< 0.5 m
   std::string normals = "auto";
   std::vector<Double3> viewpoints;
   std::string from = "auto";

@@ -37,7 +37,8 @@ std::string covered_part(std::size_t task) {
 
 std::vector<Int3> load_sample(const std::filesystem::path& work) {
   std::vector<Int3> sample;
-  for_each_page<Int3>(work / kSeenSampleFile, kCoveragePage,
+  const bool ground = std::filesystem::exists(work / kSeenGroundFile);
+  for_each_page<Int3>(work / (ground ? kSeenGroundFile : kSeenSampleFile), kCoveragePage,
                       [&](std::span<const Int3> q) { sample.insert(sample.end(), q.begin(), q.end()); });
   return sample;
 }

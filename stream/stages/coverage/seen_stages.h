@@ -30,8 +30,6 @@ struct SeenScan {
 };
 
 inline constexpr const char* kSeenColumnsFile = "seen/columns.bin";  ///< ColumnMask, ascending key
-inline constexpr const char* kSeenSampleFile =
-    "seen/sample.bin";  ///< Int3 in quanta, canonical order of points
 
 /// What finding the spacing takes at most, and a task of bricks [first, last), and its end.
 std::uint64_t seen_spacing_bytes(std::span<const BrickEntry> bricks);

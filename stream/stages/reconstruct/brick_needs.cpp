@@ -1,15 +1,19 @@
 #include "stream/stages/reconstruct/brick_needs.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <set>
 #include <utility>
 
+#include "kernels/points/terrain.h"
 #include "stream/points/multipole_store.h"
 #include "stream/points/top_store.h"
 #include "stream/stages/coverage/coverage_stage.h"
 #include "stream/stages/coverage/seen_stages.h"
 #include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/reconstruct/forecast_rates.h"
+#include "stream/stages/scan/ground_stages.h"
 #include "stream/stages/scan/top_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/surface_stage.h"
@@ -54,24 +58,70 @@ std::uint64_t planned_coverage_bytes(bool stored, const PatchEntry& largest, std
                                                          largest.faces, filling_bytes));
 }
 
-TopNeeds planned_top_needs(const RunOptions& run, const ReconstructOptions& options,
-                           std::span<const BrickEntry> bricks) {
-  const ViewAxes axes = ViewAxes::along(options.up.value_or(Double3{0, 0, 1}));
-  const bool skin = options.surface == "top";
-  const ModelUse use = skin ? ModelUse::kSkin : ModelUse::kStandIn;
-  const int edge = top_group_columns(run, use);
-  std::map<std::pair<int, int>, std::uint64_t> columns;
-  std::set<std::pair<int, int>> groups;
-  std::uint64_t brick = 0, column = 0;
-  for (const BrickEntry& b : bricks) {
-    const Int3 at = brick_of_key(b.key);
-    std::uint64_t& points = columns[{at[axes.u], at[axes.v]}];
-    points += b.points;
-    column = std::max(column, points), brick = std::max(brick, b.points);
-    groups.emplace(at[axes.u] / edge, at[axes.v] / edge);
+namespace {
+
+/// Brick columns of a plan, by the axes as one sees them from above.
+struct PlannedColumns {
+  std::uint64_t fullest_brick = 0, fullest = 0;  ///< points
+  std::map<std::pair<int, int>, std::uint64_t> points;
+  std::int64_t width = 0, height = 0;  ///< of all
+
+  PlannedColumns(const ViewAxes& axes, std::span<const BrickEntry> bricks) {
+    if (bricks.empty()) return;
+    const Int3 first = brick_of_key(bricks.front().key);
+    std::array<int, 2> low = {first[axes.u], first[axes.v]}, high = low;
+    for (const BrickEntry& b : bricks) {
+      const Int3 at = brick_of_key(b.key);
+      const std::array<int, 2> place = {at[axes.u], at[axes.v]};
+      std::uint64_t& column = points[{place[0], place[1]}];
+      column += b.points;
+      fullest = std::max(fullest, column), fullest_brick = std::max(fullest_brick, b.points);
+      for (std::size_t a = 0; a < 2; ++a)
+        low[a] = std::min(low[a], place[a]), high[a] = std::max(high[a], place[a]);
+    }
+    width = high[0] - low[0] + 1, height = high[1] - low[1] + 1;
   }
-  return {groups.size(), top_task_bytes(edge, column, brick, use),
-          top_points_task_bytes(brick, (skin ? 2 : 1) * kBrickSamples)};
+};
+
+/// \returns what they keep on disk
+std::uint64_t forecast_ground(const GroundSetup& setup, const PlannedColumns& columns, double points,
+                              double moved, ForecastList& list) {
+  const std::uint64_t tasks = ground_tasks(setup, columns.width, columns.height);
+  const auto edge = static_cast<std::uint64_t>(kBrickCells / setup.cell_columns);
+  const std::uint64_t cells = columns.points.size() * edge * edge * sizeof(TerrainCell);
+  const std::uint64_t nodes = columns.points.size() * (edge + 2) * (edge + 2) * sizeof(TerrainNode);
+  const std::uint64_t block = ground_task_bytes(setup, columns.width, columns.height);
+  list.add("ground-cells", columns.points.size() / kGroundTaskColumns + 1,
+           {ground_cells_task_bytes(columns.fullest, columns.fullest_brick), 0, 0}, cells,
+           columns.points.size() / kGroundTaskColumns + 1, points * rates::kGroundCellsTime, moved);
+  list.add("ground", tasks, {block, ground_finish_bytes(columns.points.size()), block}, nodes, tasks,
+           static_cast<double>(tasks * block) * rates::kGroundTime, static_cast<double>(cells + nodes));
+  return cells + nodes;
+}
+
+}  // namespace
+
+std::uint64_t forecast_top(const RunOptions& run, const ReconstructOptions& options, const Plan& plan,
+                           std::span<const BrickEntry> bricks, std::uint64_t points_bytes,
+                           std::uint64_t overlay_bytes, ForecastList& list) {
+  const PlannedColumns columns(ViewAxes::along(options.up.value_or(Double3{0, 0, 1})), bricks);
+  const auto points = static_cast<double>(plan.points());
+  const auto read = static_cast<double>(points_bytes + overlay_bytes);
+  const ModelUse use = model_use(options);
+  const bool skin = use != ModelUse::kStandIn;
+  std::uint64_t disk = 0;
+  if (use == ModelUse::kGround)
+    disk = forecast_ground(ground_setup(options, plan), columns, points, read, list);
+  const int edge = top_group_columns(run, use);
+  std::set<std::pair<int, int>> groups;
+  for (const auto& [at, n] : columns.points) groups.emplace(at.first / edge, at.second / edge);
+  const auto top = static_cast<std::uint64_t>(points * (skin ? rates::kSkinBytes : rates::kTopBytes));
+  list.add("top", groups.size(), {top_task_bytes(edge, columns.fullest, columns.fullest_brick, use), 0, 0},
+           top, groups.size(), points * rates::kTopTime, read);
+  list.add("top-points", plan.buckets.size(),
+           {top_points_task_bytes(columns.fullest_brick, (skin ? 2 : 1) * kBrickSamples), 0, 0}, points_bytes,
+           plan.buckets.size(), points * rates::kTopPointsTime, read + static_cast<double>(points_bytes));
+  return disk + top;
 }
 
 bool may_have_top(const ReconstructOptions& options) {

@@ -155,12 +155,7 @@ class Composer {
     add("orient", buckets, {orient.task, orient.finish, block_orientation_bytes(0, 0, 0, 0)}, 0, buckets,
         points_ * kOrientTime, overlay);
     if (!may_have_top(options_)) return;
-    const TopNeeds top = planned_top_needs(run_, options_, bricks_);
-    const auto read = static_cast<double>(store_bytes_ + overlay_bytes_);
-    top_bytes_ = times(points_, options_.surface == "top" ? kSkinBytes : kTopBytes);
-    add("top", top.tasks, {top.task_bytes, 0, 0}, top_bytes_, top.tasks, points_ * kTopTime, read);
-    add("top-points", buckets, {top.points_task_bytes, 0, 0}, store_bytes_, buckets, points_ * kTopPointsTime,
-        read + static_cast<double>(store_bytes_));
+    top_bytes_ = forecast_top(run_, options_, plan_, bricks_, store_bytes_, overlay_bytes_, list_);
   }
 
   /// \returns what it leaves on disk

@@ -24,8 +24,10 @@ inline constexpr double kLinksTime = 0.15;
 inline constexpr double kOrientTime = 0.25;
 inline constexpr double kTopTime = 0.45;  // of scenes from above
 inline constexpr double kTopPointsTime = 0.07;
-inline constexpr double kTopBytes = 10.0;   // model and samples, of a forest
-inline constexpr double kSkinBytes = 18.0;  // of a skin
+inline constexpr double kGroundCellsTime = 0.2;
+inline constexpr double kGroundTime = 0.012;  // per byte of its blocks
+inline constexpr double kTopBytes = 10.0;     // model and samples, of a forest
+inline constexpr double kSkinBytes = 18.0;    // of a skin
 /// Per face. Noisy samples are fitted again with wider radii, and look for sheets and creases that noise only feigns.
 constexpr double surface_time(double noise_cells) {
   return 0.42 + 2.2 * std::min(1.0, noise_cells / 0.05);

@@ -4,6 +4,8 @@
 #include "stream/files/json.h"
 #include "stream/runtime/report.h"
 
+#include <algorithm>
+
 #include "stream/files/path_text.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_stages.h"
@@ -16,6 +18,7 @@
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/reconstruct/forecast_stage.h"
 #include "stream/stages/scan/distribute_stage.h"
+#include "stream/stages/scan/ground_stages.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/order_stage.h"
 #include "stream/stages/scan/probe_stage.h"
@@ -43,6 +46,15 @@
 namespace tessera {
 namespace {
 
+/// Of the terrain: its cells, and how much of it is a membrane below what stood there.
+Json ground_figures(const Json& ground, const Json& top) {
+  const auto columns = top.at("skin_columns").get<std::uint64_t>();
+  const auto unseen = top.at("filled_columns").get<std::uint64_t>();
+  const double share = columns > 0 ? static_cast<double>(unseen) / static_cast<double>(columns) : 0.0;
+  return {{"cell", ground.at("cell")}, {"window", ground.at("window")}, {"slope", ground.at("slope")},
+          {"columns", columns},        {"unseen_columns", unseen},      {"unseen_share", share}};
+}
+
 void summarise(Json& report) {
   const Json survey = result_of(report, "survey");
   if (survey.is_object() && survey.contains("points")) report["points"] = survey.at("points").at("read");
@@ -57,6 +69,9 @@ void summarise(Json& report) {
                                   : normals.value("estimated", false)    ? "estimated"
                                   : survey.value("grid_normals", false)  ? "rows and columns of the scans"
                                                                          : "given"}};
+  if (const Json ground = result_of(report, "ground"), top = result_of(report, "top");
+      ground.is_object() && ground.contains("cell"))
+    report["ground"] = ground_figures(ground, top);
   Json mesh = result_of(report, "weld");
   const Json islands = result_of(report, "islands");
   if (const Json samples = result_of(report, "samples"); samples.is_object()) report["samples"] = samples;
@@ -154,6 +169,11 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"rims", make_boundaries_stage},
       {"close", make_close_stage},
   };
+  if (options.surface == "ground") {
+    const auto top =
+        std::find_if(stages.begin(), stages.end(), [](const StageEntry& e) { return e.name == "top"; });
+    stages.insert(top, {{"ground-cells", make_ground_cells_stage}, {"ground", make_ground_stage}});
+  }
   if (options.has_levels()) {
     stages.push_back({"levels", make_levels_stage});
     stages.push_back({"surface", make_level_surface_stage});

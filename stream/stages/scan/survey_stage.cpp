@@ -308,6 +308,7 @@ Json SurveyStage::finish(const std::vector<Json>& summaries, TaskContext& contex
     plan.multi_return_fraction =
         static_cast<double>(tally.multi_return) / static_cast<double>(finite - tally.dispositions.absurd);
   plan.sensors = inputs_->sensors();
+  plan.metres = inputs_->crs().height_unit;
   plan.bricks = bricks.size();
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);
   plan.warnings = inputs_->notices(tally.warnings);

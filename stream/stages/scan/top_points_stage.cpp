@@ -6,12 +6,14 @@
 
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
+#include "stream/points/ground_store.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_sort.h"
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/points/top_store.h"
+#include "stream/stages/scan/brick_columns.h"
 #include "stream/stages/scan/top_stage.h"
 
 namespace tessera {
@@ -93,7 +95,7 @@ class TopPointsStage : public Stage {
   std::vector<std::string> obsolete() const override {
     if (!points_) return {};
     return {std::string(kScanPointFolder) + "/", std::string(PointOverlay::kFolder) + "/",
-            std::string(TopStore::kFolder) + "/"};
+            std::string(TopStore::kFolder) + "/", std::string(kGroundFolder) + "/"};
   }
 
  private:
@@ -130,7 +132,7 @@ class TopPointsStage : public Stage {
     at[axes_.up] = 0;
     const std::vector<ModelColumn> model = top_.model(brick_key(at));
     constexpr std::int32_t kMask = kBrickCells - 1;
-    std::erase_if(records, [&](const PointRecord& p) {
+    std::erase_if(records, [&](PointRecord& p) {
       if ((p.flags & kPointOutlier) != 0) return true;
       const bool strewn = (p.flags & kPointVolumetric) != 0;
       const ModelColumn* c =
@@ -144,6 +146,7 @@ class TopPointsStage : public Stage {
         return true;
       }
       if (!c || c->flags == 0) return false;
+      if ((c->flags & kModelGround) != 0) show_up(p);
       if ((c->flags & kModelSkin) != 0) return !is_on_skin(p, *c, counts);
       const float facing = static_cast<float>(axes_.sign) * decode_normal(p.normal)[axes_.up];
       const auto reach = static_cast<std::int32_t>(c->reach);
@@ -161,12 +164,19 @@ class TopPointsStage : public Stage {
     });
   }
 
+  /// Nobody sees the ground from below.
+  void show_up(PointRecord& p) const {
+    const Float3 n = decode_normal(p.normal);
+    if (static_cast<float>(axes_.sign) * n[axes_.up] < 0.0f) p.normal = encode_normal(-n[0], -n[1], -n[2]);
+  }
+
   /// Of columns that samples stand in for nothing stays, elsewhere what lies at the height of the skin and does not face down.
   bool is_on_skin(const PointRecord& p, const ModelColumn& c, Counts& counts) const {
     const std::int64_t above = std::int64_t{axes_.sign} * p.q[axes_.up] - c.height;
     const bool at_top = std::abs(above) <= static_cast<std::int64_t>(c.reach);
     const float facing = static_cast<float>(axes_.sign) * decode_normal(p.normal)[axes_.up];
-    if (at_top && (c.flags & kModelStands) == 0 && facing >= kDownCosine) return true;
+    const float least = (c.flags & kModelGround) != 0 ? kSteepCosine : kDownCosine;
+    if (at_top && (c.flags & kModelStands) == 0 && facing >= least) return true;
     ++(at_top ? counts.at_top : counts.behind);
     return false;
   }

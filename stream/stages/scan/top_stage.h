@@ -8,10 +8,13 @@
 #include <memory>
 
 #include "kernels/points/surface_model.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
 
+/// What --surface makes the surface model for.
+ModelUse model_use(const ReconstructOptions& options);
 /// Brick columns along an edge of a task under this cap.
 int top_group_columns(const RunOptions& run, ModelUse use);
 /// What a task takes at most. \param column_points  of its fullest brick column \param brick_points  of its fullest brick

@@ -178,6 +178,15 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
              "top",        "top-points", "surface",      "weld",     "border",  "uncross-1", "uncross-2",
              "uncross-3",  "loops",      "holes",        "coverage", "write"};
   }
+  SECTION("the bare ground") {
+    setup.options.normals = "estimate";
+    setup.options.from = "above";
+    setup.options.surface = "ground";
+    same.erase("surface");  // there are fewer points by then
+    names = {"distribute",   "order",     "seen-spacing", "seen",       "normals", "links",    "orient",
+             "ground-cells", "ground",    "top",          "top-points", "surface", "weld",     "border",
+             "uncross-1",    "uncross-2", "uncross-3",    "loops",      "holes",   "coverage", "write"};
+  }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
     names = {"distribute", "order",  "seen-spacing", "seen",    "normals",  "surface", "islands",
