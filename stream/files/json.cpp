@@ -53,6 +53,7 @@ class Builder final : public nlohmann::json_sax<nlohmann::json> {
   enum class Failure { kNone, kText, kNumber, kDepth };
   Failure failure = Failure::kNone;
   std::size_t byte = 0;  ///< where the text stops to be JSON
+  std::string reason;    ///< in the library's words, with line and column
 
   bool null() override { return add(nullptr); }
   bool boolean(bool value) override { return add(value); }
@@ -71,6 +72,8 @@ class Builder final : public nlohmann::json_sax<nlohmann::json> {
   }
   bool parse_error(std::size_t at, const std::string&, const nlohmann::detail::exception& e) override {
     byte = at;
+    reason = e.what();  // "[name of the exception] reason"
+    if (const std::size_t end = reason.find("] "); end != std::string::npos) reason.erase(0, end + 2);
     failure = dynamic_cast<const nlohmann::json::out_of_range*>(&e) ? Failure::kNumber : Failure::kText;
     return false;
   }
@@ -82,6 +85,7 @@ class Builder final : public nlohmann::json_sax<nlohmann::json> {
   bool open(Json value) {
     if (open_.size() == kMaxDepth) {
       failure = Failure::kDepth;
+      reason = "lists and objects nest deeper than " + std::to_string(kMaxDepth) + " levels";
       return false;
     }
     open_.push_back(&insert(std::move(value)));
@@ -376,12 +380,12 @@ Json parse_json(const std::string& text, const std::string& name) {
     case Builder::Failure::kDepth:
       break;
   }
-  throw InputError(name + ": its lists and objects nest deeper than 512 levels");
+  throw InputError(name + ": its " + builder.reason);
 }
 
 Json parse_json(const std::string& text) {
   Builder builder = build(text);
-  if (builder.failure != Builder::Failure::kNone) throw JsonError("the text is no JSON");
+  if (builder.failure != Builder::Failure::kNone) throw JsonError(builder.reason);
   return std::move(builder.root);
 }
 

@@ -117,6 +117,8 @@ TEST_CASE("json text: what is no JSON is refused with its byte", "[unit]") {
   CHECK_THROWS_WITH(parse_json(std::string(100000, '['), "f.json"), Catch::Contains("deeper than 512"));
   CHECK_THROWS_AS(parse_json("[1", "f.json"), InputError);
   CHECK_THROWS_AS(parse_json(""), JsonError);
+  CHECK_THROWS_WITH(parse_json("{\n  \"a\": 1,}"), Catch::Contains("line 2, column 10"));
+  CHECK_THROWS_WITH(parse_json(std::string(1000, '[')), Catch::Contains("deeper than 512"));
   CHECK(try_parse_json("{").is_discarded());
   CHECK(try_parse_json(std::string(100000, '[')).is_discarded());
   const std::string deep = std::string(512, '[') + std::string(512, ']');
