@@ -1,8 +1,8 @@
 /// \file terrain.h
-/// The bare terrain of a scan seen from above (a digital terrain model): what lies lowest in cells of several columns, the
-/// ground that is found among them (ground_filter.h) with a membrane below whatever stands, and what it leaves of the points of
-/// a brick column: layers of ground, and columns in which none was seen. Heights are quanta along up, integers, so the result
-/// is the same on every machine.
+/// The bare terrain of a scan seen from above (a digital terrain model), in three steps: the lowest points of cells of several
+/// columns; the ground among them (ground_filter.h), with a membrane below what stands on it; and the layers of a brick
+/// column that lie on the ground, with a synthetic one where no ground was seen. Heights are integers, quanta along up, so the
+/// result is the same on every machine.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -69,15 +69,16 @@ class BrickTerrain {
   std::vector<TerrainNode> nodes_;
 };
 
-/// Layers of the ground alone: the lowest one of every column that has points near the terrain, no steep ones as at the foot of
-/// walls, is its top; columns with other
-/// points, and those inside, get a synthetic one on the terrain; all others none. The bottom is the terrain. \pre terrain.known()
+/// Keeps the ground of a brick column. A column's layer is the lowest of its points near the terrain; steep points, as at the
+/// foot of a wall, do not count. Columns with other points, and those inside, get a synthetic layer on the terrain, all others
+/// none. \pre terrain.known()
 /// \param points  get sorted \param layers  kBrickCells^2, u fastest
 void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
                         std::span<ColumnLayers> layers);
 
-/// Synthetic layers come off the terrain towards measured ones up to kFollowColumns away, since cells are coarser than columns.
-/// A layer depends on nothing farther away: with what its model depends on it stays within kSurfaceModelHalo. \param layers  edge^2 of find_ground_layers(), u fastest
+/// Moves synthetic layers towards measured ones up to kFollowColumns away: cells of the terrain are coarser than columns.
+/// A layer depends on nothing farther away, so that a model of it stays within kSurfaceModelHalo.
+/// \param layers  edge^2 of find_ground_layers(), u fastest
 inline constexpr int kFollowColumns = 22;
 void follow_measured(std::span<ColumnLayers> layers, int edge);
 
