@@ -83,7 +83,7 @@ TEST_CASE("site: reconstruct --tiles writes what tiles makes of its mesh, and th
   CHECK(tiles.at("tiles") == workspace.report("site.report.json").at("tiles").at("tiles"));
   CHECK(tiles.at("levels").size() > 1);
 
-  SECTION("the same command again changes nothing") {
+  {  // the same command again changes nothing
     const auto mesh = fs::last_write_time(workspace.at("mesh.ply"));
     const auto tileset = fs::last_write_time(site + "/tileset.json");
     const auto report = fs::last_write_time(workspace.at("mesh.ply.report.json"));
@@ -92,7 +92,7 @@ TEST_CASE("site: reconstruct --tiles writes what tiles makes of its mesh, and th
     CHECK(fs::last_write_time(site + "/tileset.json") == tileset);
     CHECK(fs::last_write_time(workspace.at("mesh.ply.report.json")) == report);
   }
-  SECTION("a finished mesh gets a site by the same command with --tiles") {
+  {  // a finished mesh gets a site by the same command with --tiles
     const auto mesh = fs::last_write_time(workspace.at("mesh.ply"));
     require_done(workspace.reconstruct({"--tiles", workspace.at("late").string()}));
     CHECK(fs::last_write_time(workspace.at("mesh.ply")) == mesh);
@@ -100,7 +100,7 @@ TEST_CASE("site: reconstruct --tiles writes what tiles makes of its mesh, and th
     CHECK(workspace.report("mesh.ply.report.json").at("tiles").at("path") ==
           workspace.at("late/tileset.json").string());
   }
-  SECTION("a site that is done is recognised, one that lacks a tile is not taken for it") {
+  {  // a site that is done is recognised, one that lacks a tile is not taken for it
     const Outcome again = shell(std::string(TESSERA_BINARY) + " tiles " + workspace.at("mesh.ply").string() +
                                 " -o " + site + " --progress none");
     CHECK(again.code == 0);

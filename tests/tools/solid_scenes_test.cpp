@@ -204,9 +204,9 @@ TEST_CASE("csg, resurface, field: killed again and again, the same bytes under e
                          "-o", a, "--resolution", "0.03"})
               .code == 0);
   const std::vector<std::vector<std::string>> jobs = {
-      {"csg", a, "-", b, "--resolution", "0.016"},
-      {"resurface", a, b, "--resolution", "0.016"},
-      {"field", a, "--resolution", "0.02"},
+      {"csg", a, "-", b, "--resolution", "0.022"},
+      {"resurface", a, b, "--resolution", "0.022"},
+      {"field", a, "--resolution", "0.025"},
       {"field", a, "--resolution", "0.03", "--tolerance", "0.06"},
   };
   for (const std::vector<std::string>& job : jobs) {
