@@ -5,6 +5,7 @@
 
 #include "stream/check/mesh_compare.h"
 #include "stream/files/json.h"
+#include "stream/runtime/task_counts.h"
 
 namespace tessera {
 namespace {

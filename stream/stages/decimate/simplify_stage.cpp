@@ -10,6 +10,7 @@
 #include "stream/files/task_files.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/serial_stage.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/pass_blocks.h"
 #include "stream/stages/decimate/unsettled_region.h"
 
@@ -106,8 +107,7 @@ class SimplifyStage : public Stage {
   std::uint64_t finish_bytes() const override { return std::uint64_t{2} << 20; }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
-    Json sum = Json::object();
-    for (const Json& s : summaries) add_counts(sum, s);
+    Json sum = sum_counts(summaries);
     sum["tolerance"] = kernel_.tolerance;
     if (pass_.count_costs) {
       std::array<std::uint64_t, kCostClasses> costs{};
@@ -167,34 +167,6 @@ Json to_json(const DecimateReport& r) {
           {"refused_by_crossing", r.by_crossing},
           {"exact_tests", r.exact_tests},
           {"bound", r.bound}};
-}
-
-namespace {
-
-bool is_negative(const Json& value) {
-  return value.is_number_integer() && !value.is_number_unsigned() && value.get<std::int64_t>() < 0;
-}
-
-/// Integers that the program made are signed or not, those read from a journal are unsigned unless negative: the sum is as
-/// if it had been read.
-void add_integer(Json& sum, const Json& value) {
-  const std::uint64_t total = (sum.is_null() ? 0 : sum.get<std::uint64_t>()) + value.get<std::uint64_t>();
-  const auto below_zero = static_cast<std::int64_t>(total);
-  if (below_zero < 0 && (is_negative(sum) || is_negative(value)))
-    sum = below_zero;
-  else
-    sum = total;
-}
-
-}  // namespace
-
-void add_counts(Json& sum, const Json& part) {
-  if (sum.is_null()) sum = Json::object();
-  for (const auto& [key, value] : part.items()) {
-    if (value.is_number_integer()) add_integer(sum[key], value);
-    if (value.is_number_float()) sum[key] = std::max(sum.value(key, 0.0), value.get<double>());
-    if (value.is_object()) add_counts(sum[key], value);
-  }
 }
 
 std::string SimplifyPass::stage_name() const {

@@ -76,9 +76,6 @@ MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, c
 
 // Reports of passes.
 Json to_json(const DecimateReport& report);
-/// Adds integers, signed or not, and takes the largest of other numbers, key by key, also of objects inside. What is no
-/// number is left out.
-void add_counts(Json& sum, const Json& part);
 
 /// The blocks of a pass over `in`; a pure function of the tables of both stores.
 std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& reference,

@@ -11,6 +11,7 @@
 #include "stream/files/task_files.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/serial_stage.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/pass_blocks.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/unsettled_region.h"

@@ -16,6 +16,7 @@
 #include "stream/points/ground_store.h"
 #include "stream/points/point_store.h"
 #include "stream/points/top_store.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/scan/ground_stages.h"
 
 namespace tessera {
@@ -147,10 +148,7 @@ class GroundStage : public Stage {
       sum["warnings"] = {
           "the scan does not name the unit of its coordinates, which are taken as metres: else give "
           "--ground-window and --ground-threshold"};
-    for (const Json& s : summaries)
-      for (const auto& [key, value] : s.items())
-        sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
-    return sum;
+    return sum_counts(summaries, std::move(sum));
   }
   std::vector<std::string> obsolete() const override { return {std::string(kGroundCellFolder) + "/"}; }
 

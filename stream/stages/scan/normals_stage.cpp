@@ -15,6 +15,7 @@
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/scan/normals_mode.h"
 
 namespace tessera {
@@ -92,16 +93,11 @@ class NormalsStage : public Stage {
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
-    Json sum = {{"estimated", mode_.estimate}, {"needed", mode_.needed()}};
+    Json sum = sum_counts(summaries, {{"estimated", mode_.estimate}, {"needed", mode_.needed()}});
     std::vector<std::uint64_t> histogram(kSupporterBins, 0);
     for (const Json& s : summaries)
-      for (const auto& [key, value] : s.items()) {
-        if (key != "supporters") {
-          sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
-          continue;
-        }
-        for (std::size_t i = 0; i < kSupporterBins; ++i) histogram[i] += value[i].get<std::uint64_t>();
-      }
+      for (std::size_t i = 0; i < kSupporterBins; ++i)
+        histogram[i] += s.at("supporters").at(i).get<std::uint64_t>();
     if (mode_.keeps_given()) sum["kept"] = mode_.lines ? "directions" : "given";
     if (const std::string text = warning(); !text.empty()) sum["warnings"] = {text};
     if (mode_.needed()) {

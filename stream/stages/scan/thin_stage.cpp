@@ -10,6 +10,7 @@
 #include "stream/files/json.h"
 #include "stream/points/cubes.h"
 #include "stream/points/unpacked_points.h"
+#include "stream/runtime/task_counts.h"
 
 namespace tessera {
 namespace {
@@ -124,13 +125,7 @@ class ThinStage : public Stage {
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (summaries.empty()) return {{"skipped", "all points stay"}};
-    std::uint64_t points = 0;
-    std::uint64_t kept = 0;
-    for (const Json& s : summaries) {
-      points += s.at("points").get<std::uint64_t>();
-      kept += s.at("kept").get<std::uint64_t>();
-    }
-    return {{"points", points}, {"kept", kept}};
+    return sum_counts(summaries);
   }
 
  private:

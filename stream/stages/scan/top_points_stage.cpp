@@ -13,6 +13,7 @@
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/points/top_store.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/scan/brick_columns.h"
 #include "stream/stages/scan/top_stage.h"
 
@@ -85,11 +86,7 @@ class TopPointsStage : public Stage {
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (!points_) return {{"needed", false}};
-    Json sum = {{"needed", true}};
-    for (const Json& s : summaries)
-      for (const auto& [key, value] : s.items())
-        sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
-    return sum;
+    return sum_counts(summaries, {{"needed", true}});
   }
 
   std::vector<std::string> obsolete() const override {

@@ -13,6 +13,7 @@
 #include "stream/points/point_sort.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/points/top_store.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/scan/brick_columns.h"
 #include "stream/stages/scan/ground_stages.h"
 
@@ -94,12 +95,12 @@ class TopStage : public Stage {
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (!columns_.wanted()) return {{"needed", false}};
-    Json sum = {{"needed", true},      {"skin_columns", 0}, {"columns", 0},
-                {"filled_columns", 0}, {"samples", 0},      {"step_samples", 0}};
-    for (const Json& s : summaries)
-      for (const auto& [key, value] : s.items())
-        sum[key] = sum.at(key).get<std::uint64_t>() + value.get<std::uint64_t>();
-    return sum;
+    return sum_counts(summaries, {{"needed", true},
+                                  {"skin_columns", 0},
+                                  {"columns", 0},
+                                  {"filled_columns", 0},
+                                  {"samples", 0},
+                                  {"step_samples", 0}});
   }
 
  private:

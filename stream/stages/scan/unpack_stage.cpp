@@ -8,6 +8,7 @@
 #include "stream/points/cubes.h"
 #include "stream/points/unpacked_points.h"
 #include "stream/runtime/disk_space.h"
+#include "stream/runtime/task_counts.h"
 
 namespace tessera {
 namespace {
@@ -74,13 +75,7 @@ class UnpackStage : public Stage {
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (summaries.empty()) return {{"skipped", "no input is packed, none is thinned"}};
-    std::uint64_t points = 0;
-    std::uint64_t bytes = 0;
-    for (const Json& s : summaries) {
-      points += s.at("points").get<std::uint64_t>();
-      bytes += s.at("bytes").get<std::uint64_t>();
-    }
-    return {{"points", points}, {"bytes", bytes}};
+    return sum_counts(summaries);
   }
 
  private:

@@ -16,6 +16,7 @@
 #include "stream/points/plan.h"
 #include "stream/runtime/numbers.h"
 #include "stream/runtime/serial_stage.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/solid/solid_stages.h"
 #include "stream/stages/solid/surface_distance.h"
@@ -135,9 +136,7 @@ class FarDistancesStage : public FarStage {
   }
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
-    Json sum = Json::object();
-    for (const Json& s : summaries) add_counts(sum, s);
-    return sum;
+    return sum_counts(summaries);
   }
 
  private:

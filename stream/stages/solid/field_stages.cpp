@@ -11,6 +11,7 @@
 #include "stream/files/task_files.h"
 #include "stream/formats/vdb_file.h"
 #include "stream/runtime/serial_stage.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/solid/distance_tiles.h"
 #include "stream/stages/solid/solid_stages.h"
@@ -65,9 +66,7 @@ class DistancesStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
-    Json sum = {{"band", band_}};
-    for (const Json& s : summaries) add_counts(sum, s);
-    return sum;
+    return sum_counts(summaries, {{"band", band_}});
   }
   std::vector<std::string> obsolete() const override {
     // The signs stay: what lies beyond all leaves is known from them.

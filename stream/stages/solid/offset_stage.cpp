@@ -6,6 +6,7 @@
 #include "stream/files/task_files.h"
 #include "stream/meshes/patch_store.h"
 #include "stream/runtime/numbers.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/solid/distance_tiles.h"
 #include "stream/stages/solid/solid_stages.h"
@@ -59,8 +60,7 @@ class OffsetStage : public Stage {
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
-    Json sum = {{"offset", model_.offset}, {"shell", model_.shell}};
-    for (const Json& s : summaries) add_counts(sum, s);
+    Json sum = sum_counts(summaries, {{"offset", model_.offset}, {"shell", model_.shell}});
     if (sum.value("roots", std::uint64_t{0}) == 0)
       throw EmptyError("nothing is left: nothing of the solid is thicker than twice the offset of " +
                        number_text(model_.offset));

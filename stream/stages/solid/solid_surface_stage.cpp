@@ -8,6 +8,7 @@
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_store.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/solid/solid_stages.h"
 #include "stream/stages/solid/solid_tiles.h"
@@ -114,8 +115,7 @@ class SolidSurfaceStage : public Stage {
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     // Roots in halos count more than once, and other tiles would count otherwise.
-    Json sum = {{"tiles", units()}, {"h", plan_.lattice.h}};
-    for (const Json& s : summaries) add_counts(sum, s);
+    Json sum = sum_counts(summaries, {{"tiles", units()}, {"h", plan_.lattice.h}});
     const auto roots = sum.value("roots", std::uint64_t{0}),
                membrane = sum.value("membrane_roots", std::uint64_t{0});
     const auto shallow = sum.value("shallow_roots", std::uint64_t{0});

@@ -14,6 +14,7 @@
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/surface/level_files.h"
 #include "stream/stages/surface/output_frame.h"

@@ -6,6 +6,7 @@
 #include "stream/points/closing_store.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/surface_stage.h"
 
@@ -73,9 +74,7 @@ class BoundariesStage : public Stage {
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     if (groups_.empty()) return {{"needed", false}};
-    std::uint64_t boundaries = 0;
-    for (const Json& s : summaries) boundaries += s.at("rim_cells").get<std::uint64_t>();
-    return {{"needed", true}, {"rim_cells", boundaries}};
+    return sum_counts(summaries, {{"needed", true}});
   }
 
  private:

@@ -12,6 +12,7 @@
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
@@ -144,8 +145,7 @@ class SurfaceStage : public Stage {
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     Json sum = {{"tiles", 0}, {"h", plan_.lattice.h}, {"radius_cells", plan_.radius_cells}};
     for (const TileGroup& group : groups_) sum["tiles"] = sum["tiles"].get<std::uint64_t>() + group.size();
-    for (const Json& s : summaries) add_counts(sum, s);
-    return sum;
+    return sum_counts(summaries, std::move(sum));
   }
 
  private:

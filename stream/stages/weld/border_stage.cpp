@@ -6,6 +6,7 @@
 #include "stream/files/json.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/weld/border_moves.h"
 #include "stream/stages/weld/border_strip.h"
 
@@ -54,18 +55,13 @@ class BorderStage : public Stage {
       moved += moves.size();
     }
     context.count_written(writer.finish());
-    return {{"moved", moved}, {"torn", torn}};
+    return {{"moved_vertices", moved}, {"torn_bricks", torn}};
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
-    std::uint64_t moved = 0, torn = 0;
-    for (const Json& s : summaries) {
-      moved += s.at("moved").get<std::uint64_t>();
-      torn += s.at("torn").get<std::uint64_t>();
-    }
-    return {{"moved_vertices", moved}, {"torn_bricks", torn}};
+    return sum_counts(summaries, {{"moved_vertices", 0}, {"torn_bricks", 0}});
   }
 
  private:

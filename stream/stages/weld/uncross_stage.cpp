@@ -1,6 +1,7 @@
 #include "stream/stages/weld/uncross_stage.h"
 
 #include "stream/files/json.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/weld/near_faces.h"
 
 namespace tessera {
@@ -38,18 +39,13 @@ class UncrossStage : public Stage {
     }
     if (round_ + 1 == kUncrossRounds) back.clear();
     context.count_written(save_returned(context.create(returned_file_name(round_, task)), std::move(back)));
-    return {{"pairs", pairs}, {"torn", near.torn_bricks()}};
+    return {{"crossing_pairs", pairs}, {"torn_bricks", near.torn_bricks()}};
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
-    std::uint64_t pairs = 0, torn = 0;
-    for (const Json& s : summaries) {
-      pairs += s.at("pairs").get<std::uint64_t>();
-      torn += s.at("torn").get<std::uint64_t>();
-    }
-    return {{"crossing_pairs", pairs}, {"torn_bricks", torn}};
+    return sum_counts(summaries, {{"crossing_pairs", 0}, {"torn_bricks", 0}});
   }
 
  private:
