@@ -31,7 +31,7 @@ void try_table(const std::string& text) {
   const OptionTable table = option_table(options);
   const bool took = fuzz::accepted([&] {
     if (text.starts_with('{')) {
-      const Json values = parse_json(text, nullptr, false);
+      const Json values = try_parse_json(text);
       if (values.is_discarded()) throw UsageError("no JSON");
       table.from_json(values);
     } else {

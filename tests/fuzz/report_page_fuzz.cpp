@@ -5,7 +5,7 @@
 #include "tests/fuzz/point_reader_check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const tessera::Json report = tessera::parse_json(data, data + size, nullptr, false);
+  const tessera::Json report = tessera::try_parse_json(std::string(data, data + size));
   if (report.is_discarded()) return 0;
   const std::string page = tessera::page_text(report, {});
   tessera::fuzz::require(page.starts_with("<!DOCTYPE html>"), "a page");

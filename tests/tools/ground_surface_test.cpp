@@ -88,8 +88,9 @@ TEST_CASE("ground surface: the terrain goes on below a building, crowns and over
   const bool up_is_y = GENERATE(false, true);
   CAPTURE(up_is_y);
   const auto out = folder.path() / "mesh.ply";
-  const Json report = reconstructed(scene(folder, false, up_is_y), out,
-                                    up_is_y ? with(kGround, {"--up", "0,1,0", "--from", "above"}) : kGround);
+  const tessera::Json report =
+      reconstructed(scene(folder, false, up_is_y), out,
+                    up_is_y ? with(kGround, {"--up", "0,1,0", "--from", "above"}) : kGround);
   WholeMesh mesh = read_whole(out);
   if (up_is_y)
     for (auto& p : mesh.points) p = {p[0], -p[2], p[1]};
@@ -101,8 +102,8 @@ TEST_CASE("ground surface: the terrain goes on below a building, crowns and over
   CHECK(check.boundary_loops == 1);
   CHECK(check.nonmanifold_edges + check.nonmanifold_vertices + check.inconsistent_edges == 0);
   // Seen from above it is whole, and what nobody saw of it is told.
-  const Json ground = report.at("ground");
-  INFO(ground.dump());
+  const tessera::Json ground = report.at("ground");
+  INFO(tessera::dump_json(ground));
   const double unseen = ground.at("unseen_share").get<double>();
   constexpr double kHidden = (18.0 * 25.0 + 28.0) / (kSide * kSide);  // the roof and the pond
   CHECK(unseen > 0.9 * kHidden);

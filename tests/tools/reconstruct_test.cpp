@@ -11,6 +11,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/serial_job.h"
+#include "tests/helpers/shell.h"
 
 namespace reconstruct_test {
 
