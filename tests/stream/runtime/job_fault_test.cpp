@@ -31,7 +31,8 @@ bool output_is_whole_or_absent(const Toy& toy) {
 
 }  // namespace
 
-TEST_CASE("fault: killed at a commit point of every stage, the same command gives the same bytes", "[fault]") {
+TEST_CASE("fault: killed at a commit point of every stage, the same command gives the same bytes",
+          "[fault]") {
   for (int point = 1; point <= kCommitPoints; point += 5) {  // all four points of a commit in turn
     const TempFolder scratch;
     const Toy toy(scratch.path());
