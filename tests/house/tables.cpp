@@ -199,7 +199,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"coverage_stage", "face_source", "missing_picture", "seen_stages"});
     by("tools/decimate", "stream/meshes", {"store_write_stage"});
     by("tools/decimate", "stream/stages/decimate",
-       {"certify_stage", "decimate_job", "pass_blocks", "round_before", "unsettled_region"});
+       {"certify_stage", "decimate_job", "pass_blocks", "round_before", "simplify_stage",
+        "unsettled_region"});
     by("tools/decimate", "stream/runtime", {"serial_stage"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",
