@@ -41,8 +41,8 @@ TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes
     const Json report = reconstructed(in, out, more);
     CHECK_FALSE(fs::exists(out.string() + ".tessera"));
     // All levels take part.
-    for (const auto& faces : stage_result(report, "surface").at("faces_of_level"))
-      CHECK(faces.get<int>() > 500);
+    const Json surface = stage_result(report, "surface");
+    for (const Json& faces : surface.at("faces_of_level")) CHECK(faces.get<int>() > 500);
     return file_bytes(out);
   };
   const std::string want = bytes({"-t", "1", "--tile-size", "64", "--memory", "2G"});

@@ -235,8 +235,8 @@ TEST_CASE("csg: mirror images of meshes keep their inside", "[pipeline]") {
         {"csg", folder.write("s.json", scene).string(), "-o", out, "--resolution", "0.05", "--force"});
     CAPTURE(scene, r.errors);
     REQUIRE(r.code == 0);
-    for (const auto& operand : parse_json(file_bytes(out + ".report.json")).at("solids").at("operands"))
-      CHECK(operand.at("inside_out") == false);
+    const Json report = parse_json(file_bytes(out + ".report.json"));
+    for (const Json& operand : report.at("solids").at("operands")) CHECK(operand.at("inside_out") == false);
     const WholeMesh mesh = read_whole(out);
     CHECK(is_closed(mesh));
     return volume(mesh);
