@@ -62,7 +62,7 @@ TEST_CASE("reconstruct --levels: one manifold, finer where the scan is dense, as
   const TempFolder folder;
   const bool estimate = GENERATE(false, true);
   CAPTURE(estimate);
-  const std::string in = town(folder.path(), "60000",
+  const std::string in = town(folder.path(), "120000",
                               estimate ? std::vector<std::string>{} : std::vector<std::string>{"--normals"});
   std::vector<std::string> more = {"--border", "raw", "--max-hole", "0", "--vegetation", "drop"};
   if (estimate) more.insert(more.end(), {"--normals", "estimate", "--max-uncertain", "1"});
