@@ -32,8 +32,8 @@ std::string town(const fs::path& folder, const std::string& points, std::vector<
 
 TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes and kills", "[property]") {
   const TempFolder folder;
-  const std::string in = town(folder.path(), "80000", {"--normals"});
-  const std::vector<std::string> base = {"--levels", "4"};
+  const std::string in = town(folder.path(), "250000", {"--normals"});
+  const std::vector<std::string> base = {"--levels", "3"};
   const auto bytes = [&](std::vector<std::string> more) {
     const fs::path out = folder.path() / "out.ply";
     fs::remove(out);
@@ -52,7 +52,7 @@ TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes
   CHECK(bytes({"-t", "2", "--processes"}) == want);
 
   const fs::path out = folder.path() / "killed.ply";
-  const std::vector<std::string> words = reconstruct_words(in, out, {"--levels", "4", "-t", "2"});
+  const std::vector<std::string> words = reconstruct_words(in, out, {"--levels", "3", "-t", "2"});
   REQUIRE(resumed_after_kills(words).code == 0);
   CHECK(file_bytes(out) == want);
 }
