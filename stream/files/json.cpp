@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
 #include <nlohmann/json.hpp>
 
@@ -40,6 +41,10 @@ const char* name_of(Json::Kind kind) {
 }
 [[noreturn]] void throw_beyond(std::size_t index, std::size_t size) {
   throw JsonError("element " + std::to_string(index) + " of " + std::to_string(size) + " is wanted");
+}
+
+[[noreturn]] void throw_range(double number) {
+  throw JsonError("the number " + std::to_string(number) + " where a whole number of 64 bits is wanted");
 }
 
 bool is_pair(const Json& value) {
@@ -324,12 +329,14 @@ std::int64_t Json::integer() const {
   if (kind_ == Kind::kSigned) return value_.integer;
   if (kind_ == Kind::kUnsigned) return static_cast<std::int64_t>(value_.natural);
   if (kind_ != Kind::kFloat) throw_kind(kind_, "a number");
+  if (!(std::fabs(value_.number) < 0x1p63)) throw_range(value_.number);
   return static_cast<std::int64_t>(value_.number);
 }
 std::uint64_t Json::natural() const {
-  return kind_ == Kind::kUnsigned ? value_.natural
-         : kind_ == Kind::kFloat  ? static_cast<std::uint64_t>(value_.number)
-                                  : static_cast<std::uint64_t>(integer());
+  if (kind_ == Kind::kUnsigned) return value_.natural;
+  if (kind_ != Kind::kFloat) return static_cast<std::uint64_t>(integer());
+  if (!(value_.number > -1.0 && value_.number < 0x1p64)) throw_range(value_.number);
+  return static_cast<std::uint64_t>(value_.number);
 }
 const std::string& Json::string() const {
   if (!is_string()) throw_kind(kind_, "a string");

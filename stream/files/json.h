@@ -138,7 +138,8 @@ class Json {
   /// Members; none of null. \throws JsonError for anything else
   const Object& items() const;
 
-  /// Numbers become any number as by static_cast, arrays vectors and arrays. \throws JsonError for another kind
+  /// Numbers become any number as by static_cast, arrays vectors and arrays. \throws JsonError for another kind, and for a
+  /// whole number that 64 bits do not hold
   template <class T>
   T get() const {
     if constexpr (std::same_as<T, Json>) {

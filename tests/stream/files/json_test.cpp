@@ -28,6 +28,11 @@ TEST_CASE("json: values keep their kind, and are read as other numbers", "[unit]
   CHECK(largest.get<std::uint64_t>() == std::numeric_limits<std::uint64_t>::max());
   CHECK(Json(-3).get<double>() == -3.0);
   CHECK(Json(2.75).get<int>() == 2);
+  CHECK(Json(-2.75).get<int>() == -2);
+  CHECK_THROWS_AS(Json(-1.0).get<std::uint64_t>(), JsonError);
+  CHECK_THROWS_AS(Json(1e300).get<std::uint64_t>(), JsonError);
+  CHECK_THROWS_AS(Json(-1e300).get<int>(), JsonError);
+  CHECK_THROWS_AS(Json(std::numeric_limits<double>::quiet_NaN()).get<int>(), JsonError);
   CHECK(Json(3) == Json(3u));
   CHECK(Json(3) == Json(3.0));
   CHECK_FALSE(Json(-1) == Json(std::numeric_limits<std::uint64_t>::max()));
