@@ -12,10 +12,10 @@ constexpr int kRounds = 5;
 constexpr int kFirstRings = 2;     ///< twice as many in every round
 constexpr int kSweepsPerRing = 8;  ///< Gauss-Seidel carries a correction a ring or two at a time
 constexpr int kHalvings = 3, kYieldRounds = 8;
-/// Cosine: a face that stands so steep is over by another measure of how the surface turns.
+/// Cosine of 84 degrees: faces this close to a right angle count as flipped, since another measure may call them so.
 constexpr double kBarely = 0.1;
 constexpr double kMaxEdgeWeight = 20,
-                 kMinEdgeWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
+                 kMinEdgeWeight = 0.02;  ///< of an edge: slivers neither dominate nor detach
 
 /// An edge by what it weighs on its side of a face.
 struct Spoke {

@@ -35,8 +35,8 @@ struct UnflipReport {
 /// keeps what leaves the fewest. Nothing else moves.
 UnflipReport unflip(const RotatedBase& base, std::vector<Double3>& posed);
 
-/// Around faces that are turned over the surface goes towards another pose of it: half the way, then more and more rings all of it.
-/// Keeps what leaves the fewest. \param left  flipped_faces() of `posed` \return flipped_faces() of the result
+/// Blends the surface towards another pose around flipped faces: first half the way, then all of it, over one more ring each
+/// round. Keeps the state with the fewest flipped faces. \param left  flipped_faces() of `posed` \return flipped_faces() of the result
 std::size_t yield_to(const RotatedBase& base, std::span<const Double3> other, std::size_t left,
                      std::vector<Double3>& posed);
 

@@ -33,8 +33,9 @@ void spread_colours(std::span<const TerrainCell> cells, int width, int height,
   }
 }
 
-/// Takes out what stands at the rim of the scan or of a hole: beyond it the ground filter goes on at its height, as it must on a
-/// slope, and no window reaches around it. Windows that see measured cells alone do, small ones, since they cut slopes there too.
+/// Removes objects at the rim of the scan or of a hole. Beyond the rim the ground filter continues at the object's height, as it
+/// must on a slope, so that none of its windows reaches around it. Windows over measured cells alone do; they stay small,
+/// because they cut slopes as well.
 void drop_rim_objects(std::vector<std::int32_t>& lowest, int width, int height, const GroundRules& rules) {
   constexpr std::int32_t kHighest = std::numeric_limits<std::int32_t>::max();
   std::vector<std::uint8_t> stands(lowest.size(), 0);

@@ -43,8 +43,8 @@ std::uint32_t Remesher::longest_corner(std::uint32_t f) const {
   return corner;
 }
 
-/// Of faces that points of theirs show to be beyond the tolerance the longest edge. Where the round before changed nothing
-/// it would find what it found.
+/// Marks the longest edge of every face that has a point beyond the tolerance; skips faces that the round before did not
+/// change.
 void Remesher::want_beyond(std::vector<std::uint8_t>& wanted) const {
   for (std::uint32_t f = 0; f < wanted.size(); ++f) {
     step();
@@ -55,7 +55,7 @@ void Remesher::want_beyond(std::vector<std::uint8_t>& wanted) const {
   }
 }
 
-/// within() with more points.
+/// Whether a point of the face lies beyond the tolerance: like within(), of more points.
 bool Remesher::beyond(std::uint32_t f) const {
   const std::uint32_t* v = mesh_.face(f).vertex;
   const NewFace face{{v[0], v[1], v[2]}, {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}};
@@ -73,8 +73,8 @@ bool Remesher::beyond(std::uint32_t f) const {
   return false;
 }
 
-/// Of points of the reference that no face is near to, the nearest face's edge that they miss: a line, if that is what they
-/// are nearest to, else its longest one. At seams the face may lie in another block, which will ask again.
+/// Marks an edge of the nearest face for every point of the reference beyond the tolerance: the feature edge if that is what
+/// the point is nearest to, else the longest one. At seams the face may lie in another block, which marks it itself.
 /// \param points  come back as those that were missed
 void Remesher::want_missed(std::vector<Double3>& points, std::vector<std::uint8_t>& wanted) const {
   std::vector<std::array<std::uint32_t, 3>> faces;
@@ -111,8 +111,7 @@ void Remesher::want_missed(std::vector<Double3>& points, std::vector<std::uint8_
   });
 }
 
-/// Corners lie on the reference, so that faces no wider than the tolerance are within it: what is missed beside shorter edges
-/// no split brings nearer.
+/// Leaves edges shorter than the tolerance alone: corners lie on the reference, so splitting those brings nothing nearer.
 std::size_t Remesher::split_wanted(const std::vector<std::uint8_t>& wanted, RemeshReport& report) {
   const double minimum = options_.tolerance * options_.tolerance;
   listed_.clear();

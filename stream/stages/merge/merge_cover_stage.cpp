@@ -1,4 +1,5 @@
-/// Stage "cover" of a merge: whose every face is.
+/// Stage "cover" of a merge: decides of every face whether it stays, is made anew in the band, or goes because a better mesh
+/// covers it.
 #include <algorithm>
 #include <cmath>
 
@@ -16,7 +17,7 @@ namespace tessera {
 namespace {
 
 constexpr std::size_t kPage = 1u << 15;
-constexpr double kMarginEdges = 8.0;  ///< of the mesh: what a face must see to know its cut
+constexpr double kMarginEdges = 8.0;  ///< halo, in mean edge lengths: what lies farther away decides nothing
 constexpr int kCutRings = 4;          ///< faces around a cut that "zip" may take away
 
 enum class Disposition : std::uint8_t { kStays, kBand, kCovered };

@@ -205,7 +205,7 @@ class SmoothStage : public Stage {
   }
 
  private:
-  /// Whether moves are told, and limited, from the mesh as it is given; else from where the step began.
+  /// Whether moves are measured, and limited, from the mesh as it is given; else from where the step began.
   bool from_original() const { return tolerance_ > 0.0 || last_; }
 
   static bool misses(const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed) {

@@ -37,7 +37,7 @@ struct SmoothPlan {
   std::vector<SmoothRound> rounds;
   double tolerance = 0.0;                          ///< 0 = no limit
   std::function<MeshStore(const JobState&)> mesh;  ///< round 0
-  std::string mesh_folder;  ///< goes as soon as no round needs it, "mesh/"; empty: others do, it stays
+  std::string mesh_folder;  ///< "mesh/": deleted once no round reads it; empty: kept, others do
   /// Faces of the last store bear as MeshBlock::face_bound the largest move of their corners: a face moves with its
   /// corners, so it lies within that of what it was, both ways. With a tolerance only.
   bool bounds = false;

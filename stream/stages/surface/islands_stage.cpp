@@ -36,8 +36,8 @@ struct DroppedPart {
 /// Parts that are one piece.
 struct Island {
   std::uint64_t faces = 0, border = 0;
-  /// Faces that its surface would have with cells of the coarsest level, over which the limit is told: four for one must not
-  /// make islands of sparse points look small.
+  /// Faces counted in cells of the coarsest level, as the limit is: a finer level has four for one, and islands of sparse
+  /// points must not look small for that.
   double large_faces = 0.0;
 };
 
@@ -111,7 +111,7 @@ class IslandsStage : public SerialStage {
     }
   }
 
-  /// Of a face with cells of the coarsest level, what one of a level is.
+  /// Area of a face of a level, as a share of one of the coarsest level.
   double share_of(std::uint64_t level) const {
     return 1.0 / static_cast<double>(std::uint64_t{1} << 2 * (coarsest_ - level));
   }
