@@ -47,10 +47,10 @@ void drop_rim_objects(std::vector<std::int32_t>& lowest, int width, int height, 
     for (std::size_t i = 0; i < open.size(); ++i)
       if (lowest[i] == kNoGround) open[i] = kNoGround;
     dilate_raster(open, width, height, radius);
-    const auto most = static_cast<std::int64_t>(rules.slope * radius * rules.cell + 0.5);
+    const auto max_step = static_cast<std::int64_t>(rules.slope * radius * rules.cell + 0.5);
     for (std::size_t i = 0; i < lowest.size(); ++i) {
       if (lowest[i] == kNoGround) continue;
-      stands[i] = stands[i] != 0 || std::int64_t{surface[i]} - open[i] > most;
+      stands[i] = stands[i] != 0 || std::int64_t{surface[i]} - open[i] > max_step;
       surface[i] = open[i];
     }
   }
@@ -155,18 +155,19 @@ const TerrainNode& BrickTerrain::node(int u, int v) const {
 void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
                         std::span<ColumnLayers> layers) {
   constexpr std::size_t kColumns = std::size_t{kBrickCells} * kBrickCells;
-  std::vector<std::int32_t> height(kColumns), reach(kColumns);
+  std::vector<std::int32_t> height(kColumns), tolerance(kColumns);
   for (int v = 0; v < kBrickCells; ++v)
     for (int u = 0; u < kBrickCells; ++u) {
       const GroundAt ground = terrain.at(u, v);
       const auto i = static_cast<std::size_t>(v * kBrickCells + u);
       height[i] = static_cast<std::int32_t>(ground.height);
-      reach[i] = static_cast<std::int32_t>(std::min<double>(ground.tolerance, kQuantaPerCell << kBrickBits));
+      tolerance[i] =
+          static_cast<std::int32_t>(std::min<double>(ground.tolerance, kQuantaPerCell << kBrickBits));
     }
   std::vector<std::uint8_t> seen(kColumns, 0);
   for (const ColumnPoint& p : points) seen[p.column] = 1;
   const auto above = std::partition(points.begin(), points.end(), [&](const ColumnPoint& p) {
-    return !p.steep && std::abs(std::int64_t{p.height} - height[p.column]) <= reach[p.column];
+    return !p.steep && std::abs(std::int64_t{p.height} - height[p.column]) <= tolerance[p.column];
   });
   find_column_layers({points.begin(), above}, layers);
   for (int v = 0; v < kBrickCells; ++v)
@@ -201,8 +202,7 @@ void follow_measured(std::span<ColumnLayers> layers, int edge) {
   std::vector<std::int32_t> next(columns.size());
   for (int round = 0; round < kFollowColumns; ++round) {
     const bool grows = round < kGrowRounds;
-    const std::int64_t before =
-        kGrowRounds - round;  // what is left of a measured one at the last round is nothing
+    const std::int64_t before = kGrowRounds - round;  // offsets fade to nothing by the last growing round
     for (std::size_t c = 0; c < columns.size(); ++c) {
       next[c] = off[columns[c]];
       if (grows == (next[c] != kNoHeight)) continue;

@@ -72,12 +72,12 @@ struct PlannedColumns {
     std::array<int, 2> low = {first[axes.u], first[axes.v]}, high = low;
     for (const BrickEntry& b : bricks) {
       const Int3 at = brick_of_key(b.key);
-      const std::array<int, 2> place = {at[axes.u], at[axes.v]};
-      std::uint64_t& column = points[{place[0], place[1]}];
+      const std::array<int, 2> position = {at[axes.u], at[axes.v]};
+      std::uint64_t& column = points[{position[0], position[1]}];
       column += b.points;
       fullest = std::max(fullest, column), fullest_brick = std::max(fullest_brick, b.points);
       for (std::size_t a = 0; a < 2; ++a)
-        low[a] = std::min(low[a], place[a]), high[a] = std::max(high[a], place[a]);
+        low[a] = std::min(low[a], position[a]), high[a] = std::max(high[a], position[a]);
     }
     width = high[0] - low[0] + 1, height = high[1] - low[1] + 1;
   }

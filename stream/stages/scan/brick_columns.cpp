@@ -30,7 +30,7 @@ BrickColumns::BrickColumns(const JobState& state)
 }
 
 BrickColumns::Fullest BrickColumns::fullest(int u0, int u1, int v0, int v1) const {
-  Fullest most;
+  Fullest out;
   for (int u = u0; u < u1; ++u)
     for (int v = v0; v < v1; ++v) {
       const auto found = columns_.find({u, v});
@@ -38,11 +38,11 @@ BrickColumns::Fullest BrickColumns::fullest(int u0, int u1, int v0, int v1) cons
       std::uint64_t points = 0;
       for (const std::size_t b : found->second) {
         points += store_->bricks()[b].points;
-        most.brick = std::max(most.brick, store_->bricks()[b].points);
+        out.brick = std::max(out.brick, store_->bricks()[b].points);
       }
-      most.column = std::max(most.column, points);
+      out.column = std::max(out.column, points);
     }
-  return most;
+  return out;
 }
 
 std::vector<ColumnPoint> BrickColumns::load(int u, int v, TaskContext& context) const {
