@@ -218,11 +218,6 @@ std::size_t Json::size() const noexcept {
   if (is_object()) return value_.object->size();
   return is_null() ? 0 : 1;
 }
-void Json::clear() {
-  if (is_array()) value_.array->clear();
-  if (is_object()) value_.object->clear();
-  if (is_string()) value_.string->clear();
-}
 
 Json& Json::operator[](std::string_view key) {
   if (is_null()) *this = object();

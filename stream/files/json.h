@@ -104,7 +104,6 @@ class Json {
   /// Elements, 0 of null, 1 of a value.
   std::size_t size() const noexcept;
   bool empty() const noexcept { return size() == 0; }
-  void clear();
 
   /// The member or element, made as null if it is not there.
   Json& operator[](std::string_view key);
