@@ -73,9 +73,15 @@ struct StageNeed {
 };
 
 using StageFactory = std::function<std::unique_ptr<Stage>(const JobState&)>;
+/// Of a stage of `reconstruct`, what it will need, from what the survey knows (stages/plan).
+struct StageForecast;
+struct PlannedScan;
+using StageForecaster = std::function<StageForecast(const PlannedScan&)>;
+
 struct StageEntry {
   std::string name;
   StageFactory make;
+  StageForecaster forecast = nullptr;  ///< none: nothing, but what its end reserves
 };
 
 }  // namespace tessera

@@ -45,7 +45,8 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/merge/merge_scale_stage.cpp", "stream/stages/merge/merge_stages.h"},
       {"stream/stages/merge/merge_strip_stage.cpp", "stream/stages/merge/merge_stages.h"},
       {"stream/stages/merge/merge_zip_stage.cpp", "stream/stages/merge/merge_stages.h"},
-      {"stream/stages/reconstruct/forecast_composer.cpp", "stream/stages/reconstruct/forecast.h"},
+      {"stream/stages/coverage/coverage_forecast.cpp", "stream/stages/coverage/coverage_stage.h"},
+      {"stream/stages/reconstruct/forecast_job.cpp", "stream/stages/reconstruct/forecast.h"},
       {"stream/stages/resample/bends_stage.cpp", "stream/stages/resample/resample_stages.h"},
       {"stream/stages/resample/blends_stage.cpp", "stream/stages/resample/resample_stages.h"},
       {"stream/stages/resample/resample_apply_stage.cpp", "stream/stages/resample/resample_stages.h"},
@@ -212,11 +213,12 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/resample", "stream/stages/resample",
        {"bends_stage", "blend_file", "blends_stage", "resample_apply_stage", "resample_files", "resample_job",
         "resample_options", "resample_scale_stage", "resample_stages"});
-    by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
-       {"forecast_composer", "forecast_list", "forecast_rates", "planned_patches"});
+    by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct", {"forecast_job"});
+    by("stream/stages/reconstruct/forecast", "stream/stages/coverage", {"coverage_forecast"});
+    by("stream/stages/reconstruct/forecast", "stream/stages/plan",
+       {"forecast_rates", "planned_patches", "planned_scan", "stage_forecast", "tile"});
     by("tools/reconstruct", "stream/stages/reconstruct",
        {"coverage_check", "forecast_stage", "reconstruct_job"});
-    by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct", {"brick_needs"});
     by("tools/levels", "stream/stages/surface",
        {"level_fields", "level_files", "level_surface_stage", "levels_stage"});
     by("tools/site", "stream/stages/reconstruct", {"site_after"});

@@ -23,5 +23,6 @@ std::uint64_t coverage_finish_bytes();
 /// \param faces  called once the passes before it are done
 std::unique_ptr<Stage> make_coverage_stage(
     const JobState& state, const std::function<std::unique_ptr<FaceSource>(const JobState&)>& faces);
+StageForecast forecast_coverage(const PlannedScan& scan);
 
 }  // namespace tessera

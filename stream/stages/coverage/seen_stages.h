@@ -37,6 +37,8 @@ std::uint64_t seen_task_bytes(std::span<const BrickEntry> bricks, std::size_t fi
 std::uint64_t seen_finish_bytes();
 
 std::unique_ptr<Stage> make_seen_spacing_stage(const JobState& state);
+StageForecast forecast_seen_spacing(const PlannedScan& scan);
 std::unique_ptr<Stage> make_seen_stage(const JobState& state);
+StageForecast forecast_seen(const PlannedScan& scan);
 
 }  // namespace tessera

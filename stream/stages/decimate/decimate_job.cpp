@@ -12,6 +12,7 @@
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/smooth/smooth_needs.h"
 
@@ -26,9 +27,12 @@ std::string certify_name(int round) {
 
 StageEntry simplify_entry(const SimplifyOptions& options, const SimplifyStores& stores,
                           const SimplifyPass& pass) {
-  return {pass.stage_name(), [=](const JobState& state) {
-            return make_simplify_stage(state, stores.options(state, options), stores, pass);
-          }};
+  StageEntry entry = {pass.stage_name(), [=](const JobState& state) {
+                        return make_simplify_stage(state, stores.options(state, options), stores, pass);
+                      }};
+  if (pass.round == 0)  // later ones have something to do only where the proof fails
+    entry.forecast = [=](const PlannedScan& scan) { return forecast_simplify(scan, options, pass.pass); };
+  return entry;
 }
 
 /// The stores of the passes once the mesh is smoothed.
@@ -115,15 +119,18 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
                         now.placement = stores.placement(state, stores.requested(state, options).tolerance);
                         return make_certify_stage(state, now);
                       }});
+    if (round == 0) stages.back().forecast = forecast_certify;
   }
-  stages.push_back({"write", [=](const JobState& state) {
+  stages.push_back({"write",
+                    [=](const JobState& state) {
                       const double tolerance = stores.requested(state, options).tolerance;
                       return make_store_write_stage(
                           state,
                           open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
                           "made by " + made_by + ", tolerance " + dump_json(Json(tolerance)),
                           sort_bytes(state.run), stores.placement(state, tolerance));
-                    }});
+                    },
+                    forecast_store_write});
   return stages;
 }
 

@@ -1,6 +1,7 @@
 #include "stream/stages/decimate/simplify_needs.h"
 
 #include <algorithm>
+#include <array>
 
 #include "stream/check/compare_cells.h"
 #include "stream/check/mesh_compare.h"
@@ -9,13 +10,14 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/plan/forecast_rates.h"
+#include "stream/stages/plan/planned_scan.h"
 
 namespace tessera {
 namespace {
 
 /// A cell of the certificate is read with whole patches around it.
 constexpr std::uint64_t kCellHalo = 3;
-constexpr double kVerticesPerFace = 0.6;  ///< of blocks: those at seams are there in every patch
 
 /// Of an imported mesh whose vertices lie evenly.
 std::uint64_t largest_patch(std::uint64_t faces) {
@@ -65,6 +67,52 @@ std::vector<StageNeed> simplify_needs(const RunOptions& run, const SimplifyOptio
                      simplify_pass_bytes(options, pass, faces, largest_patch(faces), 1),
                      simplify_pass_bytes(options, pass, faces, largest_patch(faces), kMaxAround)});
   return needs;
+}
+
+namespace {
+
+constexpr double kCertifyTime = 0.43;  ///< microseconds a face
+constexpr double kPassBytes = 0.3;     ///< on disk, a face
+
+}  // namespace
+
+StageForecast forecast_simplify(const PlannedScan& scan, const SimplifyOptions& options, int pass) {
+  const auto faces = bytes_of(scan.faces, rates::kFacesMargin);
+  const std::uint64_t blocks = scan.groups.size() / 2 + 1;
+  const std::array<double, 3> time = {kFirstPassFaceTime, 0.27, 0.13};  // microseconds a face
+  return {.tasks = blocks,
+          .task_bytes = simplify_pass_bytes(options, pass, faces, scan.largest_patch.faces, 1),
+          .finish_bytes = std::uint64_t{2} << 20,
+          .sure_bytes = simplify_task_bytes(0, 0, 0, 0),
+          .disk_bytes = bytes_of(scan.faces, kPassBytes),
+          .files = blocks,
+          .processor_us = scan.faces * time[static_cast<std::size_t>(std::min(pass, 2))],
+          .moved_bytes =
+              (pass < 2 ? 0.5 : 0.2) * static_cast<double>(scan.surface_bytes + scan.smoothed_bytes / 2)};
+}
+
+StageForecast forecast_certify(const PlannedScan& scan) {
+  const auto faces = bytes_of(scan.faces, rates::kFacesMargin);
+  const std::uint64_t both = faces + faces / 4;  // with those of the result
+  const std::uint64_t cell = certify_cell_bytes(both, scan.largest_patch.faces, 1);
+  return {.tasks = scan.groups.size(),
+          .task_bytes = certify_task_bytes(cell),
+          .finish_bytes = certify_finish_bytes(cell, scan.groups.size()),
+          .sure_bytes = certify_task_bytes(0),
+          .files = scan.groups.size(),
+          .processor_us = scan.faces * kCertifyTime,
+          .moved_bytes = static_cast<double>(scan.surface_bytes + scan.smoothed_bytes / 2)};
+}
+
+StageForecast forecast_store_write(const PlannedScan& scan) {
+  const std::uint64_t patch = surface_block_bytes(scan.largest_patch.faces), sort = sort_bytes(scan.run);
+  return {
+      .finish_bytes = write_mesh_store_bytes(patch, scan.patches.entries.size(), sort),
+      .sure_bytes = write_mesh_store_bytes(0, 0, sort),
+      .disk_bytes = scan.output_bytes,
+      .files = 1,
+      .processor_us = scan.faces * kWriteFaceTime,
+      .moved_bytes = static_cast<double>(scan.surface_bytes + scan.smoothed_bytes / 2 + scan.output_bytes)};
 }
 
 }  // namespace tessera

@@ -36,4 +36,12 @@ std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t referenc
 std::vector<StageNeed> simplify_needs(const RunOptions& run, const SimplifyOptions& options,
                                       std::uint64_t faces);
 
+/// The same of `reconstruct`: of a pass of the first round, of its proof, of the output.
+StageForecast forecast_simplify(const PlannedScan& scan, const SimplifyOptions& options, int pass);
+StageForecast forecast_certify(const PlannedScan& scan);
+StageForecast forecast_store_write(const PlannedScan& scan);
+
+/// Microseconds a face: of the first pass, also where the surface stage has it, and of writing.
+inline constexpr double kFirstPassFaceTime = 0.65, kWriteFaceTime = 0.02;
+
 }  // namespace tessera

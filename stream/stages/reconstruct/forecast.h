@@ -18,23 +18,10 @@
 #include "stream/files/json.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/stage.h"
+#include "stream/stages/plan/planned_scan.h"
+#include "stream/stages/plan/stage_forecast.h"
 
 namespace tessera {
-
-/// What a stage is expected to need.
-struct StageForecast {
-  std::string stage;
-  std::uint64_t tasks = 0;
-  std::uint64_t task_bytes = 0;    ///< memory of its largest task
-  std::uint64_t finish_bytes = 0;  ///< memory of its end
-  std::uint64_t sure_bytes = 0;    ///< of the larger of both, what it takes whatever the estimates
-  std::uint64_t disk_bytes = 0;    ///< what it writes into the work directory
-  std::uint64_t files = 0;
-  double seconds = 0.0;  ///< on all threads of the job
-
-  bool is_idle() const { return tasks == 0 && files == 0; }
-  std::uint64_t memory_bytes() const { return task_bytes > finish_bytes ? task_bytes : finish_bytes; }
-};
 
 struct Forecast {
   std::vector<StageForecast> stages;  ///< all that follow the forecast, in the order of the run
@@ -47,13 +34,7 @@ struct Forecast {
   static constexpr const char* kFile = "forecast.json";
 };
 
-/// Tasks that read the input once.
-struct InputTasks {
-  std::uint64_t count = 0;
-  std::uint64_t largest_bytes = 0;   ///< of the input, in one of them
-  std::uint64_t unpacked_bytes = 0;  ///< on disk until distribute is done
-};
-
+/// Each stage tells its own part (StageEntry::forecast).
 Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, const InputTasks& inputs,
                       const JobState& job);
 

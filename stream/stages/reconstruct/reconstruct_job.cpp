@@ -8,6 +8,8 @@
 
 #include "stream/files/path_text.h"
 #include "stream/import/crs_sidecar.h"
+#include "stream/import/import_bytes.h"
+#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_store_output.h"
 #include "stream/meshes/store_write_stage.h"
@@ -16,6 +18,9 @@
 #include "stream/stages/coverage/missing_picture.h"
 #include "stream/stages/coverage/seen_stages.h"
 #include "stream/stages/decimate/decimate_job.h"
+#include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/plan/forecast_rates.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/reconstruct/forecast_stage.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/ground_stages.h"
@@ -138,11 +143,65 @@ std::vector<StageNeed> early_needs(const JobState& state) {
 namespace {
 
 StageEntry coverage_of(const std::function<MeshStore(const JobState&)>& store) {
-  return {"coverage", [=](const JobState& state) {
+  return {"coverage",
+          [=](const JobState& state) {
             return make_coverage_stage(state, [=](const JobState& s) {
               return stored_faces(store(s), Plan::of_work(s.work).lattice);
             });
-          }};
+          },
+          forecast_coverage};
+}
+
+}  // namespace
+
+namespace {
+
+/// Of an import stage of the raw mesh: microseconds a face.
+struct ImportRate {
+  const char* stage;
+  double time;
+  bool in_buckets;  ///< of vertices, a task each
+};
+constexpr ImportRate kImportRates[] = {{"mesh-read", 0.05, false},
+                                       {"mesh-vertices", 0.1, true},
+                                       {"mesh-corners", 0.1, false},
+                                       {"mesh-tiles", 0.4, true}};
+
+StageForecast forecast_raw_import(const PlannedScan& scan, const std::string& stage) {
+  if (stage == "mesh-repair") {
+    StageForecast repair = idle_forecast();
+    repair.task_bytes = import_repair_task_bytes(surface_block_bytes(4 * ImportPlan::kBrickVertices));
+    return repair;
+  }
+  const double faces = scan.faces * rates::kFacesMargin * rates::kFacesMargin;
+  const MeshSize mesh = {bytes_of(faces, kVerticesPerFace), bytes_of(faces, 1.0)};
+  const std::uint64_t buckets = mesh.vertices / ImportPlan::kBucketVertices + 1;
+  const auto sure = import_needs(scan.run, {0, "mesh"}, {}),
+             needs = import_needs(scan.run, {0, "mesh"}, mesh);
+  for (std::size_t i = 0; i < needs.size(); ++i) {
+    if (needs[i].stage != stage) continue;
+    const ImportRate& rate = kImportRates[i];
+    StageForecast told;
+    (rate.in_buckets ? told.task_bytes : told.finish_bytes) = std::max(needs[i].sure, needs[i].likely);
+    told.tasks = rate.in_buckets ? buckets : 0;
+    told.sure_bytes = sure[i].sure;
+    told.disk_bytes = scan.output_bytes;  // about as much as the file
+    told.files = rate.in_buckets ? 2 * buckets : 1;
+    told.processor_us = scan.faces * rate.time;
+    told.moved_bytes = static_cast<double>(scan.output_bytes);
+    return told;
+  }
+  return idle_forecast();
+}
+
+/// The raw mesh comes back as a store.
+std::vector<StageEntry> raw_import_stages() {
+  std::vector<StageEntry> stages = import_stages({0, "mesh", kRawMeshFile});
+  for (StageEntry& entry : stages)
+    entry.forecast = [stage = entry.name](const PlannedScan& scan) {
+      return forecast_raw_import(scan, stage);
+    };
+  return stages;
 }
 
 }  // namespace
@@ -156,29 +215,30 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"spacing", [](const JobState& state) { return make_spacing_stage(state); }},
       {"survey", make_survey_stage},
       {"forecast", make_forecast_stage},
-      {"distribute", make_distribute_stage},
-      {"order", make_order_stage},
-      {"seen-spacing", make_seen_spacing_stage},
-      {"seen", make_seen_stage},
-      {"normals", make_normals_stage},
-      {"links", make_links_stage},
-      {"orient", make_orient_stage},
-      {"top", make_top_stage},
-      {"top-points", make_top_points_stage},
-      {"multipole", make_multipole_stage},
-      {"rims", make_boundaries_stage},
-      {"close", make_close_stage},
+      {"distribute", make_distribute_stage, forecast_distribute},
+      {"order", make_order_stage, forecast_order},
+      {"seen-spacing", make_seen_spacing_stage, forecast_seen_spacing},
+      {"seen", make_seen_stage, forecast_seen},
+      {"normals", make_normals_stage, forecast_normals},
+      {"links", make_links_stage, forecast_links},
+      {"orient", make_orient_stage, forecast_orient},
+      {"top", make_top_stage, forecast_top},
+      {"top-points", make_top_points_stage, forecast_top_points},
+      {"multipole", make_multipole_stage, forecast_multipole},
+      {"rims", make_boundaries_stage, forecast_boundaries},
+      {"close", make_close_stage, forecast_close},
   };
   if (options.surface == "ground") {
     const auto top =
         std::find_if(stages.begin(), stages.end(), [](const StageEntry& e) { return e.name == "top"; });
-    stages.insert(top, {{"ground-cells", make_ground_cells_stage}, {"ground", make_ground_stage}});
+    stages.insert(top, {{"ground-cells", make_ground_cells_stage, forecast_ground_cells},
+                        {"ground", make_ground_stage, forecast_ground}});
   }
   if (options.has_levels()) {
     stages.push_back({"levels", make_levels_stage});
-    stages.push_back({"surface", make_level_surface_stage});
+    stages.push_back({"surface", make_level_surface_stage, forecast_level_surface});
   } else {
-    stages.push_back({"surface", make_surface_stage});
+    stages.push_back({"surface", make_surface_stage, forecast_surface});
   }
   const auto append = [&](std::vector<StageEntry> more) {
     for (StageEntry& entry : more) stages.push_back(std::move(entry));
@@ -193,47 +253,56 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
     // The last stage ends the job.
     if (options.reference == "points")
       stages.insert(stages.end() - 1,
-                    {"samples", [=](const JobState& state) {
+                    {"samples",
+                     [=](const JobState& state) {
                        return make_samples_stage(state, {reconstruct_tolerance(state), result, false});
-                     }});
+                     },
+                     [](const PlannedScan& scan) { return forecast_samples(scan, false); }});
     stages.insert(stages.end() - 1, coverage_of(result));
     if (options.keep_raw)
-      stages.insert(stages.end() - 1, {"keep-raw", [=](const JobState& state) {
+      stages.insert(stages.end() - 1, {"keep-raw",
+                                       [=](const JobState& state) {
                                          return make_keep_raw_stage(state, stores.full(state),
                                                                     "made by tessera reconstruct",
                                                                     sort_bytes(state.run));
-                                       }});
+                                       },
+                                       forecast_store_write});
   };
   if (fuses_stores(options)) {
-    append({{"islands", make_islands_stage}, {"prune", make_prune_stage}});
+    append({{"islands", make_islands_stage, forecast_islands}, {"prune", make_prune_stage, forecast_prune}});
     if (!options.decimates())
-      append({coverage_of(open_full_surface), {"write", [](const JobState& state) {
-                                                 return make_store_write_stage(
-                                                     state, open_full_surface(state),
-                                                     "made by tessera reconstruct", sort_bytes(state.run));
-                                               }}});
+      append({coverage_of(open_full_surface),
+              {"write",
+               [](const JobState& state) {
+                 return make_store_write_stage(state, open_full_surface(state), "made by tessera reconstruct",
+                                               sort_bytes(state.run));
+               },
+               forecast_write}});
     else if (fuses_first_pass(options))
       finish({open_full_surface, open_first_pass, first_pass_blocks, reconstruct_tolerance});
     else
       finish({open_full_surface, nullptr, nullptr, reconstruct_tolerance});
     return stages;
   }
-  append({{"weld", make_weld_stage}, {"border", make_border_stage}});
+  append({{"weld", make_weld_stage, forecast_weld}, {"border", make_border_stage, forecast_border}});
   append(uncross_stages());
-  append({{"loops", make_loops_stage}, {"holes", make_holes_stage}});
+  append({{"loops", make_loops_stage, forecast_loops}, {"holes", make_holes_stage, forecast_holes}});
   if (!options.decimates()) {
-    append({{"coverage", [](const JobState& state) { return make_coverage_stage(state, welded_faces); }},
-            {"write", make_write_stage}});
+    append({{"coverage", [](const JobState& state) { return make_coverage_stage(state, welded_faces); },
+             forecast_coverage},
+            {"write", make_write_stage, forecast_write}});
     return stages;
   }
-  append({{"raw", make_raw_write_stage}});
-  append(import_stages({0, "mesh", kRawMeshFile}));
+  append({{"raw", make_raw_write_stage, forecast_write}});
+  append(raw_import_stages());
   SimplifyStores stores = imported_stores("mesh");
   stores.tolerance_left = reconstruct_tolerance;
   if (options.reference == "points") {
-    append({{"points", [=](const JobState& state) {
+    append({{"points",
+             [=](const JobState& state) {
                return make_samples_stage(state, {reconstruct_tolerance(state), stores.full, true});
-             }}});
+             },
+             [](const PlannedScan& scan) { return forecast_samples(scan, true); }}});
     stores.tolerance_left = [](const JobState& state) { return tolerance_left(state.work); };
   }
   finish(stores);

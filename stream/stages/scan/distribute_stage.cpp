@@ -9,6 +9,7 @@
 #include "stream/files/task_files.h"
 #include "stream/formats/points/quantise.h"
 #include "stream/points/run_file.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/point_colours.h"
 
 namespace tessera {
@@ -152,6 +153,22 @@ Json DistributeStage::finish(const std::vector<Json>& summaries, TaskContext& co
 std::unique_ptr<Stage> make_distribute_stage(const JobState& job) {
   return std::make_unique<DistributeStage>(
       job, open_point_inputs(job, colour_by(reconstruct_options(job).colour) == ColourBy::kRgb));
+}
+
+namespace {
+
+constexpr double kDistributeTime = 0.05;  ///< microseconds a point
+
+}  // namespace
+
+StageForecast forecast_distribute(const PlannedScan& scan) {
+  return all_sure({.tasks = scan.inputs.count,
+                   .task_bytes = distribute_task_bytes(scan.run, scan.plan, scan.inputs.largest_bytes),
+                   .finish_bytes = distribute_finish_bytes(scan.run, scan.plan, scan.inputs.count),
+                   .disk_bytes = scan.run_bytes,
+                   .files = scan.inputs.count + 1,
+                   .processor_us = scan.points * kDistributeTime,
+                   .moved_bytes = 2.0 * static_cast<double>(scan.run_bytes)});
 }
 
 }  // namespace tessera

@@ -40,6 +40,7 @@ std::uint64_t distribute_finish_bytes(const RunOptions& run, const Plan& plan, s
 std::uint64_t distribute_runs(const RunOptions& run, const Plan& plan, std::uint64_t tasks);
 
 std::unique_ptr<Stage> make_distribute_stage(const JobState& job);
+StageForecast forecast_distribute(const PlannedScan& scan);
 
 /// The run file of task k, relative to the work directory.
 std::string run_file_name(std::size_t task);

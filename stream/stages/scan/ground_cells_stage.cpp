@@ -9,6 +9,7 @@
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/ground_store.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/brick_columns.h"
 #include "stream/stages/scan/ground_stages.h"
 
@@ -116,6 +117,25 @@ std::uint64_t ground_cells_task_bytes(std::uint64_t column_points, std::uint64_t
 
 std::unique_ptr<Stage> make_ground_cells_stage(const JobState& state) {
   return std::make_unique<GroundCellsStage>(state);
+}
+
+namespace {
+
+constexpr double kGroundCellsTime = 0.2;  ///< microseconds a point
+
+}  // namespace
+
+StageForecast forecast_ground_cells(const PlannedScan& scan) {
+  if (!scan.columns) return idle_forecast();
+  const std::uint64_t columns = scan.columns->points.size(), tasks = columns / kGroundTaskColumns + 1;
+  const auto edge =
+      static_cast<std::uint64_t>(kBrickCells / ground_setup(scan.options, scan.plan).cell_columns);
+  return {.tasks = tasks,
+          .task_bytes = ground_cells_task_bytes(scan.columns->fullest, scan.largest_brick),
+          .disk_bytes = columns * edge * edge * sizeof(TerrainCell),
+          .files = tasks,
+          .processor_us = scan.points * kGroundCellsTime,
+          .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes)};
 }
 
 }  // namespace tessera

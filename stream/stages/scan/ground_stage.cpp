@@ -17,6 +17,7 @@
 #include "stream/points/point_store.h"
 #include "stream/points/top_store.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/ground_stages.h"
 
 namespace tessera {
@@ -279,6 +280,30 @@ std::uint64_t ground_tasks(const GroundSetup& setup, std::int64_t width, std::in
 
 std::unique_ptr<Stage> make_ground_stage(const JobState& state) {
   return std::make_unique<GroundStage>(state);
+}
+
+namespace {
+
+constexpr double kGroundTime = 0.012;  ///< microseconds a byte of its blocks
+
+}  // namespace
+
+StageForecast forecast_ground(const PlannedScan& scan) {
+  if (!scan.columns) return idle_forecast();
+  const GroundSetup setup = ground_setup(scan.options, scan.plan);
+  const std::uint64_t columns = scan.columns->points.size();
+  const auto edge = static_cast<std::uint64_t>(kBrickCells / setup.cell_columns);
+  const std::uint64_t tasks = ground_tasks(setup, scan.columns->width, scan.columns->height);
+  const std::uint64_t block = ground_task_bytes(setup, scan.columns->width, scan.columns->height);
+  const std::uint64_t nodes = columns * (edge + 2) * (edge + 2) * sizeof(TerrainNode);
+  return {.tasks = tasks,
+          .task_bytes = block,
+          .finish_bytes = ground_finish_bytes(columns),
+          .sure_bytes = block,
+          .disk_bytes = nodes,
+          .files = tasks,
+          .processor_us = static_cast<double>(tasks * block) * kGroundTime,
+          .moved_bytes = static_cast<double>(columns * edge * edge * sizeof(TerrainCell) + nodes)};
 }
 
 }  // namespace tessera

@@ -36,6 +36,8 @@ std::uint64_t ground_finish_bytes(std::uint64_t columns);
 std::uint64_t ground_tasks(const GroundSetup& setup, std::int64_t width, std::int64_t height);
 
 std::unique_ptr<Stage> make_ground_cells_stage(const JobState& state);
+StageForecast forecast_ground_cells(const PlannedScan& scan);
 std::unique_ptr<Stage> make_ground_stage(const JobState& state);
+StageForecast forecast_ground(const PlannedScan& scan);
 
 }  // namespace tessera

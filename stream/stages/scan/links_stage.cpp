@@ -10,8 +10,10 @@
 #include "stream/points/patch_blocks.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/scan/normals_stage.h"
+#include "stream/stages/scan/orient_needs.h"
 #include "stream/stages/scan/orient_viewers.h"
 
 namespace tessera {
@@ -230,6 +232,26 @@ std::uint64_t links_finish_bytes(std::uint64_t bricks, std::uint64_t outer, std:
 
 std::unique_ptr<Stage> make_links_stage(const JobState& state) {
   return std::make_unique<LinksStage>(state);
+}
+
+namespace {
+
+constexpr double kLinksTime = 0.15;  ///< microseconds a point
+
+}  // namespace
+
+StageForecast forecast_links(const PlannedScan& scan) {
+  if (!scan.estimates_normals) return idle_forecast();
+  const OrientNeeds needs = orient_needs(scan);
+  const std::uint64_t buckets = scan.plan.buckets.size();
+  return {.tasks = buckets,
+          .task_bytes = needs.links_task,
+          .finish_bytes = needs.links_finish,
+          .sure_bytes = links_finish_bytes(0, 0, 0, 0),
+          .disk_bytes = needs.links_disk,
+          .files = buckets,
+          .processor_us = scan.points * kLinksTime,
+          .moved_bytes = static_cast<double>(scan.overlay_bytes)};
 }
 
 }  // namespace tessera

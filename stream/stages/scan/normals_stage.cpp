@@ -16,6 +16,7 @@
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/normals_mode.h"
 
 namespace tessera {
@@ -295,6 +296,24 @@ std::uint64_t normals_task_bytes(std::span<const BrickEntry> bricks, std::size_t
 
 std::unique_ptr<Stage> make_normals_stage(const JobState& state) {
   return std::make_unique<NormalsStage>(state);
+}
+
+namespace {
+
+// Microseconds a point: supporters of points with normals; normals too.
+constexpr double kShapeTime = 0.25, kEstimateTime = 0.95;
+
+}  // namespace
+
+StageForecast forecast_normals(const PlannedScan& scan) {
+  if (!scan.has_overlay) return idle_forecast();
+  const std::uint64_t buckets = scan.plan.buckets.size();
+  return all_sure({.tasks = buckets,
+                   .task_bytes = normals_task_bytes(scan.bricks, 0, scan.bricks.size()),
+                   .disk_bytes = scan.overlay_bytes,
+                   .files = buckets,
+                   .processor_us = scan.points * (scan.estimates_normals ? kEstimateTime : kShapeTime),
+                   .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes)});
 }
 
 }  // namespace tessera

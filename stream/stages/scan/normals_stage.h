@@ -22,7 +22,10 @@ std::uint64_t links_finish_bytes(std::uint64_t bricks, std::uint64_t outer, std:
 
 /// No task at all when normals are given and cleaning is off.
 std::unique_ptr<Stage> make_normals_stage(const JobState& state);
+StageForecast forecast_normals(const PlannedScan& scan);
 std::unique_ptr<Stage> make_links_stage(const JobState& state);
+StageForecast forecast_links(const PlannedScan& scan);
 std::unique_ptr<Stage> make_orient_stage(const JobState& state);
+StageForecast forecast_orient(const PlannedScan& scan);
 
 }  // namespace tessera

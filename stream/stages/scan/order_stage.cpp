@@ -10,6 +10,7 @@
 #include "stream/points/point_sort.h"
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/distribute_stage.h"
 
 namespace tessera {
@@ -74,7 +75,7 @@ bool is_hot(const PlanBucket& bucket, std::uint64_t max_brick_points) {
   return bucket.bricks == 1 && bucket.points > max_brick_points;
 }
 
-std::uint64_t order_task_bytes(const PlanBucket& bucket, const std::vector<PlanBrick>& bricks,
+std::uint64_t order_task_bytes(const PlanBucket& bucket, std::span<const PlanBrick> bricks,
                                std::uint64_t extents, std::uint64_t max_brick_points) {
   const std::uint64_t fixed = DirectFile::kDefaultBuffer + kExtentChunk * sizeof(PointRecord) +
                               bucket.bricks * 100 + (std::uint64_t{1} << 18);
@@ -187,6 +188,28 @@ Json OrderStage::finish(const std::vector<Json>& summaries, TaskContext&) const 
 
 std::unique_ptr<Stage> make_order_stage(const JobState& job) {
   return std::make_unique<OrderStage>(job);
+}
+
+namespace {
+
+constexpr double kOrderTime = 0.05;  ///< microseconds a point
+
+}  // namespace
+
+StageForecast forecast_order(const PlannedScan& scan) {
+  const std::uint64_t runs = distribute_runs(scan.run, scan.plan, scan.inputs.count);
+  const std::uint64_t buckets = scan.plan.buckets.size();
+  std::uint64_t task = 0;
+  for (const PlanBucket& b : scan.plan.buckets)
+    task = std::max(
+        task, order_task_bytes(b, scan.plan_bricks, std::min(runs, b.points), scan.options.max_brick_points));
+  return all_sure({.tasks = buckets,
+                   .task_bytes = task,
+                   .finish_bytes = OrderStage::kFinishBytes,
+                   .disk_bytes = scan.store_bytes,
+                   .files = buckets,
+                   .processor_us = scan.points * kOrderTime,
+                   .moved_bytes = static_cast<double>(scan.run_bytes + scan.store_bytes)});
 }
 
 }  // namespace tessera

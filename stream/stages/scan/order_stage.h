@@ -3,6 +3,7 @@
 /// store.
 #pragma once
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "stream/points/plan.h"
@@ -50,13 +51,14 @@ class OrderStage : public Stage {
 bool is_hot(const PlanBucket& bucket, std::uint64_t max_brick_points);
 /// 24 bytes a point of the bucket, BrickSorter::bytes of its largest brick; HotBrick::bytes for a hot one.
 /// \param bricks  of the whole plan \param extents  of the bucket
-std::uint64_t order_task_bytes(const PlanBucket& bucket, const std::vector<PlanBrick>& bricks,
+std::uint64_t order_task_bytes(const PlanBucket& bucket, std::span<const PlanBrick> bricks,
                                std::uint64_t extents, std::uint64_t max_brick_points);
 /// The brick table that the stage will leave: exact but where equal points merge or hot bricks are thinned, there an
 /// upper bound.
 std::vector<BrickEntry> planned_bricks(const std::vector<PlanBrick>& bricks, std::uint64_t max_brick_points);
 
 std::unique_ptr<Stage> make_order_stage(const JobState& job);
+StageForecast forecast_order(const PlannedScan& scan);
 
 /// The point file of bucket k, relative to the work directory.
 std::string point_file_name(std::size_t bucket);

@@ -27,10 +27,10 @@ std::uint64_t rounded_up(double value) {
 
 }  // namespace
 
-OrientNeeds orient_needs(std::uint64_t bricks, std::uint64_t blocks, std::uint64_t max_blocks,
-                         double noise_cells, bool in_blocks) {
-  const double noise = std::min(1.0, noise_cells / kMaxNoise);
-  const auto occupied = static_cast<double>(blocks);
+OrientNeeds orient_needs(const PlannedScan& scan) {
+  const std::uint64_t bricks = scan.bricks.size();
+  const double noise = std::min(1.0, scan.plan.noise_cells / kMaxNoise);
+  const auto occupied = static_cast<double>(scan.blocks);
   const double patches = static_cast<double>(bricks) + occupied * noise * kBlockPatches;
   const double votes = occupied * noise * kBlockVotes, coarse = occupied * (1.5 + noise * kBlockCoarse);
   const double largest = std::min<double>(patches, kBlockLimit);
@@ -38,13 +38,13 @@ OrientNeeds orient_needs(std::uint64_t bricks, std::uint64_t blocks, std::uint64
   const double border = (patches - largest) * kBorderPatches;
   const std::uint64_t border_votes = rounded_up(border * kBorderVotes);
   OrientNeeds needs;
-  needs.links_task =
-      links_task_bytes(rounded_up(static_cast<double>(max_blocks) * kBlockBoundary), rounded_up(largest));
+  needs.links_task = links_task_bytes(rounded_up(static_cast<double>(scan.max_blocks) * kBlockBoundary),
+                                      rounded_up(largest));
   needs.links_finish =
       links_finish_bytes(bricks, border_votes, rounded_up(coarse * part), rounded_up(largest));
   needs.links_disk = rounded_up(votes) * sizeof(PatchVote) + rounded_up(patches) * sizeof(PatchGroup);
   needs.task = solve_block_bytes(rounded_up(largest), rounded_up(votes * part), rounded_up(coarse * part));
-  needs.finish = in_blocks
+  needs.finish = scan.oriented_in_blocks
                      ? block_orientation_bytes(rounded_up(patches), rounded_up(largest), rounded_up(border),
                                                2 * border_votes)
                      : whole_orientation_bytes(rounded_up(patches), rounded_up(votes), rounded_up(coarse));

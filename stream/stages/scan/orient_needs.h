@@ -3,6 +3,8 @@
 #pragma once
 #include <cstdint>
 
+#include "stream/stages/plan/planned_scan.h"
+
 namespace tessera {
 
 struct OrientNeeds {
@@ -10,9 +12,6 @@ struct OrientNeeds {
   std::uint64_t task = 0, finish = 0;
 };
 
-/// \param bricks, blocks  occupied ones of the scan, blocks of 8^3 cells \param max_blocks  of the fullest brick
-/// \param noise_cells  of the points off their planes \param in_blocks  patches know their sides
-OrientNeeds orient_needs(std::uint64_t bricks, std::uint64_t blocks, std::uint64_t max_blocks,
-                         double noise_cells, bool in_blocks);
+OrientNeeds orient_needs(const PlannedScan& scan);
 
 }  // namespace tessera

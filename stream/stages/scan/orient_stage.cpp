@@ -9,8 +9,10 @@
 #include "stream/points/normal_sample.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/scan/normals_stage.h"
+#include "stream/stages/scan/orient_needs.h"
 #include "stream/stages/scan/orient_solution.h"
 #include "stream/stages/scan/orient_viewers.h"
 #include "stream/stages/scan/uncertain_picture.h"
@@ -207,6 +209,25 @@ class OrientStage : public Stage {
 
 std::unique_ptr<Stage> make_orient_stage(const JobState& state) {
   return std::make_unique<OrientStage>(state);
+}
+
+namespace {
+
+constexpr double kOrientTime = 0.25;  ///< microseconds a point
+
+}  // namespace
+
+StageForecast forecast_orient(const PlannedScan& scan) {
+  if (!scan.estimates_normals) return idle_forecast();
+  const OrientNeeds needs = orient_needs(scan);
+  const std::uint64_t buckets = scan.plan.buckets.size();
+  return {.tasks = buckets,
+          .task_bytes = needs.task,
+          .finish_bytes = needs.finish,
+          .sure_bytes = block_orientation_bytes(0, 0, 0, 0),
+          .files = buckets,
+          .processor_us = scan.points * kOrientTime,
+          .moved_bytes = static_cast<double>(scan.overlay_bytes)};
 }
 
 }  // namespace tessera

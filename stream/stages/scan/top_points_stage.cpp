@@ -14,6 +14,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/points/top_store.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/brick_columns.h"
 #include "stream/stages/scan/top_stage.h"
 
@@ -194,6 +195,26 @@ std::uint64_t top_points_task_bytes(std::uint64_t brick_points, std::uint64_t sa
 
 std::unique_ptr<Stage> make_top_points_stage(const JobState& state) {
   return std::make_unique<TopPointsStage>(state);
+}
+
+namespace {
+
+constexpr double kTopPointsTime = 0.07;  ///< microseconds a point
+/// Samples of a brick that its top surface crosses, steps too; of a skin twice as many.
+constexpr std::uint64_t kBrickSamples = std::uint64_t{4} * kBrickCells * kBrickCells;
+
+}  // namespace
+
+StageForecast forecast_top_points(const PlannedScan& scan) {
+  if (!scan.columns) return idle_forecast();
+  const std::uint64_t skins = model_use(scan.options) == ModelUse::kStandIn ? 1 : 2;
+  const std::uint64_t buckets = scan.plan.buckets.size();
+  return {.tasks = buckets,
+          .task_bytes = top_points_task_bytes(scan.largest_brick, skins * kBrickSamples),
+          .disk_bytes = scan.store_bytes,
+          .files = buckets,
+          .processor_us = scan.points * kTopPointsTime,
+          .moved_bytes = static_cast<double>(2 * scan.store_bytes + scan.overlay_bytes)};
 }
 
 }  // namespace tessera

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/points/top_store.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/brick_columns.h"
 #include "stream/stages/scan/ground_stages.h"
 
@@ -216,6 +218,28 @@ ModelUse model_use(const ReconstructOptions& options) {
 
 std::unique_ptr<Stage> make_top_stage(const JobState& state) {
   return std::make_unique<TopStage>(state);
+}
+
+namespace {
+
+constexpr double kTopTime = 0.45;  ///< microseconds a point
+// On disk, a point: model and samples, of a forest and of a skin.
+constexpr double kForestBytes = 10.0, kSkinBytes = 18.0;
+
+}  // namespace
+
+StageForecast forecast_top(const PlannedScan& scan) {
+  if (!scan.columns) return idle_forecast();
+  const ModelUse use = model_use(scan.options);
+  const int edge = top_group_columns(scan.run, use);
+  std::set<std::pair<int, int>> groups;
+  for (const auto& [at, n] : scan.columns->points) groups.emplace(at.first / edge, at.second / edge);
+  return {.tasks = groups.size(),
+          .task_bytes = top_task_bytes(edge, scan.columns->fullest, scan.largest_brick, use),
+          .disk_bytes = bytes_of(scan.points, use == ModelUse::kStandIn ? kForestBytes : kSkinBytes),
+          .files = groups.size(),
+          .processor_us = scan.points * kTopTime,
+          .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes)};
 }
 
 }  // namespace tessera

@@ -24,6 +24,8 @@ std::uint64_t top_task_bytes(int group_columns, std::uint64_t column_points, std
 std::uint64_t top_points_task_bytes(std::uint64_t brick_points, std::uint64_t samples);
 
 std::unique_ptr<Stage> make_top_stage(const JobState& state);
+StageForecast forecast_top(const PlannedScan& scan);
 std::unique_ptr<Stage> make_top_points_stage(const JobState& state);
+StageForecast forecast_top_points(const PlannedScan& scan);
 
 }  // namespace tessera

@@ -6,6 +6,8 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/runtime/report.h"
+#include "stream/stages/plan/planned_scan.h"
+#include "stream/stages/smooth/smooth_needs.h"
 #include "stream/stages/smooth/smooth_stage.h"
 #include "stream/stages/smooth/untangle_stages.h"
 
@@ -87,6 +89,8 @@ std::vector<StageEntry> smooth_before_stages(const SmoothBefore& before) {
   stages.push_back({kLeft, [=](const JobState& state) {
                       return make_noise_stage(state, kLeft, open_smoothed_before(state, before));
                     }});
+  for (StageEntry& entry : stages)
+    entry.forecast = [name = entry.name](const PlannedScan& scan) { return forecast_smoothing(scan, name); };
   return stages;
 }
 

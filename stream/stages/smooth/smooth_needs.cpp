@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "stream/stages/plan/forecast_rates.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/smooth/smooth_stage.h"
 #include "stream/stages/smooth/untangle_stages.h"
@@ -53,6 +55,36 @@ std::vector<StageNeed> smooth_needs(const std::vector<SmoothRound>& rounds, cons
     needs.push_back(smooth_round_need(rounds[round - 1], round, mesh, ImportPlan::kBrickVertices));
   for (const StageNeed& need : untangle_needs(mesh, ImportPlan::kBrickVertices)) needs.push_back(need);
   return needs;
+}
+
+namespace {
+
+// Microseconds a face: fits of denoise; filters; edges, and noise at a sample.
+constexpr double kFitTime = 18.0, kFilterTime = 1.0, kRangeTime = 0.1;
+
+}  // namespace
+
+StageForecast forecast_smoothing(const PlannedScan& scan, const std::string& stage) {
+  // The raw mesh comes back in bricks of an import's, and its faces are an estimate.
+  const double faces = scan.faces * rates::kFacesMargin * rates::kFacesMargin;
+  const MeshSize mesh = {bytes_of(faces, kVerticesPerFace), bytes_of(faces, 1.0)};
+  const std::uint64_t patch =
+      bytes_of(static_cast<double>(scan.largest_patch.faces), rates::kFacesMargin * kVerticesPerFace);
+  for (const StageNeed& need : smooth_before_needs(scan.options.smooth, mesh, patch)) {
+    if (need.stage != stage) continue;
+    const bool moves = stage.starts_with("smooth-"), fits = stage == "smooth-1";
+    const std::uint64_t disk = scan.smoothed_bytes / 2;
+    return {.tasks = scan.groups.size(),
+            .task_bytes = need.likely,
+            .sure_bytes = kTileSlackBytes,
+            .disk_bytes = moves ? disk : 0,
+            .files = scan.groups.size(),
+            .processor_us = scan.faces * (fits    ? kFitTime
+                                          : moves ? kFilterTime
+                                                  : kRangeTime),
+            .moved_bytes = (moves ? 2.0 : 1.0) * static_cast<double>(disk)};
+  }
+  return idle_forecast();
 }
 
 }  // namespace tessera

@@ -24,6 +24,8 @@ std::vector<StageNeed> noise_needs(const MeshSize& mesh,
 /// Of all stages of smoothing before decimation (smooth_before.h). \param patch_vertices  of the largest patch
 std::vector<StageNeed> smooth_before_needs(const std::string& method, const MeshSize& mesh,
                                            std::uint64_t patch_vertices = ImportPlan::kBrickVertices);
+/// The same of `reconstruct`. \param stage  as smooth_before_stages() names it
+StageForecast forecast_smoothing(const PlannedScan& scan, const std::string& stage);
 
 /// Of all rounds over an imported mesh.
 std::vector<StageNeed> smooth_needs(const std::vector<SmoothRound>& rounds, const MeshSize& mesh);

@@ -42,7 +42,10 @@ struct CloseCounts {
 std::uint64_t close_bytes(const RunOptions& run, const CloseCounts& counts);
 
 std::unique_ptr<Stage> make_multipole_stage(const JobState& state);
+StageForecast forecast_multipole(const PlannedScan& scan);
 std::unique_ptr<Stage> make_boundaries_stage(const JobState& state);
+StageForecast forecast_boundaries(const PlannedScan& scan);
 std::unique_ptr<Stage> make_close_stage(const JobState& state);
+StageForecast forecast_close(const PlannedScan& scan);
 
 }  // namespace tessera

@@ -9,8 +9,10 @@
 #include "stream/files/json.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/hole_limit.h"
+#include "stream/stages/surface/loops_stage.h"
 #include "stream/stages/weld/mesh_around.h"
 #include "stream/stages/weld/weld_stage.h"
 
@@ -150,6 +152,24 @@ class HolesStage : public Stage {
 
 std::unique_ptr<Stage> make_holes_stage(const JobState& state) {
   return std::make_unique<HolesStage>(state);
+}
+
+StageForecast forecast_loops(const PlannedScan& scan) {
+  if (scan.max_hole_edges == 0) return idle_forecast();
+  return {.tasks = scan.groups.size(),
+          .task_bytes = scan.patches.max_of_tasks(loops_task_bytes),
+          .finish_bytes = loops_finish_bytes(scan.run, scan.max_hole_edges, scan.patches.entries),
+          .sure_bytes = loops_finish_bytes(scan.run, scan.max_hole_edges, {}),
+          .files = scan.groups.size(),
+          .moved_bytes = static_cast<double>(scan.surface_bytes)};
+}
+StageForecast forecast_holes(const PlannedScan& scan) {
+  if (scan.max_hole_edges == 0) return idle_forecast();
+  const std::uint64_t filling = hole_task_bytes(scan.max_hole_edges);
+  return {.tasks = scan.groups.size(),
+          .task_bytes = scan.patches.max_of_tasks(MeshAround::bytes) + filling,
+          .sure_bytes = MeshAround::bytes({}) + filling,
+          .files = scan.groups.size()};
 }
 
 }  // namespace tessera

@@ -8,5 +8,6 @@
 namespace tessera {
 
 std::unique_ptr<Stage> make_holes_stage(const JobState& state);
+StageForecast forecast_holes(const PlannedScan& scan);
 
 }  // namespace tessera

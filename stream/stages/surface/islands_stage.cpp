@@ -17,6 +17,8 @@
 #include "stream/points/cell_ladder.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/serial_stage.h"
+#include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/weld/weld_stage.h"
 
@@ -264,6 +266,16 @@ std::unique_ptr<Stage> make_islands_stage(const JobState& state) {
 }
 std::unique_ptr<Stage> make_prune_stage(const JobState& state) {
   return std::make_unique<PruneStage>(state);
+}
+
+StageForecast forecast_islands(const PlannedScan& scan) {
+  return {.finish_bytes = islands_bytes(scan.run, scan.patches.components()),
+          .sure_bytes = islands_bytes(scan.run, 0),
+          .files = 1};
+}
+StageForecast forecast_prune(const PlannedScan& scan) {
+  return {.tasks = scan.groups.size(),
+          .task_bytes = prune_task_bytes(8 * surface_block_bytes(scan.largest_patch.faces))};
 }
 
 }  // namespace tessera

@@ -17,7 +17,9 @@ std::uint64_t prune_task_bytes(std::uint64_t block_bytes);
 
 /// Without tasks: its finish joins the components.
 std::unique_ptr<Stage> make_islands_stage(const JobState& state);
+StageForecast forecast_islands(const PlannedScan& scan);
 /// One task for each file of the surface stage that holds a part of an island that goes.
 std::unique_ptr<Stage> make_prune_stage(const JobState& state);
+StageForecast forecast_prune(const PlannedScan& scan);
 
 }  // namespace tessera

@@ -12,6 +12,7 @@
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/level_fields.h"
@@ -227,6 +228,16 @@ std::uint64_t level_surface_task_bytes(std::uint64_t points) {
 
 std::unique_ptr<Stage> make_level_surface_stage(const JobState& state) {
   return std::make_unique<LevelSurfaceStage>(state);
+}
+
+StageForecast forecast_level_surface(const PlannedScan& scan) {
+  return all_sure(
+      {.tasks = scan.groups.size(),
+       .task_bytes = level_surface_task_bytes(max_points_near(scan.bricks)),
+       .disk_bytes = scan.surface_bytes,
+       .files = scan.groups.size(),
+       .processor_us = scan.faces * surface_face_time(scan.plan.noise_cells),
+       .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes + scan.surface_bytes)});
 }
 
 }  // namespace tessera

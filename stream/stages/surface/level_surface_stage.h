@@ -25,5 +25,6 @@ std::uint64_t max_points_near(std::span<const BrickEntry> bricks);
 std::uint64_t level_surface_task_bytes(std::uint64_t points);
 
 std::unique_ptr<Stage> make_level_surface_stage(const JobState& state);
+StageForecast forecast_level_surface(const PlannedScan& scan);
 
 }  // namespace tessera

@@ -20,5 +20,6 @@ std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t max_edges,
 
 /// Where no holes are filled it has no tasks and leaves no files.
 std::unique_ptr<Stage> make_loops_stage(const JobState& state);
+StageForecast forecast_loops(const PlannedScan& scan);
 
 }  // namespace tessera

@@ -4,9 +4,11 @@
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/points/closing_store.h"
+#include "stream/points/multipole_store.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/surface_stage.h"
 
@@ -92,6 +94,56 @@ std::uint64_t boundaries_tile_bytes(std::span<const BrickEntry> bricks, const Ti
 
 std::unique_ptr<Stage> make_boundaries_stage(const JobState& state) {
   return std::make_unique<BoundariesStage>(state);
+}
+
+namespace {
+
+// Microseconds a point, and a face of the open surface; what closing itself takes only the holes know.
+constexpr double kMultipoleTime = 0.1, kBoundaryTime = 0.4;
+constexpr double kMultipoleBytes = 0.96, kBoundaryBytes = 1.5;  ///< on disk, a face
+
+}  // namespace
+
+StageForecast forecast_multipole(const PlannedScan& scan) {
+  if (!scan.closes) return idle_forecast();
+  const std::uint64_t buckets = scan.plan.buckets.size();
+  return all_sure({.tasks = buckets,
+                   .task_bytes = multipole_task_bytes(scan.largest_brick),
+                   .disk_bytes = bytes_of(scan.faces, kMultipoleBytes),
+                   .files = buckets,
+                   .processor_us = scan.points * kMultipoleTime,
+                   .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes)});
+}
+StageForecast forecast_boundaries(const PlannedScan& scan) {
+  if (!scan.closes) return idle_forecast();
+  std::uint64_t task = 0;
+  scan.for_each_tile(
+      [&](const Tile& t) { task = std::max(task, boundaries_tile_bytes(scan.bricks, t, scan.halo)); });
+  return all_sure({.tasks = scan.groups.size(),
+                   .task_bytes = task,
+                   .disk_bytes = bytes_of(scan.faces, kBoundaryBytes),
+                   .files = scan.groups.size(),
+                   .processor_us = scan.faces * kBoundaryTime,
+                   .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes)});
+}
+StageForecast forecast_close(const PlannedScan& scan) {
+  if (!scan.closes) return idle_forecast();
+  // What a brick's neighbours lend depends on where in them the points lie: about a quarter.
+  std::uint64_t lent = 0;
+  for (const BrickEntry& b : scan.bricks) {
+    const Tile tile{brick_of_key(b.key), 1};
+    CloseCounts counts;
+    for (int d = 0; d < 27; ++d) {
+      const Int3 n = {tile.brick[0] + d % 3 - 1, tile.brick[1] + d / 3 % 3 - 1, tile.brick[2] + d / 9 - 1};
+      if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
+      if (const BrickEntry* e = find_brick(scan.bricks, brick_key(n)))
+        counts.visit_points += d == 13 ? e->points : e->points / 4;
+    }
+    counts.near_bytes = MultipoleStore::near_bytes(scan.bricks, tile.corner(), tile.edges());
+    counts.far_bytes = 2 * sizeof(Multipole) * scan.bricks.size();
+    lent = std::max(lent, close_bytes(scan.run, counts));
+  }
+  return {.finish_bytes = lent, .sure_bytes = close_bytes(scan.run, {}), .files = 1};
 }
 
 }  // namespace tessera

@@ -11,10 +11,14 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
+#include "stream/import/import_plan.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
 #include "stream/runtime/numbers.h"
+#include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/plan/forecast_rates.h"
+#include "stream/stages/plan/planned_scan.h"
 
 namespace tessera {
 namespace {
@@ -199,6 +203,27 @@ std::unique_ptr<Stage> make_samples_stage(const JobState& state, const SamplesRe
 
 double tolerance_left(const std::filesystem::path& work) {
   return parse_json(read_text(work / kLeftFile)).at("left").get<double>();
+}
+
+namespace {
+
+constexpr double kSamplesTime = 0.5;  ///< microseconds a point
+/// Patches of an imported mesh that lie near one brick of points: itself and all around it.
+constexpr std::uint64_t kImportedNear = 27;
+
+}  // namespace
+
+StageForecast forecast_samples(const PlannedScan& scan, bool before) {
+  const auto faces = bytes_of(scan.faces, rates::kFacesMargin);
+  const std::uint64_t largest = scan.largest_patch.faces;
+  const std::uint64_t near =
+      before ? std::min(faces, kImportedNear * std::max(largest, 2 * ImportPlan::kBrickVertices))
+             : std::min(faces / 10, 2 * largest);
+  return {.tasks = scan.plan.buckets.size(),
+          .task_bytes = samples_task_bytes(scan.largest_brick, surface_block_bytes(near), near),
+          .sure_bytes = samples_task_bytes(scan.largest_brick, 0, 0),
+          .processor_us = scan.points * kSamplesTime,
+          .moved_bytes = static_cast<double>(scan.store_bytes)};
 }
 
 }  // namespace tessera

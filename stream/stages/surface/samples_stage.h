@@ -25,6 +25,8 @@ std::uint64_t samples_task_bytes(std::uint64_t brick_points, std::uint64_t block
 /// \throws ValidationError from finish when a point is farther than the tolerance; `before`: when less than a 64th of
 ///         it is left, naming the least tolerance that can do
 std::unique_ptr<Stage> make_samples_stage(const JobState& state, const SamplesRequest& request);
+/// \param before  of the stage "points"
+StageForecast forecast_samples(const PlannedScan& scan, bool before);
 
 /// What stage "points" found left of the tolerance: a mesh within it of the surface is within the tolerance of every
 /// point. \pre the stage is done

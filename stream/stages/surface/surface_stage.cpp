@@ -13,7 +13,9 @@
 #include "stream/points/point_overlay.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
 
@@ -230,6 +232,33 @@ void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
 
 std::unique_ptr<Stage> make_surface_stage(const JobState& state) {
   return std::make_unique<SurfaceStage>(state);
+}
+
+double surface_face_time(double noise_cells) {
+  return 0.42 + 2.2 * std::min(1.0, noise_cells / 0.05);
+}
+
+StageForecast forecast_surface(const PlannedScan& scan) {
+  const BrickSectionStore no_cells({});
+  std::uint64_t maximum = 0, open = 0;
+  scan.for_each_tile([&](const Tile& t) {
+    const std::uint64_t near =
+        scan.closes ? MultipoleStore::near_bytes(scan.bricks, t.corner(), t.edges()) : 0;
+    const BrickSectionStore* closing = scan.closes ? &no_cells : nullptr;
+    maximum =
+        std::max(maximum, surface_tile_bytes(scan.bricks, closing, t, scan.halo, scan.fuses_stores, near));
+    if (scan.closes)
+      open = std::max(open, surface_tile_bytes(scan.bricks, closing, t, scan.halo, scan.fuses_stores, 0));
+  });
+  const double time =
+      surface_face_time(scan.plan.noise_cells) + (scan.fuses_stores ? kFirstPassFaceTime : 0.0);
+  return {.tasks = scan.groups.size(),
+          .task_bytes = maximum,
+          .sure_bytes = scan.closes ? open : maximum,
+          .disk_bytes = scan.surface_bytes,
+          .files = scan.groups.size(),
+          .processor_us = scan.faces * time,
+          .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes + scan.surface_bytes)};
 }
 
 }  // namespace tessera

@@ -11,20 +11,9 @@
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stage.h"
+#include "stream/stages/plan/tile.h"
 
 namespace tessera {
-
-/// A cube of bricks that is computed at once. Carries no meaning: any tiling gives the same patches.
-struct Tile {
-  Int3 brick = {0, 0, 0};
-  int bricks = 1;  ///< edge in bricks, a power of two; the min corner is a multiple of it
-
-  Int3 corner() const { return {brick[0] * kBrickCells, brick[1] * kBrickCells, brick[2] * kBrickCells}; }
-  Int3 edges() const { return {bricks * kBrickCells, bricks * kBrickCells, bricks * kBrickCells}; }
-};
-
-/// Tiles of one task, in Morton order.
-using TileGroup = std::vector<Tile>;
 
 struct TilingOptions {
   int halo_cells = 0;
@@ -72,5 +61,8 @@ void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
                    const std::function<void(DirectedField&&)>& sink);
 
 std::unique_ptr<Stage> make_surface_stage(const JobState& state);
+StageForecast forecast_surface(const PlannedScan& scan);
+/// Microseconds a face. Noisy samples are fitted again with wider radii, and look for sheets and creases that noise only feigns.
+double surface_face_time(double noise_cells);
 
 }  // namespace tessera

@@ -8,6 +8,8 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/serial_stage.h"
+#include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/weld/numbered_patches.h"
@@ -210,6 +212,15 @@ std::unique_ptr<Stage> make_write_stage_of(const JobState& state, const std::str
 }
 std::unique_ptr<Stage> make_raw_write_stage(const JobState& state) {
   return std::make_unique<WriteStage>(state, true, kReconstruct);
+}
+
+StageForecast forecast_write(const PlannedScan& scan) {
+  return {.finish_bytes = write_bytes(scan.patches.entries, scan.filling_bytes),
+          .sure_bytes = write_bytes({}, scan.filling_bytes),
+          .disk_bytes = scan.output_bytes,
+          .files = 1,
+          .processor_us = scan.faces * kWriteFaceTime,
+          .moved_bytes = static_cast<double>(scan.surface_bytes + scan.output_bytes)};
 }
 
 }  // namespace tessera

@@ -12,6 +12,7 @@ namespace tessera {
 std::uint64_t write_bytes(std::span<const PatchEntry> patches, std::uint64_t filling_bytes);
 
 std::unique_ptr<Stage> make_write_stage(const JobState& state);
+StageForecast forecast_write(const PlannedScan& scan);  ///< and of the raw mesh
 /// The same for patches that are not of a reconstruction. \param maker  of the file's comment: "tessera resurface"
 std::unique_ptr<Stage> make_write_stage_of(const JobState& state, const std::string& maker);
 

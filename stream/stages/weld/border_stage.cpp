@@ -7,6 +7,7 @@
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/weld/border_moves.h"
 #include "stream/stages/weld/border_strip.h"
 
@@ -116,6 +117,21 @@ std::uint64_t border_task_bytes(std::span<const PatchEntry> patches) {
 
 std::unique_ptr<Stage> make_border_stage(const JobState& state) {
   return std::make_unique<BorderStage>(state);
+}
+
+namespace {
+
+constexpr double kBorderTime = 0.1;  ///< microseconds a face, of scans that are mostly borders
+
+}  // namespace
+
+StageForecast forecast_border(const PlannedScan& scan) {
+  if (!scan.options.smooths_border() || !(scan.plan.noise_cells > 0.0)) return idle_forecast();
+  return {.tasks = scan.groups.size(),
+          .task_bytes = scan.patches.max_of_tasks(border_task_bytes),
+          .sure_bytes = border_task_bytes({}),
+          .files = scan.groups.size(),
+          .processor_us = scan.faces * kBorderTime};
 }
 
 }  // namespace tessera

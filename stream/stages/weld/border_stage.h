@@ -16,5 +16,6 @@ namespace tessera {
 std::uint64_t border_task_bytes(std::span<const PatchEntry> patches);
 
 std::unique_ptr<Stage> make_border_stage(const JobState& state);
+StageForecast forecast_border(const PlannedScan& scan);
 
 }  // namespace tessera

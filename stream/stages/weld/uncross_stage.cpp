@@ -2,6 +2,7 @@
 
 #include "stream/files/json.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/weld/near_faces.h"
 
 namespace tessera {
@@ -77,12 +78,27 @@ std::uint64_t uncross_task_bytes(std::span<const PatchEntry> patches) {
   return NearFaces::bytes(patches) + (std::uint64_t{2} << 20);
 }
 
+namespace {
+
+constexpr double kUncrossTime = 0.2;  ///< microseconds a face, of scans that are mostly borders
+
+StageForecast forecast_uncross(const PlannedScan& scan, int round) {
+  return {
+      .tasks = scan.groups.size(),
+      .task_bytes = scan.patches.max_of_tasks(uncross_task_bytes),
+      .sure_bytes = uncross_task_bytes({}),
+      .files = scan.groups.size(),
+      .processor_us = round == 0 ? scan.faces * kUncrossTime : 0.0};  // only the first looks at all bricks
+}
+
+}  // namespace
+
 std::vector<StageEntry> uncross_stages() {
   std::vector<StageEntry> stages;
   for (int round = 0; round < kUncrossRounds; ++round)
-    stages.push_back({"uncross-" + std::to_string(round + 1), [round](const JobState& state) {
-                        return std::make_unique<UncrossStage>(state, round);
-                      }});
+    stages.push_back({"uncross-" + std::to_string(round + 1),
+                      [round](const JobState& state) { return std::make_unique<UncrossStage>(state, round); },
+                      [round](const PlannedScan& scan) { return forecast_uncross(scan, round); }});
   return stages;
 }
 

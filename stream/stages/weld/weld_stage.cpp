@@ -11,6 +11,7 @@
 #include "stream/files/task_files.h"
 #include "stream/points/cell_ladder.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/plan/planned_scan.h"
 
 namespace tessera {
 namespace {
@@ -300,6 +301,21 @@ std::unique_ptr<Stage> make_weld_stage(const JobState& state) {
 }
 std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules) {
   return std::make_unique<WeldStage>(state, rules);
+}
+
+namespace {
+
+constexpr double kWeldTime = 0.03;  ///< microseconds a face
+
+}  // namespace
+
+StageForecast forecast_weld(const PlannedScan& scan) {
+  return {.tasks = scan.groups.size(),
+          .task_bytes = scan.patches.max_of_tasks(weld_task_bytes),
+          .finish_bytes = weld_finish_bytes(scan.patches.entries.size(), scan.patches.components()),
+          .sure_bytes = weld_finish_bytes(0, 0),
+          .files = scan.groups.size(),
+          .processor_us = scan.faces * kWeldTime};
 }
 
 }  // namespace tessera

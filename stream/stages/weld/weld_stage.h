@@ -70,6 +70,7 @@ std::string too_small(std::uint64_t limit, const std::string& reason);
 /// What is said when there is no face at all.
 std::string no_surface(const std::string& reason);
 std::unique_ptr<Stage> make_weld_stage(const JobState& state);
+StageForecast forecast_weld(const PlannedScan& scan);
 std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules);
 
 }  // namespace tessera

@@ -1,4 +1,4 @@
-#include "stream/stages/reconstruct/planned_patches.h"
+#include "stream/stages/plan/planned_patches.h"
 
 #include <algorithm>
 

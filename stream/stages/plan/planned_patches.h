@@ -8,7 +8,7 @@
 
 #include "stream/meshes/patch_store.h"
 #include "stream/points/point_store.h"
-#include "stream/stages/surface/surface_stage.h"
+#include "stream/stages/plan/tile.h"
 
 namespace tessera {
 
@@ -19,11 +19,16 @@ struct PlannedPatches {
   std::vector<PatchEntry> entries;
   std::vector<std::size_t> first;
   /// The most that a task over the patches of one file takes.
-  std::uint64_t most_of_tasks(std::uint64_t (*task_bytes)(std::span<const PatchEntry>)) const {
+  std::uint64_t max_of_tasks(std::uint64_t (*task_bytes)(std::span<const PatchEntry>)) const {
     std::uint64_t maximum = 0;
     for (std::size_t f = 0; f + 1 < first.size(); ++f)
       maximum = std::max(maximum, task_bytes({entries.data() + first[f], first[f + 1] - first[f]}));
     return maximum;
+  }
+  std::uint64_t components() const {
+    std::uint64_t all = 0;
+    for (const PatchEntry& e : entries) all += e.components;
+    return all;
   }
 };
 
