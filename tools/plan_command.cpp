@@ -8,6 +8,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/points/plan.h"
 #include "stream/queue/makespan.h"
@@ -231,7 +232,7 @@ void run_plan(const ReconstructOptions& options, JobState state, const fs::path&
   if (measured) print_makespans(simulation, *measured, plan, state.run.threads);
   if (!state.run.report.empty()) {
     Json estimate = plan.to_json();
-    estimate.update(forecast.to_json());
+    estimate.update(fields_to_json(forecast));
     write_durably(state.run.report, dump_json(estimate, 1) + "\n");
   }
   if (kept)

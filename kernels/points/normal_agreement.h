@@ -25,6 +25,13 @@ struct NormalAgreement {
   /// there the border of a region that is turned over passes. Few places tell of a large one.
   std::uint64_t split = 0;
 
+  /// Members by name, for records of them.
+  static void fields(auto& self, auto&& field) {
+    field("pairs", self.pairs);
+    field("against", self.against);
+    field("cells", self.cells);
+    field("split", self.split);
+  }
   void add(const NormalAgreement& other) {
     pairs += other.pairs, against += other.against, cells += other.cells, split += other.split;
   }

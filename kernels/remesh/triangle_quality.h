@@ -29,6 +29,20 @@ struct TriangleQuality {
   std::uint64_t area_off = 0;       ///< sum of |area - that of the target triangle| in 1e-6 of the latter
   std::uint64_t smallest = 180000;  ///< angle, millidegrees
 
+  /// Members by name, for records of them.
+  static void fields(auto& self, auto&& field) {
+    field("angles", self.angles);
+    field("least", self.minimum);
+    field("lengths", self.lengths);
+    field("valences", self.valences);
+    field("faces", self.faces);
+    field("angle_off", self.angle_off);
+    field("length_off", self.length_off);
+    field("area_off", self.area_off);
+    field("smallest", self.smallest);
+    field("cells", self.cells);
+    field("cell_sums", self.cell_sums);
+  }
   /// Adds all faces of a block. \param target  length of edges, > 0
   void add(const MeshBlock& block, double target);
   void merge(const TriangleQuality& other);

@@ -173,37 +173,4 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
   return plan;
 }
 
-Json ImportPlan::to_json() const {
-  Json j = {{"h", info.lattice.h},
-            {"origin_brick", info.lattice.origin_brick},
-            {"double_positions", info.double_positions},
-            {"colour", info.colour},
-            {"shift", info.shift},
-            {"file_vertices", file_vertices},
-            {"nonfinite_vertices", nonfinite_vertices},
-            {"brick_level", brick_level},
-            {"cell_level", cell_level},
-            {"first_cell", first_cell},
-            {"bucket_vertices", bucket_vertices}};
-  if (confidence) j["confidence"] = *confidence;
-  return j;
-}
-
-ImportPlan ImportPlan::from_json(const Json& j) {
-  ImportPlan plan;
-  j.at("h").get_to(plan.info.lattice.h);
-  j.at("origin_brick").get_to(plan.info.lattice.origin_brick);
-  j.at("double_positions").get_to(plan.info.double_positions);
-  j.at("colour").get_to(plan.info.colour);
-  j.at("shift").get_to(plan.info.shift);
-  j.at("file_vertices").get_to(plan.file_vertices);
-  j.at("nonfinite_vertices").get_to(plan.nonfinite_vertices);
-  if (j.contains("confidence")) plan.confidence = j.at("confidence").get<double>();
-  j.at("brick_level").get_to(plan.brick_level);
-  j.at("cell_level").get_to(plan.cell_level);
-  j.at("first_cell").get_to(plan.first_cell);
-  j.at("bucket_vertices").get_to(plan.bucket_vertices);
-  return plan;
-}
-
 }  // namespace tessera

@@ -46,8 +46,20 @@ struct ImportPlan {
   static ImportPlan measure(const MeshHeader& header, const VertexSource& vertices,
                             const std::function<void()>& check_stop,
                             std::uint64_t brick_vertices = kBrickVertices);
-  Json to_json() const;
-  static ImportPlan from_json(const Json& j);
+  static void fields(auto& self, auto&& field) {
+    field("h", self.info.lattice.h);
+    field("origin_brick", self.info.lattice.origin_brick);
+    field("double_positions", self.info.double_positions);
+    field("colour", self.info.colour);
+    field("shift", self.info.shift);
+    field("file_vertices", self.file_vertices);
+    field("nonfinite_vertices", self.nonfinite_vertices);
+    field("confidence", self.confidence);
+    field("brick_level", self.brick_level);
+    field("cell_level", self.cell_level);
+    field("first_cell", self.first_cell);
+    field("bucket_vertices", self.bucket_vertices);
+  }
 };
 
 /// Where one mesh of a job lies.

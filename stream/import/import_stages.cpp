@@ -5,6 +5,7 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/report.h"
@@ -91,7 +92,7 @@ BucketVertices BucketVertices::load(const std::filesystem::path& path, const Mes
 
 ImportedVertices::ImportedVertices(const std::filesystem::path& work, const std::string& folder)
     : work_(work), names_(folder) {
-  plan_ = ImportPlan::from_json(parse_json(read_text(work / names_.plan())));
+  plan_ = fields_from_json<ImportPlan>(parse_json(read_text(work / names_.plan())));
   first_ = parse_json(read_text(work / names_.numbering())).at("first").get<std::vector<std::uint32_t>>();
 }
 

@@ -11,6 +11,7 @@
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/serial_stage.h"
@@ -116,7 +117,7 @@ class ImportReadStage : public SerialStage {
     if (plan.file_vertices >= 0xffffffffu)
       throw ResourceError(path_.string() + ": has " + std::to_string(plan.file_vertices) +
                           " vertices and at most 4294967294 can be worked on: cut the mesh in parts");
-    write_durably(context.create(names_.plan()), dump_json(plan.to_json()));
+    write_durably(context.create(names_.plan()), dump_json(fields_to_json(plan)));
     const std::uint64_t bytes = plan.info.double_positions ? deal<double>(vertices, plan, context)
                                                            : deal<float>(vertices, plan, context);
     context.count_written(bytes);
@@ -167,7 +168,7 @@ class ImportVerticesStage : public Stage {
   ImportVerticesStage(const JobState& state, ImportSource source)
       : source_(std::move(source)),
         names_(source_.folder),
-        plan_(ImportPlan::from_json(parse_json(read_text(state.work / names_.plan())))),
+        plan_(fields_from_json<ImportPlan>(parse_json(read_text(state.work / names_.plan())))),
         dealt_(state.work / names_.dealt_vertices(), record_bytes()) {}
 
   std::string name() const override { return source_.folder + "-vertices"; }

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "stream/files/geojson.h"
+#include "stream/formats/geojson.h"
 #include "stream/files/json.h"
 #include "stream/files/read_file.h"
 

@@ -9,6 +9,7 @@
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/read_file.h"
 
@@ -111,12 +112,8 @@ void NormalSampler::merge(const std::filesystem::path& file) {
   if (entries_.size() >= 2 * kLimit) shrink();
 }
 
-Json to_json(const NormalAgreement& a) {
-  return {{"pairs", a.pairs}, {"against", a.against}, {"cells", a.cells}, {"split", a.split}};
-}
-
 void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement) {
-  write_durably(file, dump_json(to_json(agreement), 1) + "\n");
+  write_durably(file, dump_json(fields_to_json(agreement), 1) + "\n");
 }
 
 NormalAgreement agreement_of_work(const std::filesystem::path& work) {
@@ -124,11 +121,7 @@ NormalAgreement agreement_of_work(const std::filesystem::path& work) {
   if (!std::filesystem::exists(file))
     throw InputError(file.string() + ": cannot be opened: the survey has not written it");
   try {
-    const Json j = parse_json(read_text(file));
-    NormalAgreement agreement;
-    j.at("pairs").get_to(agreement.pairs), j.at("against").get_to(agreement.against);
-    j.at("cells").get_to(agreement.cells), j.at("split").get_to(agreement.split);
-    return agreement;
+    return fields_from_json<NormalAgreement>(parse_json(read_text(file)));
   } catch (const JsonError& e) {
     throw InputError(file.string() + ": damaged (" + e.what() + "); run again with --force");
   }

@@ -61,7 +61,6 @@ class NormalSampler {
 /// What the survey measured, beside its plan: a function of the points and h alone.
 inline constexpr const char* kAgreementFile = "agreement.json";
 /// {pairs, against, cells, split}
-Json to_json(const NormalAgreement& agreement);
 void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement);
 /// That of a work directory. \throws InputError naming the file when it is missing or damaged
 NormalAgreement agreement_of_work(const std::filesystem::path& work);

@@ -28,6 +28,25 @@ struct PointDispositions {
   std::uint64_t non_finite = 0;    ///< NaN or infinite coordinates, dropped
   std::uint64_t absurd = 0;        ///< far outside everything else, dropped
   std::uint64_t kept = 0;          ///< what distribute writes (duplicates and hot bricks come off in order)
+
+  static void fields(auto& self, auto&& field) {
+    field("read", self.read);
+    field("withheld", self.withheld);
+    field("empty", self.empty);
+    field("missing", self.missing);
+    field("other_class", self.other_class);
+    field("other_return", self.other_return);
+    field("outside", self.outside);
+    field("thinned", self.thinned);
+    field("non_finite", self.non_finite);
+    field("absurd", self.absurd);
+    field("kept", self.kept);
+  }
+  void add(const PointDispositions& part) {
+    read += part.read, withheld += part.withheld, empty += part.empty, missing += part.missing;
+    other_class += part.other_class, other_return += part.other_return, outside += part.outside;
+    thinned += part.thinned, non_finite += part.non_finite, absurd += part.absurd, kept += part.kept;
+  }
 };
 
 /// An occupied brick of the lattice, as surveyed: before duplicates and thinning.
@@ -68,6 +87,29 @@ struct Plan {
   PointDispositions dispositions;
   std::vector<PlanBucket> buckets;
   std::vector<std::string> warnings;  ///< one sentence each
+
+  static void fields(auto& self, auto&& field) {
+    field("h", self.lattice.h);
+    field("origin_brick", self.lattice.origin_brick);
+    field("radius_cells", self.radius_cells);
+    field("noise_cells", self.noise_cells);
+    field("metres", self.metres);
+    field("spacing", self.spacing);
+    field("auto_resolution", self.auto_resolution);
+    field("resolution_reason", self.resolution_reason);
+    field("has_colour", self.has_colour);
+    field("colour_range", self.colour_range);
+    field("normal_fraction", self.normal_fraction);
+    field("grid_normals", self.grid_normals);
+    field("multi_return_fraction", self.multi_return_fraction);
+    field("sensors", self.sensors);
+    field("brick_min", self.brick_min);
+    field("brick_max", self.brick_max);
+    field("bricks", self.bricks);
+    field("faces_estimate", self.faces_estimate);
+    field("points", self.dispositions);
+    field("warnings", self.warnings);
+  }
 
   bool has_normals() const { return normal_fraction > 0.0; }
   std::uint64_t points() const { return dispositions.kept; }

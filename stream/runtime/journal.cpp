@@ -16,6 +16,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/file_lock.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 
 namespace tessera {
 namespace {
@@ -29,47 +30,16 @@ Json to_json(const TaskRecord& r) {
   Json files = Json::array();
   for (const FileRecord& f : r.files)
     files.push_back({{"name", f.name}, {"bytes", f.bytes}, {"xxh3", hex64(f.xxh3)}});
-  Json j = {{"stage", r.stage},
-            {"task", r.task},
-            {"basis", r.basis},
-            {"plan", r.plan},
-            {"files", std::move(files)},
-            {"seconds", r.seconds},
-            {"cpu_seconds", r.cpu_seconds},
-            {"peak_bytes", r.peak_bytes},
-            {"bytes_read", r.bytes_read},
-            {"bytes_written", r.bytes_written},
-            {"units", r.units},
-            {"summary", r.summary}};
-  if (r.task == kFinishTask) {
-    j["tasks"] = r.tasks;
-    j["obsolete"] = r.obsolete;
-    j["stage_stats"] = r.stage_stats;
-  }
+  Json j = fields_to_json(r);
+  j["files"] = std::move(files);
   return j;
 }
 
 TaskRecord from_json(const Json& j) {
-  TaskRecord r;
-  r.stage = j.at("stage").get<std::string>();
-  r.task = j.at("task").get<std::int64_t>();
-  r.basis = j.at("basis").get<std::string>();
-  r.plan = j.at("plan").get<std::string>();
+  auto r = fields_from_json<TaskRecord>(j);
   for (const Json& f : j.at("files")) {
     r.files.push_back({f.at("name").get<std::string>(), f.at("bytes").get<std::uint64_t>(),
                        std::stoull(f.at("xxh3").get<std::string>(), nullptr, 16)});
-  }
-  r.seconds = j.at("seconds").get<double>();
-  r.cpu_seconds = j.at("cpu_seconds").get<double>();
-  r.peak_bytes = j.at("peak_bytes").get<std::uint64_t>();
-  r.bytes_read = j.at("bytes_read").get<std::uint64_t>();
-  r.bytes_written = j.at("bytes_written").get<std::uint64_t>();
-  r.units = j.at("units").get<std::uint64_t>();
-  r.summary = j.at("summary");
-  if (r.task == kFinishTask) {
-    r.tasks = j.at("tasks").get<std::uint64_t>();
-    r.obsolete = j.at("obsolete").get<std::vector<std::string>>();
-    r.stage_stats = j.at("stage_stats");
   }
   return r;
 }

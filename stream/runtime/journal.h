@@ -45,6 +45,25 @@ struct TaskRecord {
   std::uint64_t tasks = 0;            ///< finish only: tasks of the stage
   std::vector<std::string> obsolete;  ///< finish only: Stage::obsolete()
   Json stage_stats;                   ///< finish only: wall, cpu, peak, bytes of the whole stage
+
+  /// All but the files, whose hashes are written in hexadecimal digits.
+  static void fields(auto& self, auto&& field) {
+    field("stage", self.stage);
+    field("task", self.task);
+    field("basis", self.basis);
+    field("plan", self.plan);
+    field("seconds", self.seconds);
+    field("cpu_seconds", self.cpu_seconds);
+    field("peak_bytes", self.peak_bytes);
+    field("bytes_read", self.bytes_read);
+    field("bytes_written", self.bytes_written);
+    field("units", self.units);
+    field("summary", self.summary);
+    if (self.task != kFinishTask) return;
+    field("tasks", self.tasks);
+    field("obsolete", self.obsolete);
+    field("stage_stats", self.stage_stats);
+  }
 };
 
 /// Lines, without the newline. parse_line returns false for a torn or damaged one.

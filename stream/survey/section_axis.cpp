@@ -5,7 +5,7 @@
 
 #include "kernels/survey/section_frame.h"
 #include "octree/error.h"
-#include "stream/files/geojson.h"
+#include "stream/formats/geojson.h"
 #include "stream/files/json.h"
 #include "stream/files/read_file.h"
 

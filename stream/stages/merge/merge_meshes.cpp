@@ -3,6 +3,7 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_runs.h"
@@ -23,33 +24,11 @@ MeshBox box_of_segment(const JointEdge& e) {
 }  // namespace
 
 void MergePlan::save(const std::filesystem::path& path) const {
-  write_durably(path, dump_json(Json{{"h", lattice.h},
-                                     {"origin_brick", lattice.origin_brick},
-                                     {"origin", origin},
-                                     {"apart", range.apart},
-                                     {"beyond", range.beyond},
-                                     {"double_positions", info.double_positions},
-                                     {"colour", info.colour},
-                                     {"shift", info.shift},
-                                     {"order", order},
-                                     {"edge", edge},
-                                     {"fade", fade}}));
+  write_durably(path, dump_json(fields_to_json(*this)));
 }
 
 MergePlan MergePlan::of_work(const std::filesystem::path& work) {
-  const Json j = parse_json(read_text(work / kFile));
-  MergePlan plan;
-  j.at("h").get_to(plan.lattice.h);
-  j.at("origin_brick").get_to(plan.lattice.origin_brick);
-  j.at("origin").get_to(plan.origin);
-  j.at("apart").get_to(plan.range.apart);
-  j.at("beyond").get_to(plan.range.beyond);
-  j.at("double_positions").get_to(plan.info.double_positions);
-  j.at("colour").get_to(plan.info.colour);
-  j.at("shift").get_to(plan.info.shift);
-  j.at("order").get_to(plan.order);
-  j.at("edge").get_to(plan.edge);
-  j.at("fade").get_to(plan.fade);
+  auto plan = fields_from_json<MergePlan>(parse_json(read_text(work / kFile)));
   plan.info.lattice = plan.lattice;
   return plan;
 }

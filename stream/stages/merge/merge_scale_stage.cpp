@@ -7,6 +7,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_runs.h"
 #include "stream/runtime/numbers.h"
@@ -28,7 +29,7 @@ class ScaleStage : public Stage {
     for (std::size_t i = 0; i < options.meshes; ++i) {
       const ImportNames names(merge_import(i));
       confidence_.push_back(
-          ImportPlan::from_json(parse_json(read_text(state.work / names.plan()))).confidence);
+          fields_from_json<ImportPlan>(parse_json(read_text(state.work / names.plan()))).confidence);
       stores_.push_back(open_imported_mesh(state.work, merge_import(i)));
       for (const PatchRun& run : patch_runs(stores_.back(), kScaleTaskFaces))
         tasks_.push_back({i, run.first, run.end});

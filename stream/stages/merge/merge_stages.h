@@ -37,6 +37,19 @@ struct MergePlan {
   std::vector<double> edge;        ///< per rank: mean length
   std::vector<double> fade;        ///< per rank
 
+  static void fields(auto& self, auto&& field) {
+    field("h", self.lattice.h);
+    field("origin_brick", self.lattice.origin_brick);
+    field("origin", self.origin);
+    field("apart", self.range.apart);
+    field("beyond", self.range.beyond);
+    field("double_positions", self.info.double_positions);
+    field("colour", self.info.colour);
+    field("shift", self.info.shift);
+    field("order", self.order);
+    field("edge", self.edge);
+    field("fade", self.fade);
+  }
   void save(const std::filesystem::path& path) const;
   static MergePlan of_work(const std::filesystem::path& work);
 };

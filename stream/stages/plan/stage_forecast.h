@@ -19,6 +19,17 @@ struct StageForecast {
   double processor_us = 0.0;  ///< microseconds of one core
   double moved_bytes = 0.0;   ///< read and written
 
+  static void fields(auto& self, auto&& field) {
+    field("stage", self.stage);
+    field("tasks", self.tasks);
+    field("task_bytes", self.task_bytes);
+    field("finish_bytes", self.finish_bytes);
+    field("sure_bytes", self.sure_bytes);
+    field("disk_bytes", self.disk_bytes);
+    field("files", self.files);
+    field("seconds", self.seconds);
+  }
+
   bool is_idle() const { return tasks == 0 && files == 0; }
   std::uint64_t memory_bytes() const { return task_bytes > finish_bytes ? task_bytes : finish_bytes; }
 };

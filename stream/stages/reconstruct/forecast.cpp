@@ -6,37 +6,15 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
-#include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/runtime/disk_space.h"
 #include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 
-Json Forecast::to_json() const {
-  Json j = {
-      {"peak_disk_bytes", peak_disk_bytes}, {"output_bytes", output_bytes}, {"forecast", Json::array()}};
-  for (const StageForecast& f : stages)
-    j["forecast"].push_back({{"stage", f.stage},
-                             {"tasks", f.tasks},
-                             {"task_bytes", f.task_bytes},
-                             {"finish_bytes", f.finish_bytes},
-                             {"sure_bytes", f.sure_bytes},
-                             {"disk_bytes", f.disk_bytes},
-                             {"files", f.files},
-                             {"seconds", f.seconds}});
-  return j;
-}
-
 Forecast Forecast::of_work(const std::filesystem::path& work) {
   try {
-    const Json j = parse_json(read_text(work / kFile));
-    Forecast forecast{{}, j.at("peak_disk_bytes").natural(), j.at("output_bytes").natural()};
-    for (const auto& f : j.at("forecast"))
-      forecast.stages.push_back({f.at("stage").string(), f.at("tasks").natural(),
-                                 f.at("task_bytes").natural(), f.at("finish_bytes").natural(),
-                                 f.at("sure_bytes").natural(), f.at("disk_bytes").natural(),
-                                 f.at("files").natural(), f.at("seconds").number()});
-    return forecast;
+    return fields_from_json<Forecast>(parse_json(read_text(work / kFile)));
   } catch (const JsonError& e) {
     throw InputError((work / kFile).string() + ": damaged (" + e.what() + "); run again with --force");
   }

@@ -28,7 +28,11 @@ struct Forecast {
   std::uint64_t peak_disk_bytes = 0;  ///< largest sum of what lies in the work directory at one time
   std::uint64_t output_bytes = 0;     ///< of the mesh file, about
 
-  Json to_json() const;
+  static void fields(auto& self, auto&& field) {
+    field("forecast", self.stages);
+    field("peak_disk_bytes", self.peak_disk_bytes);
+    field("output_bytes", self.output_bytes);
+  }
   /// What the forecast stage has left. \throws InputError when it is missing or damaged
   static Forecast of_work(const std::filesystem::path& work);
   static constexpr const char* kFile = "forecast.json";

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "stream/files/durable_file.h"
-#include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/meshes/patch_store.h"
 #include "stream/points/point_inputs.h"
 #include "stream/points/point_store.h"
@@ -49,7 +49,7 @@ class ForecastStage : public SerialStage {
                                  reconstruct_options(job).max_brick_points);
       return forecast_job(plan, bricks, inputs, job);
     });
-    const Json j = forecast.to_json();
+    const Json j = fields_to_json(forecast);
     write_durably(context.create(Forecast::kFile), dump_json(j, 1) + "\n");
     return {{"peak_disk_bytes", forecast.peak_disk_bytes}, {"output_bytes", forecast.output_bytes}};
   }

@@ -4,23 +4,6 @@
 
 namespace tessera {
 
-Json quality_sums(const TriangleQuality& q) {
-  return {{"angles", q.angles},         {"least", q.minimum},      {"lengths", q.lengths},
-          {"valences", q.valences},     {"faces", q.faces},        {"angle_off", q.angle_off},
-          {"length_off", q.length_off}, {"area_off", q.area_off},  {"smallest", q.smallest},
-          {"cells", q.cells},           {"cell_sums", q.cell_sums}};
-}
-
-TriangleQuality quality_of(const Json& j) {
-  TriangleQuality q;
-  j.at("angles").get_to(q.angles), j.at("least").get_to(q.minimum), j.at("lengths").get_to(q.lengths);
-  j.at("valences").get_to(q.valences), j.at("faces").get_to(q.faces), j.at("angle_off").get_to(q.angle_off);
-  j.at("length_off").get_to(q.length_off), j.at("area_off").get_to(q.area_off);
-  j.at("smallest").get_to(q.smallest);
-  j.at("cells").get_to(q.cells), j.at("cell_sums").get_to(q.cell_sums);
-  return q;
-}
-
 Json quality_report(const TriangleQuality& q, double target) {
   if (q.faces == 0) return Json::object();
   const auto faces = static_cast<double>(q.faces);

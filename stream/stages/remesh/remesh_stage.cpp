@@ -8,6 +8,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/serial_stage.h"
@@ -149,7 +150,7 @@ class RemeshStage : public Stage {
     }
     context.count_written(writer.finish());
     sum["blocks"] = blocks_.end(task) - blocks_.first(task);
-    if (is_last()) sum["quality"] = quality_sums(quality);
+    if (is_last()) sum["quality"] = fields_to_json(quality);
     return sum;
   }
 
@@ -159,7 +160,7 @@ class RemeshStage : public Stage {
     TriangleQuality quality;
     Json sum = Json::object();
     for (Json s : summaries) {
-      if (is_last()) quality.merge(quality_of(s.at("quality")));
+      if (is_last()) quality.merge(fields_from_json<TriangleQuality>(s.at("quality")));
       s.erase("quality");
       add_counts(sum, s);
     }

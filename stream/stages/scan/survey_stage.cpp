@@ -7,6 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/points/quantise.h"
@@ -54,50 +55,34 @@ struct Tally {
   Double3 min = {kMaxQuanta, kMaxQuanta, kMaxQuanta};  ///< quanta of good points, whole numbers
   Double3 max = {-kMaxQuanta, -kMaxQuanta, -kMaxQuanta};
   std::vector<std::string> warnings;
+
+  static void fields(auto& self, auto&& field) {
+    PointDispositions::fields(self.dispositions, field);
+    field("surplus", self.surplus);
+    field("with_normal", self.with_normal);
+    field("multi_return", self.multi_return);
+    field("first_return", self.first_return);
+    field("min", self.min);
+    field("max", self.max);
+    field("warnings", self.warnings);
+  }
 };
 
 Json to_json(const Tally& t) {
-  return {{"read", t.dispositions.read},
-          {"withheld", t.dispositions.withheld},
-          {"empty", t.dispositions.empty},
-          {"missing", t.dispositions.missing},
-          {"other_class", t.dispositions.other_class},
-          {"other_return", t.dispositions.other_return},
-          {"outside", t.dispositions.outside},
-          {"thinned", t.dispositions.thinned},
-          {"non_finite", t.dispositions.non_finite},
-          {"far", t.dispositions.absurd},
-          {"surplus", t.surplus},
-          {"with_normal", t.with_normal},
-          {"multi_return", t.multi_return},
-          {"first_return", t.first_return},
-          {"min", t.min},
-          {"max", t.max},
-          {"intensities", t.intensities.counts()},
-          {"warnings", t.warnings}};
+  Json out = fields_to_json(t);
+  out["intensities"] = t.intensities.counts();
+  return out;
 }
 
 void add_json(const Json& j, Tally& t) {
-  t.dispositions.read += j.at("read").get<std::uint64_t>();
-  t.dispositions.withheld += j.at("withheld").get<std::uint64_t>();
-  t.dispositions.empty += j.at("empty").get<std::uint64_t>();
-  t.dispositions.missing += j.at("missing").get<std::uint64_t>();
-  t.dispositions.other_class += j.at("other_class").get<std::uint64_t>();
-  t.dispositions.other_return += j.at("other_return").get<std::uint64_t>();
-  t.dispositions.outside += j.at("outside").get<std::uint64_t>();
-  t.dispositions.thinned += j.at("thinned").get<std::uint64_t>();
-  t.dispositions.non_finite += j.at("non_finite").get<std::uint64_t>();
-  t.dispositions.absurd += j.at("far").get<std::uint64_t>();
-  t.surplus += j.at("surplus").get<std::uint64_t>();
-  t.with_normal += j.at("with_normal").get<std::uint64_t>();
-  t.multi_return += j.at("multi_return").get<std::uint64_t>();
-  t.first_return += j.at("first_return").get<std::uint64_t>();
-  for (std::size_t a = 0; a < 3; ++a) {
-    t.min[a] = std::min(t.min[a], j.at("min").at(a).get<double>());
-    t.max[a] = std::max(t.max[a], j.at("max").at(a).get<double>());
-  }
+  const auto part = fields_from_json<Tally>(j);
+  t.dispositions.add(part.dispositions);
+  t.surplus += part.surplus, t.with_normal += part.with_normal;
+  t.multi_return += part.multi_return, t.first_return += part.first_return;
+  for (std::size_t a = 0; a < 3; ++a)
+    t.min[a] = std::min(t.min[a], part.min[a]), t.max[a] = std::max(t.max[a], part.max[a]);
   t.intensities.merge(j.at("intensities").get<std::vector<std::uint64_t>>());
-  for (const auto& w : j.at("warnings")) t.warnings.push_back(w.get<std::string>());
+  t.warnings.insert(t.warnings.end(), part.warnings.begin(), part.warnings.end());
 }
 
 std::uint64_t count_normals(const PointChunk& chunk, const ChunkQuanta& quanta, NormalSampler& sampler) {
@@ -324,7 +309,7 @@ Json SurveyStage::finish(const std::vector<Json>& summaries, TaskContext& contex
   save_plan_bricks(context.create(Plan::kBrickFile), bricks);
   Json report = plan.to_json();
   report.erase("buckets");
-  if (agreement.cells > 0) report["normal_agreement"] = to_json(agreement);
+  if (agreement.cells > 0) report["normal_agreement"] = fields_to_json(agreement);
   if (inputs_->crs().known()) report["coordinate_system"] = to_json(inputs_->crs());
   return report;
 }

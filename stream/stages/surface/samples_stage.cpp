@@ -10,6 +10,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
+#include "stream/files/json_fields.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_plan.h"
 #include "stream/points/plan.h"
@@ -38,6 +39,21 @@ struct SampleSums {
   double farthest = -1.0;     ///< rounding included; reach if some are beyond
   Double3 position = {0, 0, 0};
   std::array<std::uint64_t, kDeviationBins + 1> histogram{};  ///< the last: above the tolerance
+
+  static void fields(auto& self, auto&& field) {
+    field("samples", self.samples);
+    field("over", self.over);
+    field("beyond", self.beyond);
+    field("squares", self.squares);
+    field("farthest", self.farthest);
+    field("place", self.position);
+    field("histogram", self.histogram);
+  }
+  void add(const SampleSums& part) {
+    samples += part.samples, over += part.over, beyond += part.beyond, squares += part.squares;
+    for (std::size_t i = 0; i < histogram.size(); ++i) histogram[i] += part.histogram[i];
+    if (part.farthest > farthest) farthest = part.farthest, position = part.position;
+  }
 };
 
 /// Up to the next number of three digits.
@@ -83,26 +99,14 @@ class SamplesStage : public Stage {
       context.advance(points_.bricks()[b].points);
       context.count_read(points_.bricks()[b].points * sizeof(PointRecord));
     }
-    return {{"samples", sums.samples},    {"over", sums.over},         {"beyond", sums.beyond},
-            {"squares", sums.squares},    {"farthest", sums.farthest}, {"place", sums.position},
-            {"histogram", sums.histogram}};
+    return fields_to_json(sums);
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     SampleSums sum;
-    for (const Json& s : summaries) {
-      sum.samples += s.at("samples").get<std::uint64_t>();
-      sum.over += s.at("over").get<std::uint64_t>();
-      sum.beyond += s.at("beyond").get<std::uint64_t>();
-      sum.squares += s.at("squares").get<std::uint64_t>();
-      for (std::size_t i = 0; i < sum.histogram.size(); ++i)
-        sum.histogram[i] += s.at("histogram")[i].get<std::uint64_t>();
-      if (s.at("farthest").get<double>() <= sum.farthest) continue;
-      sum.farthest = s.at("farthest").get<double>();
-      sum.position = s.at("place").get<Double3>();
-    }
+    for (const Json& task : summaries) sum.add(fields_from_json<SampleSums>(task));
     const double left = tolerance_ - std::max(0.0, sum.farthest);
     if (before_ && left < kMinLeft * tolerance_)
       throw ValidationError(

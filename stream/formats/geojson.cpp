@@ -1,4 +1,4 @@
-#include "stream/files/geojson.h"
+#include "stream/formats/geojson.h"
 
 #include <cmath>
 
