@@ -6,9 +6,9 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "stream/formats/geojson.h"
 #include "stream/files/json.h"
 #include "stream/files/read_file.h"
+#include "stream/formats/geojson.h"
 
 namespace tessera {
 namespace {

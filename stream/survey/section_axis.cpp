@@ -5,9 +5,9 @@
 
 #include "kernels/survey/section_frame.h"
 #include "octree/error.h"
-#include "stream/formats/geojson.h"
 #include "stream/files/json.h"
 #include "stream/files/read_file.h"
+#include "stream/formats/geojson.h"
 
 namespace tessera {
 namespace {
