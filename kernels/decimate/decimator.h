@@ -145,7 +145,7 @@ class Decimator {
   }
   Refusal check_deviation(std::uint32_t u, const Star& star, std::size_t at);
   Refusal query_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum,
-                          double line_deviation);
+                          double on_line_deviation);
   void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                  LinkLoop& loop) const;
   void add_link(std::uint32_t v, std::uint32_t w, std::uint32_t corner, LinkLoop& loop) const;

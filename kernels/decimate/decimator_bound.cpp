@@ -108,14 +108,13 @@ Decimator::Doubt Decimator::query_coarse(std::uint32_t u, const Star& star, std:
   query.limit = options_.tolerance;
   query.cross_creases = true;
   query.witness = coarse_witness_[u];
-  double deviation = 0.0;
-  const ReferenceDeviation::Answer answer = coarse_deviation_.measure(loops_[0], query, deviation);
-  if (answer == ReferenceDeviation::Answer::kWithin) {
-    new_bound_ = rounded_up(deviation);
+  const ReferenceDeviation::Result result = coarse_deviation_.measure(loops_[0], query);
+  if (result.answer == ReferenceDeviation::Answer::kWithin) {
+    new_bound_ = rounded_up(result.deviation);
     return Doubt::kWithin;
   }
-  if (coarse_deviation_.failed_at() == kNoCorner) return Doubt::kOpen;
-  coarse_witness_[u] = coarse_deviation_.failed_at();
+  if (result.witness == kNoCorner) return Doubt::kOpen;
+  coarse_witness_[u] = result.witness;
   return Doubt::kBeyond;
 }
 
@@ -131,8 +130,8 @@ Decimator::Refusal Decimator::check_deviation(std::uint32_t u, const Star& star,
     const std::uint32_t v = reference_vertex_[star.ring[at_ring]], q = reference_vertex_[foot_.a];
     const bool known = reference_vertex_[u] != kNoCorner && v != kNoCorner && q != kNoCorner;
     if (known && (crease || !short_sum) &&
-        !reference_deviation_.measure_line(reference_vertex_[u], v, q,
-                                           options_.tolerance * (crease ? 0.5 : 1.0), exact))
+        !line_deviation(reference_deviation_.mesh(), reference_vertex_[u], v, q,
+                        options_.tolerance * (crease ? 0.5 : 1.0), exact))
       return Refusal::kTolerance;
     if (!known && !short_sum) return Refusal::kTolerance;
   }
@@ -140,11 +139,11 @@ Decimator::Refusal Decimator::check_deviation(std::uint32_t u, const Star& star,
   return query_reference(u, star, at_ring, short_sum, exact);
 }
 
-/// \param short_sum  the sum of bounds is within the tolerance \param line_deviation  of the line that u lies on
+/// \param short_sum  the sum of bounds is within the tolerance \param on_line_deviation  of the line that u lies on
 Decimator::Refusal Decimator::query_reference(std::uint32_t u, const Star& star, std::size_t at_ring,
-                                              bool short_sum, double line_deviation) {
+                                              bool short_sum, double on_line_deviation) {
   const bool on_line = (mesh_.state(u) & (kVertexBorder | kVertexCrease)) != 0;
-  double exact = line_deviation;
+  double exact = on_line_deviation;
   // Sums of bounds grow faster than the distance itself: ask the reference.
   if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
   ++exact_tests_;
@@ -163,16 +162,15 @@ Decimator::Refusal Decimator::query_reference(std::uint32_t u, const Star& star,
     query.min_cosine = min_cosine_;
     query.cross_creases = !on_line;
     query.witness = witness_[u];
-    double side = 0.0;
-    ReferenceDeviation::Answer answer = reference_deviation_.measure(loops_[s], query, side);
-    if (answer == ReferenceDeviation::Answer::kFolded && query.cross_creases && loops_[s].ends != 0) {
+    ReferenceDeviation::Result result = reference_deviation_.measure(loops_[s], query);
+    if (result.answer == ReferenceDeviation::Answer::kFolded && query.cross_creases && loops_[s].ends != 0) {
       query.cross_creases = false;  // over an edge that is too sharp
-      answer = reference_deviation_.measure(loops_[s], query, side);
+      result = reference_deviation_.measure(loops_[s], query);
     }
-    if (reference_deviation_.failed_at() != kNoCorner) witness_[u] = reference_deviation_.failed_at();
-    if (answer == ReferenceDeviation::Answer::kNormalDeviates) return Refusal::kNormal;
-    if (answer != ReferenceDeviation::Answer::kWithin) return Refusal::kTolerance;
-    exact = std::fmax(exact, side);
+    if (result.witness != kNoCorner) witness_[u] = result.witness;
+    if (result.answer == ReferenceDeviation::Answer::kNormalDeviates) return Refusal::kNormal;
+    if (result.answer != ReferenceDeviation::Answer::kWithin) return Refusal::kTolerance;
+    exact = std::fmax(exact, result.deviation);
   }
   ++exact_accepted_;
   new_bound_ = short_sum ? std::fmin(new_bound_, rounded_up(exact)) : rounded_up(exact);

@@ -91,9 +91,10 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
     query.seed = reference_vertex_[w];
     if (query.seed == kNoCorner) continue;
     ++exact_tests_;
-    if (reference_deviation_.measure(loop, query, deviation) != ReferenceDeviation::Answer::kWithin) continue;
+    const ReferenceDeviation::Result result = reference_deviation_.measure(loop, query);
+    if (result.answer != ReferenceDeviation::Answer::kWithin) continue;
     ++exact_accepted_;
-    new_bound_ = rounded_up(deviation);
+    new_bound_ = rounded_up(result.deviation);
     reference_vertex_[v] = query.seed;
     return static_cast<double>(new_bound_) <= options_.tolerance;
   }

@@ -15,15 +15,13 @@
 /// cross them; what is left between a line of the rim and the line of the reference is as far as the vertices
 /// of either line and of the reference beyond the rim are from the rim's line.
 ///
-/// Rounding. Coordinates are taken relative to the star and then rounded to float, so with R the largest of
-/// the polygon, u = 2^-24, a height is off by less than 16 u R; ReferenceDeviation adds that.
+/// Rounding. ReferenceDeviation adds LinkPolygon::rounding() to what it finds.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <vector>
 
-#include "kernels/decimate/collapse_deviation.h"
-#include "kernels/decimate/collapse_mesh.h"
+#include "kernels/decimate/link_polygon.h"
+#include "kernels/decimate/reference_mesh.h"
 
 namespace tessera {
 
@@ -31,7 +29,9 @@ class ReferenceDeviation {
  public:
   ReferenceDeviation() = default;
   /// \param normals  for queries with a min_cosine
-  explicit ReferenceDeviation(const CollapseMesh& reference, bool normals = false);
+  explicit ReferenceDeviation(const CollapseMesh& reference, bool normals = false)
+      : mesh_(reference, normals) {}
+  const ReferenceMesh& mesh() const { return mesh_; }
 
   struct Query {
     Double3 origin{};        ///< of the loop: position of the vertex that takes over
@@ -44,91 +44,46 @@ class ReferenceDeviation {
     /// Give up where a new face turns more against a reference triangle over it. Not where moving one corner of that
     /// by half the limit and a 32nd of the largest height of the triangles around its corners explains the turn.
     double min_cosine = -1.0;
-    std::uint32_t witness = kNoCorner;  ///< reference vertex to look at first, as failed_at() named it
+    std::uint32_t witness =
+        kNoCorner;  ///< reference vertex to look at first: Result::witness of an earlier one
   };
   enum class Answer : std::uint8_t { kWithin, kBeyond, kFolded, kNormalDeviates };
+  struct Result {
+    Answer answer = Answer::kBeyond;
+    double deviation =
+        0.0;  ///< kWithin: every point of the new star and of the reference below it lies within it
+              ///< of the other
+    std::uint32_t witness = kNoCorner;  ///< kBeyond: the reference vertex that is so, if it was a vertex
+  };
 
-  /// \param loop  closed rim of the star or of a side of it, relative to the vertex that takes over (at[0] =
-  /// 0);
-  /// \param[out] deviation  every point of the new star and of the reference below it lies within it of the other
-  /// \return kBeyond where the gap exceeds the limit, kFolded where the reference is no graph over the polygon
-  Answer measure(const LinkLoop& loop, const Query& query, double& deviation);
-
-  /// The reference vertex at which the last measure() gave up, kNoCorner where it was at none.
-  std::uint32_t failed_at() const { return failed_at_; }
-
-  /// Follows the line of the reference that runs through u both ways to v and to q, where two lines end or meet too.
-  /// \param[out] deviation  every point of the line and of the straight edge from v to q lies within it of the other
-  /// \return false where the gap exceeds the limit or the line does not lead there
-  bool measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit, double& deviation) const;
+  /// \param loop  closed rim of the star or of a side of it, relative to the vertex that takes over (at[0] = 0)
+  /// \return kBeyond where the deviation exceeds the limit, kFolded where the reference is no graph over the polygon
+  Result measure(const LinkLoop& loop, const Query& query);
 
   std::uint64_t walked() const { return walked_; }  ///< triangles looked at so far
 
  private:
-  struct alignas(32) Face {
-    std::uint32_t vertex[3], stamp, opposite[3], lines;  ///< lines: as CollapseFace::state; bound
-  };
-  struct alignas(32) Vertex {
-    Double3 at{};
-    std::uint32_t stamp, slot;
-  };
-  struct Point {
-    float x, y, z;
-    float deviation;              ///< to the polygon's graph or, beyond a line of the rim, to that; 0 outside
-    bool inside;                  ///< of the polygon, or between a line of the rim and that of the reference
-    std::uint8_t sector;          ///< of the polygon, 0 outside
-    std::uint64_t spokes, links;  ///< bit j: left of spoke j, of rim edge j
-  };
-
+  struct Walk;
   /// A triangle to look at, from the corner opposite the edge that led there; slots of the points of that edge.
   struct Step {
     std::uint32_t corner, next, prev;
   };
+  Answer begin_walk(const Query& query, Walk& walk);
+  Answer visit(const Step& step, Walk& walk);
+  bool leave(std::uint32_t corner, std::uint32_t next, std::uint32_t prev, Walk& walk);
+  void add_step(const Step& step);
+  bool add_point(std::uint32_t vertex, Walk& walk, std::uint32_t& slot);
+  bool add_triangle(const Step& step, Walk& walk, std::uint32_t* slot);
+  bool normal_deviates(const ReferenceMesh::Face& face, const PolygonTriangle& p, const Walk& walk) const;
 
-  bool next_on_line(std::uint32_t at, std::uint32_t from, std::uint32_t& next) const;
-  bool set_polygon(const LinkLoop& loop, bool inner_centre);
-  std::size_t following(std::size_t i) const { return i + 1 < size_ ? i + 1 : closes_to_; }
-  std::uint64_t sector_bits(const Point& p) const {
-    return p.spokes & ~(p.spokes >> 1 | (p.spokes >> closes_to_ & 1u) << (size_ - 1)) & p.links & sectors_;
-  }
-  bool corners_above(const Point* const* corner);
-  void classify(Point& p) const;
-  bool place(std::uint32_t vertex, std::uint32_t& slot);
-  bool meets_polygon(const Point& a, const Point& b) const;
-  bool cross_edges(const Point& a, const Point& b, float own);
-  bool beyond_line(Point& p);
-  bool near_line(const Point& p, float own);
-  bool is_line(std::uint32_t c) const {
-    return (faces_[c >> 2].lines >> (c & 3u) & (kStateBorder | kStateCrease)) != 0;
-  }
-  bool seed_faces(std::uint32_t seed, std::size_t flat_edge);
-  bool normal_deviates(const Face& face, const Point* const* corner) const;
-
-  std::vector<Face> faces_;
-  std::vector<Vertex> vertices_;
-  std::vector<std::uint32_t> corner_;  ///< of vertices
-  std::vector<float> width_;  ///< per vertex: largest height of the triangles there; for queries of normals
-  std::vector<Point> points_;
+  ReferenceMesh mesh_;
+  std::uint32_t stamp_ = 0;  ///< of the walk at hand: even on faces to look at, odd on those that have been
+  std::uint64_t walked_ = 0;
+  // Scratch of a walk, kept for its memory.
+  LinkPolygon polygon_;
+  std::vector<PolygonPoint> points_;
   std::vector<Step> steps_;
   std::vector<std::uint32_t> fan_;
-  std::uint32_t stamp_ = 0;
-  std::uint32_t failed_at_ = kNoCorner;
-  std::uint64_t walked_ = 0;
-
-  // The polygon at hand: at[j], the edge from there to the next, the plane of the face (0, j, j + 1).
-  static constexpr std::size_t kLanes = 8, kPadded = 64;
-  std::size_t size_ = 0, groups_ = 0, closes_to_ = 0;
-  std::uint64_t sectors_ = 0, all_ = 0,
-                inner_spokes_ = 0;  ///< bits of faces, of corners, of edges between two faces
-  alignas(32) std::array<float, kPadded> x_{}, y_{}, z_{}, edge_x_{}, edge_y_{}, edge_c_{};
-  std::array<float, kPadded> edge_z_{};
-  std::array<float, kPadded> slope_x_{}, slope_y_{}, face_cosine_{};
-  std::uint64_t lines_ = 0, ends_ = 0, covered_ = 0;
-  float min_cosine_ = -1.0f;
-  Double3 ex_{}, ey_{}, n_{}, origin_{};
-  /// Columns: what x, y and z add to the coordinates in the plane.
-  alignas(16) std::array<float, 12> frame_{};
-  float deviation_ = 0.0f, limit_ = 0.0f, radius_ = 0.0f;
 };
 
 }  // namespace tessera

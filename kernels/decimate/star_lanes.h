@@ -6,7 +6,7 @@
 /// units of the tolerance. What comes within rounding of a decision is left to those.
 ///
 /// Rounding. With R the largest coordinate of the star relative to its centre and u = 2^-24, a height over the polygon
-/// is off by less than 16 u R, as in reference_deviation.h; judge() adds that.
+/// is off by less than 16 u R, as in link_polygon.h; judge() adds that.
 #pragma once
 #include <immintrin.h>
 

@@ -146,7 +146,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
     by("kernels/decimate/decimate", "kernels/decimate",
        {"collapse_deviation", "collapse_mesh", "decimator", "decimator_bound", "decimator_cost",
-        "decimator_optimal", "decimator_sweep", "feature_edges", "quadric", "reference_deviation"});
+        "decimator_optimal", "decimator_sweep", "feature_edges", "quadric"});
     by("kernels/extract/extended_marching_cubes", "kernels/extract",
        {"brick_band", "brick_extractor", "cell_loops", "feature_sample", "feature_segments",
         "loop_triangulation", "tangent_planes"});
