@@ -60,9 +60,11 @@ enum VertexState : std::uint8_t {
 struct Star {
   std::size_t faces = 0;  ///< ring has `faces` vertices where closed, one more where open
   bool closed = false;
-  std::array<std::uint32_t, kMaxRing + 1> ring;    ///< w_i
+  std::array<std::uint32_t, kMaxRing + 2> ring;    ///< w_i; whole registers of eight
   std::array<std::uint32_t, kMaxRing + 1> corner;  ///< corner of the centre in f_i
   std::size_t ring_size() const { return closed ? faces : faces + 1; }
+  /// The place after i in the ring.
+  std::size_t following(std::size_t i) const { return i + 1 < ring_size() ? i + 1 : 0; }
 };
 
 struct alignas(32) CollapseFace {

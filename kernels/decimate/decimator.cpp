@@ -1,7 +1,5 @@
 #include "kernels/decimate/decimator.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -25,7 +23,6 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
               options.priority == DecimatePriority::kProbabilistic) &&
              options.placement == DecimatePlacement::kEndpoint && !(options.colour_weight > 0.0)),
       quadric_(mesh.vertices()),
-      mark_(mesh.vertices(), 0),
       lanes_(options.tolerance > 0.0 ? options.tolerance : 1.0, options.min_mean_ratio),
       reference_vertex_(std::move(reference_vertex)),
       guard_(mesh),
@@ -46,81 +43,6 @@ bool Decimator::gather(std::uint32_t u, Star& star) {
   return true;
 }
 
-bool Decimator::allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const {
-  const std::uint8_t state = mesh_.state(u);
-  if (mesh_.state(star.ring[at]) & kVertexPinched) return false;
-  if (state & kVertexBorder) return at == 0 || at == star.faces;  // an open fan ends in its border edges
-  if (state & kVertexCrease) return mesh_.crease_edge(prev_corner(star.corner[at]));
-  return true;
-}
-
-/// The rings of both ends share the third corners of the two faces at the edge (one at a border) and nothing
-/// else; no edge between two locked vertices is made, another block might make it too.
-bool Decimator::linked(const Star& star, std::size_t at) {
-  const std::uint32_t v = star.ring[at];
-  const std::size_t size = star.ring_size();
-  const bool locked = (mesh_.state(v) & kVertexLocked) != 0;
-  std::size_t shared = 0;
-  if (size <= 8 && !locked) {
-    // A ring of the usual size fits one register.
-    const __m256i ring = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(star.ring.data()));
-    const int used = (1 << size) - 1;
-    mesh_.for_each_neighbour(v, [&](std::uint32_t w) {
-      const __m256i equal = _mm256_cmpeq_epi32(ring, _mm256_set1_epi32(static_cast<int>(w)));
-      shared += (_mm256_movemask_ps(_mm256_castsi256_ps(equal)) & used) != 0;
-    });
-  } else {
-    ++stamp_;
-    for (std::size_t i = 0; i < size; ++i) mark_[star.ring[i]] = stamp_;
-    mesh_.for_each_neighbour(v, [&](std::uint32_t w) {
-      if (mark_[w] == stamp_) ++shared, mark_[w] = stamp_ - 1;
-    });
-  }
-  if (shared != (star.closed ? 2u : 1u)) return false;
-  if (locked)  // the marks that are left are ring vertices without an edge to v
-    for (std::size_t i = 0; i < size; ++i)
-      if (i != at && mark_[star.ring[i]] == stamp_ && (mesh_.state(star.ring[i]) & kVertexLocked))
-        return false;
-  if (star.closed) {
-    if (star.faces < 3) return false;
-    if (star.faces > 3) return true;
-    // Of a tetrahedron the last face would double.
-    const std::uint32_t outer = mesh_.opposite(star.corner[(at + 1) % 3]);
-    return outer != kNoCorner && mesh_.vertex(outer) != v;
-  }
-  // An ear goes unless it is all that is left, or holds on to another block.
-  return star.faces > 1 || mesh_.opposite(star.corner[0]) != kNoCorner;
-}
-
-Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std::size_t at_ring) const {
-  const std::size_t k = star.faces, size = star.ring_size();
-  const Double3 pu = mesh_.at(u), pv = mesh_.at(star.ring[at_ring]);
-  // Squares compare as well as what they are of, and need no roots.
-  const double minimum = options_.min_mean_ratio * options_.min_mean_ratio / 12.0;
-  bool thin = false;
-  for (std::size_t i = 0; i < k; ++i) {
-    const std::size_t j = i + 1 < size ? i + 1 : 0;
-    if (i == at_ring || j == at_ring) continue;
-    const Double3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
-    const Double3 link_edge = b - a, to_u = pu - a, to_v = pv - a;
-    const Double3 before = cross(link_edge, to_u), after = cross(link_edge, to_v);
-    const double along = dot(before, after), before2 = dot(before, before), after2 = dot(after, after);
-    if (!(after2 > 0.0) || along < 0.0 || along * along < 0.04 * before2 * after2) return Refusal::kFold;
-    const Double3 last = pv - b;
-    const double edges = dot(link_edge, link_edge) + dot(to_v, to_v) + dot(last, last);
-    thin = thin || after2 < minimum * edges * edges;
-  }
-  if (!thin) return Refusal::kNone;
-  double worst_new = 1.0, worst_old = 1.0;
-  for (std::size_t i = 0; i < k; ++i) {
-    const std::size_t j = i + 1 < size ? i + 1 : 0;
-    const Double3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
-    worst_old = std::fmin(worst_old, mean_ratio(pu, a, b));
-    if (i != at_ring && j != at_ring) worst_new = std::fmin(worst_new, mean_ratio(pv, a, b));
-  }
-  return worst_new < worst_old ? Refusal::kShape : Refusal::kNone;
-}
-
 Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {
   const Refusal refusal = check_star(u, star, at_ring);
   if (refusal != Refusal::kNone) return refusal;
@@ -130,7 +52,7 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
 /// All that the star, its neighbours and the reference tell.
 Decimator::Refusal Decimator::check_star(std::uint32_t u, const Star& star, std::size_t at_ring) {
   moves_ = false;
-  if (!linked(star, at_ring)) return Refusal::kLink;
+  if (!is_collapse_ok(mesh_, star, at_ring)) return Refusal::kLink;
   if (in_lanes_ && options_.tolerance > 0.0 && min_cosine_ <= -1.0 && (mesh_.state(u) & kVertexCrease) == 0) {
     double deviation = 0.0;
     const StarLanes::Answer answer = lanes_.judge(at_ring, deviation);
@@ -146,7 +68,7 @@ Decimator::Refusal Decimator::check_star(std::uint32_t u, const Star& star, std:
     moves_ = true;
     return Refusal::kNone;
   }
-  const Refusal faces = check_faces(u, star, at_ring);
+  const Refusal faces = check_new_faces(mesh_, u, star, at_ring, options_.min_mean_ratio);
   if (faces != Refusal::kNone) return faces;
   return check_deviation(u, star, at_ring);
 }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "kernels/decimate/collapse_deviation.h"
+#include "kernels/decimate/collapse_legality.h"
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/decimate/cost_queue.h"
 #include "kernels/decimate/crossing_guard.h"
@@ -23,15 +24,6 @@
 #include "kernels/decimate/star_lanes.h"
 
 namespace tessera {
-
-/// 4 sqrt(3) area / (sum of squared edges): 1 for the equilateral triangle, 0 for none.
-inline double mean_ratio(double twice_area, double squared_edges) {
-  return squared_edges > 0.0 ? 2.0 * 1.7320508075688772 * twice_area / squared_edges : 0.0;
-}
-inline double mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
-  const Double3 u = b - a, v = c - a, w = c - b;
-  return mean_ratio(norm(cross(u, v)), dot(u, u) + dot(v, v) + dot(w, w));
-}
 
 /// What a halfedge collapse costs by quadrics: the error of q, which goes to `to`, and of what is there already.
 inline double endpoint_cost(const Quadric& q, const CollapseVertex& to) {
@@ -59,7 +51,7 @@ class Decimator {
   bool trusted() const { return trusted_; }
 
  private:
-  enum class Refusal : std::uint8_t { kNone, kLink, kFold, kShape, kNormal, kTolerance, kCrossing };
+  using Refusal = CollapseRefusal;
   enum class Doubt : std::uint8_t { kOpen, kWithin, kBeyond };
   struct Candidate {
     double cost;
@@ -126,11 +118,8 @@ class Decimator {
   double normal_cost(std::uint32_t u, const Star& star, std::size_t at) const;
   double worst_shape(const Star& star, std::size_t at) const;
   double attribute_cost(std::uint32_t u) const;
-  bool allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const;
   Refusal check(std::uint32_t u, const Star& star, std::size_t at);
   Refusal check_star(std::uint32_t u, const Star& star, std::size_t at);
-  bool linked(const Star& star, std::size_t at);
-  Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
   bool bound_by_sum(std::uint32_t u, const Star& star, std::size_t at);
   void lay_link(const Star& star, std::size_t at);
   bool may_move(std::uint32_t u, std::uint32_t v) const;
@@ -161,8 +150,6 @@ class Decimator {
   double area_ = 0.0;  ///< of all faces
   std::vector<Quadric> quadric_;
   std::vector<std::uint16_t> tried_;  ///< candidates below this class failed with the star as it is
-  std::vector<std::uint32_t> mark_;
-  std::uint32_t stamp_ = 0;
   CostQueue<kCostClasses> queue_;
   std::uint32_t first_ = 0, end_ = 0;  ///< vertices that the queue takes
   std::vector<std::uint8_t> woken_;    ///< those before first_ whose star has changed since

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "kernels/decimate/decimator.h"
+#include "kernels/mesh/mean_ratio.h"
 
 namespace tessera {
 
@@ -154,12 +155,12 @@ std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
     std::array<double, 8> costs;
     lanes_.costs(q, from, costs);
     for (std::size_t i = 0; i < star.ring_size(); ++i)
-      if (allowed_by_features(u, star, i))
+      if (follows_lines(mesh_, u, star, i))
         list[n++] = {costs[i], star.ring[i], static_cast<std::uint32_t>(i)};
     return n;
   }
   for (std::size_t i = 0; i < star.ring_size(); ++i) {
-    if (!allowed_by_features(u, star, i)) continue;
+    if (!follows_lines(mesh_, u, star, i)) continue;
     const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);
     if (c < kNoCost) list[n++] = {c, star.ring[i], static_cast<std::uint32_t>(i)};
   }

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "kernels/decimate/decimator.h"
+#include "kernels/mesh/mean_ratio.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"
 

@@ -101,13 +101,13 @@ bool Decimator::trusts(std::uint32_t u, const Star& star) {
 StarLanes::Cheapest Decimator::find_cheapest(std::uint32_t u, const Star& star) {
   if (in_lanes_) {
     const StarLanes::Cheapest best = lanes_.cheapest(quadric_[u], mesh_.at(u));
-    if (allowed_by_features(u, star, best.at)) return best;
+    if (follows_lines(mesh_, u, star, best.at)) return best;
   }
   StarLanes::Cheapest best{static_cast<double>(kRefused), 0};
   const Quadric q = quadric_[u];
   const Double3 from = mesh_.at(u);
   for (std::size_t i = 0; i < star.ring_size(); ++i) {
-    if (!allowed_by_features(u, star, i)) continue;
+    if (!follows_lines(mesh_, u, star, i)) continue;
     const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);
     if (c < best.cost) best = {c, i};
   }
@@ -116,7 +116,7 @@ StarLanes::Cheapest Decimator::find_cheapest(std::uint32_t u, const Star& star) 
 
 bool Decimator::check_cheap(std::uint32_t u, const Star& star, std::size_t at_ring) {
   moves_ = false;
-  if (!linked(star, at_ring)) return false;
+  if (!is_collapse_ok(mesh_, star, at_ring)) return false;
   const double maximum = kMaxBound * options_.tolerance;
   if (in_lanes_) {
     double deviation = 0.0;
@@ -127,8 +127,8 @@ bool Decimator::check_cheap(std::uint32_t u, const Star& star, std::size_t at_ri
       return static_cast<double>(new_bound_) <= maximum;
     }
   }
-  return check_faces(u, star, at_ring) == Refusal::kNone && bound_by_sum(u, star, at_ring) &&
-         static_cast<double>(new_bound_) <= maximum;
+  return check_new_faces(mesh_, u, star, at_ring, options_.min_mean_ratio) == Refusal::kNone &&
+         bound_by_sum(u, star, at_ring) && static_cast<double>(new_bound_) <= maximum;
 }
 
 void Decimator::compact(std::vector<float>& minimum) {

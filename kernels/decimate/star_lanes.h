@@ -2,7 +2,7 @@
 /// A closed star of four to eight faces in the lanes of vector registers: what its collapses cost, and how far one of
 /// them moves the surface, all faces at once.
 ///
-/// The same tests as Decimator::check_faces() and fan_deviation() (collapse_deviation.h), in floats relative to the centre and in
+/// The same tests as check_new_faces() (collapse_legality.h) and fan_deviation() (collapse_deviation.h), in floats relative to the centre and in
 /// units of the tolerance. What comes within rounding of a decision is left to those.
 ///
 /// Rounding. With R the largest coordinate of the star relative to its centre and u = 2^-24, a height over the polygon

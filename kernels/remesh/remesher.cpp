@@ -325,7 +325,6 @@ bool Remesher::split(const Edge& e) {
 /// again.
 void Remesher::collapse_short(const CollapseLengths& lengths, int rounds, RemeshReport& report) {
   changed_.assign(info_.size(), 0);
-  mark_.resize(info_.size(), 0);
   begin_guarding();
   for (round_ = 0; round_ < rounds && collapse_listed(lengths, report) > 0; ++round_) {
   }
@@ -380,27 +379,6 @@ void Remesher::collapse(std::size_t at) {
   live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
   mesh_.collapse(star_, at);
   if (guarded_) guard_.accept();
-}
-
-/// The relation of rings as in decimation; no edge between two locked vertices is made, another block might make it too.
-bool Remesher::linked(std::size_t at) {
-  const std::uint32_t v = star_.ring[at];
-  const bool locked = (mesh_.state(v) & kVertexLocked) != 0;
-  const std::size_t size = star_.ring_size();
-  std::size_t shared = 0, around = 0;
-  ++stamp_;
-  for (std::size_t i = 0; i < size; ++i) mark_[star_.ring[i]] = stamp_;
-  mesh_.for_each_neighbour(v, [&](std::uint32_t w) {
-    ++around;
-    if (mark_[w] == stamp_) ++shared, mark_[w] = 0;
-  });
-  if (shared != (star_.closed ? 2u : 1u)) return false;
-  if (locked)
-    for (std::size_t i = 0; i < size; ++i)
-      if (i != at && mark_[star_.ring[i]] == stamp_ && (mesh_.state(star_.ring[i]) & kVertexLocked))
-        return false;
-  if (!star_.closed) return star_.faces > 1;
-  return star_.faces > 3 && around + star_.faces < kMaxRing / 4 + 4;
 }
 
 void Remesher::compact() {

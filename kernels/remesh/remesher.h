@@ -3,6 +3,7 @@
 #pragma once
 #include <vector>
 
+#include "kernels/decimate/collapse_legality.h"
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/decimate/crossing_guard.h"
 #include "kernels/remesh/reference_surface.h"
@@ -41,7 +42,7 @@ class Remesher {
     std::uint32_t length_class, corner;
     std::uint32_t a, b;  ///< vertices
   };
-  enum class Refusal : std::uint8_t { kNone, kLink, kFold, kTolerance, kCrossing };
+  using Refusal = CollapseRefusal;
   /// In units of the target: edges below `shortest` collapse where none gets longer than `longest`.
   struct CollapseLengths {
     double shortest, longest;
@@ -97,8 +98,13 @@ class Remesher {
   std::size_t collapse_listed(const CollapseLengths& lengths, RemeshReport& report);
   Refusal check_collapse(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
   Refusal check_star(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
+  // Of the collapse of u, whose star is gathered, into star_.ring[at].
+  bool keeps_lines(std::uint32_t u, std::size_t at) const;
+  bool keeps_lengths(std::uint32_t u, std::size_t at, double longest) const;
+  bool keeps_valences(std::size_t at) const;
+  Refusal check_moved_faces(std::uint32_t u, std::size_t at) const;
+  bool is_line_near(std::uint32_t u, std::size_t at) const;
   void collapse(std::size_t at);
-  bool linked(std::size_t at);
   bool lines_meet(std::uint32_t u, std::uint32_t v) const;
   bool corners_merge(std::uint32_t u, std::uint32_t v) const;
   void flip_all(RemeshReport& report);
@@ -128,8 +134,6 @@ class Remesher {
   void compact();
   void sort_by_position();
 
-  static double mean_ratio(const Double3& a, const Double3& b, const Double3& c);
-  static double squared_mean_ratio(const Double3& a, const Double3& b, const Double3& c);
   static double sharpness(const Double3& a, const Double3& b, const Double3& c);
   bool normal_fits(const NewFace& f, const Double3& n) const;
   bool within(const NewFace& f, unsigned new_edges) const;
@@ -150,8 +154,6 @@ class Remesher {
   std::vector<float> gravity_;  ///< per vertex: how much neighbours are drawn to it; empty: all alike
   int round_ = 0;
   std::vector<std::uint8_t> changed_;  ///< per vertex: the round behind the last one that changed its star
-  std::vector<std::uint32_t> mark_;
-  std::uint32_t stamp_ = 0;
   CrossingGuard guard_;
   /// A vertex. A mesh of even faces takes a thousand.
   static constexpr std::uint64_t kMaxLooks = std::uint64_t{1} << 12;

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "kernels/mesh/flat_faces.h"
+#include "kernels/mesh/mean_ratio.h"
 #include "kernels/mesh/triangle_foot.h"
 #include "kernels/remesh/remesher.h"
 
@@ -20,22 +21,9 @@ constexpr double kBetter = 1.1,
 constexpr double kRoundEnough = (1.0 - kBetterBy) / kBetter;  ///< from here on it cannot
 constexpr double kLinesMeet = 0.25;                           ///< targets
 constexpr double kNeedle = 0.4, kLongNearNeedle = 1.8;
+constexpr std::size_t kMaxNewValence = 14;  ///< of a collapse
 
 }  // namespace
-
-/// 1 for the equilateral triangle, 0 for none.
-double Remesher::mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
-  const Double3 u = b - a, v = c - a, w = c - b;
-  const double squares = dot(u, u) + dot(v, v) + dot(w, w);
-  return squares > 0.0 ? 2.0 * 1.7320508075688772 * norm(cross(u, v)) / squares : 0.0;
-}
-
-/// Its square, without a root.
-double Remesher::squared_mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
-  const Double3 u = b - a, v = c - a, w = c - b, n = cross(u, v);
-  const double squares = dot(u, u) + dot(v, v) + dot(w, w);
-  return squares > 0.0 ? 12.0 * dot(n, n) / (squares * squares) : 0.0;
-}
 
 /// \param n  normal of what the face takes the place of; zero: unknown
 bool Remesher::normal_fits(const NewFace& f, const Double3& n) const {
@@ -131,34 +119,60 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, dou
 
 /// All that the star, its neighbours and the reference tell.
 Remesher::Refusal Remesher::check_star(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at) {
+  if ((mesh_.state(v) & kVertexPinched) || ((mesh_.state(u) & kVertexKept) && !corners_merge(u, v)) ||
+      !mesh_.gather(u, star_))
+    return Refusal::kLink;
+  for (at = 0; at < star_.ring_size() && star_.ring[at] != v;) ++at;
+  if (at == star_.ring_size() || !keeps_lines(u, at) || !keeps_lengths(u, at, longest) ||
+      !keeps_valences(at) || !is_collapse_ok(mesh_, star_, at))
+    return Refusal::kLink;
+  const Refusal refusal = check_moved_faces(u, at);
+  if (refusal != Refusal::kNone) return refusal;
+  return is_line_near(u, at) ? Refusal::kNone : Refusal::kTolerance;
+}
+
+/// Whether u stays on its border or its crease, unless two lines become one.
+bool Remesher::keeps_lines(std::uint32_t u, std::size_t at) const {
   const std::uint8_t state = mesh_.state(u);
-  if ((mesh_.state(v) & kVertexPinched) || ((state & kVertexKept) && !corners_merge(u, v)))
-    return Refusal::kLink;
-  if (!mesh_.gather(u, star_)) return Refusal::kLink;
-  const std::size_t k = star_.faces, size = star_.ring_size();
-  for (at = 0; at < size && star_.ring[at] != v;) ++at;
-  if (at == size) return Refusal::kLink;
-  if ((state & kVertexBorder) && at != 0 && at != k) return Refusal::kLink;
-  if ((state & (kVertexCrease | kVertexFixed)) &&
-      !(at < k ? mesh_.crease_edge(prev_corner(star_.corner[at]))
-               : mesh_.crease_edge(next_corner(star_.corner[k - 1]))) &&
-      !((state & kVertexBorder) && (at == 0 || at == k)) && !lines_meet(u, v))
-    return Refusal::kLink;
+  const bool border = (state & kVertexBorder) != 0;
+  if (border && !is_border_spoke(star_, at)) return false;
+  return !(state & (kVertexCrease | kVertexFixed)) || border || is_crease_spoke(mesh_, star_, at) ||
+         lines_meet(u, star_.ring[at]);
+}
+
+/// Whether no edge at ring[at] gets longer than so many targets, and no face goes that has to stay.
+bool Remesher::keeps_lengths(std::uint32_t u, std::size_t at, double longest) const {
+  const std::uint32_t v = star_.ring[at];
   const double needle = kNeedle * target(u, v);
   if (square_of(u, v) < needle * needle) longest = std::max(longest, kLongNearNeedle);
-  for (std::size_t i = 0; i < size; ++i) {
+  for (std::size_t i = 0; i < star_.ring_size(); ++i) {
     const std::uint32_t w = star_.ring[i];
-    if (info_[w].pinned) return Refusal::kLink;
+    if (info_[w].pinned) return false;
     const double maximum = longest * target(v, w);
-    if (i != at && square_of(v, w) > maximum * maximum) return Refusal::kLink;
+    if (i != at && square_of(v, w) > maximum * maximum) return false;
   }
-  if (!linked(at)) return Refusal::kLink;
-  const std::size_t left = at, right = at > 0 ? at - 1 : star_.closed ? k - 1 : k;
+  return true;
+}
+
+/// Whether no vertex is left with fewer than three faces (one at a border), nor ring[at] with more than flips could spread.
+bool Remesher::keeps_valences(std::size_t at) const {
+  if (!star_.closed) return star_.faces > 1;
+  if (star_.faces <= 3) return false;
+  std::size_t valence = star_.faces - 4;
+  mesh_.for_each_neighbour(star_.ring[at], [&](std::uint32_t) { ++valence; });
+  return valence <= kMaxNewValence;
+}
+
+/// The faces that stay, with ring[at] in the place of u, against the reference; what goes must lie near one of them.
+Remesher::Refusal Remesher::check_moved_faces(std::uint32_t u, std::size_t at) const {
+  const std::uint32_t v = star_.ring[at];
   const Double3 from = mesh_.at(u), to = mesh_.at(v);
-  double nearest = std::numeric_limits<double>::max();
-  for (std::size_t i = 0; i < k; ++i) {
-    if (i == left || i == right) continue;
-    const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < size ? i + 1 : 0];
+  const double limit = options_.tolerance;
+  double nearest = limit > 0.0 ? std::numeric_limits<double>::max() : 0.0;
+  for (std::size_t i = 0; i < star_.faces; ++i) {
+    const std::size_t j = star_.following(i);
+    if (i == at || j == at) continue;
+    const std::uint32_t a = star_.ring[i], b = star_.ring[j];
     const NewFace face{{v, a, b}, {to, mesh_.at(a), mesh_.at(b)}};
     const double before = mean_ratio(from, face.at[1], face.at[2]),
                  after = mean_ratio(to, face.at[1], face.at[2]);
@@ -166,27 +180,27 @@ Remesher::Refusal Remesher::check_star(std::uint32_t u, std::uint32_t v, double 
     const Double3 n = before < kMinMeanRatio ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
     if (!normal_fits(face, n) || (after < kMinMeanRatio && after < before)) return Refusal::kFold;
     if (!within(face, 1u)) return Refusal::kTolerance;
-    if (options_.tolerance > 0.0)
+    if (limit > 0.0)
       nearest =
           std::min(nearest, squared_distance(from, foot_in_triangle(from, to, face.at[1], face.at[2]).at));
   }
-  const double limit = options_.tolerance;
-  if (!(limit > 0.0)) return Refusal::kNone;
-  if (nearest > limit * limit) return Refusal::kTolerance;
-  if (!info_[u].line) return Refusal::kNone;
-  // The line: what goes, and the middle of the edge that takes its place.
-  std::uint32_t other = v;
-  for (std::size_t i = 0; i < size; ++i) {
+  return nearest > limit * limit ? Refusal::kTolerance : Refusal::kNone;
+}
+
+/// Whether a line through u deviates by no more than half the tolerance: what goes, and the middle of the edge that takes its
+/// place.
+bool Remesher::is_line_near(std::uint32_t u, std::size_t at) const {
+  if (!info_[u].line || !(options_.tolerance > 0.0)) return true;
+  std::uint32_t other = star_.ring[at];
+  for (std::size_t i = 0; i < star_.ring_size(); ++i) {
     if (i == at) continue;
-    const bool line = star_.closed ? mesh_.crease_edge(prev_corner(star_.corner[i])) : i == 0 || i == k;
+    const bool line = star_.closed ? is_crease_spoke(mesh_, star_, i) : is_border_spoke(star_, i);
     if (line) other = star_.ring[i];
   }
-  const Double3 end = mesh_.at(other), middle = (to + end) * 0.5;
-  const double square = 0.25 * limit * limit;
-  if (squared_distance(from, foot_in_triangle(from, to, end, end).at) > square ||
-      surface_.slide(middle, info_[u].foot).square > square)
-    return Refusal::kTolerance;
-  return Refusal::kNone;
+  const Double3 from = mesh_.at(u), to = mesh_.at(star_.ring[at]), end = mesh_.at(other);
+  const double square = 0.25 * options_.tolerance * options_.tolerance;
+  return squared_distance(from, foot_in_triangle(from, to, end, end).at) <= square &&
+         surface_.slide((to + end) * 0.5, info_[u].foot).square <= square;
 }
 
 void Remesher::count_valences() {

@@ -95,7 +95,6 @@ double Remesher::sharpness_of(std::uint32_t f) const {
 void Remesher::mend_all(RemeshReport& report) {
   count_valences();
   begin_guarding();
-  mark_.resize(info_.size(), 0);
   mending_ = true;
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     step();

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "kernels/mesh/flat_faces.h"
+#include "kernels/mesh/mean_ratio.h"
 #include "kernels/remesh/remesher.h"
 
 namespace tessera {
@@ -32,8 +33,7 @@ Double3 Remesher::wish(std::uint32_t v) const {
   if (info_[v].line) {
     Double3 sum{};
     for (std::size_t i = 0; i < star_.ring_size(); ++i) {
-      const bool line =
-          star_.closed ? mesh_.crease_edge(prev_corner(star_.corner[i])) : i == 0 || i == star_.faces;
+      const bool line = star_.closed ? is_crease_spoke(mesh_, star_, i) : is_border_spoke(star_, i);
       if (line) sum = sum + (mesh_.at(star_.ring[i]) - at) * 0.5;
     }
     return at + sum;
