@@ -5,7 +5,7 @@
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
-#include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/smooth_job.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
 

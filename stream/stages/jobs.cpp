@@ -8,7 +8,7 @@
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "stream/stages/resample/resample_job.h"
-#include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/smooth_job.h"
 #include "stream/stages/solid/csg_job.h"
 #include "stream/stages/solid/field_job.h"
 #include "stream/stages/solid/resurface_job.h"

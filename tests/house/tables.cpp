@@ -61,11 +61,10 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/scan/ground_cells_stage.cpp", "stream/stages/scan/ground_stages.h"},
       {"stream/stages/scan/ground_stage.cpp", "stream/stages/scan/ground_stages.h"},
       {"stream/stages/scan/top_points_stage.cpp", "stream/stages/scan/top_stage.h"},
-      {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
+      {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stages.h"},
       {"stream/stages/smooth/noise_stage.cpp", "stream/stages/smooth/smooth_before.h"},
-      {"stream/stages/smooth/reach_stage.cpp", "stream/stages/smooth/smooth_stage.h"},
-      {"stream/stages/smooth/smooth_files.cpp", "stream/stages/smooth/smooth_stage.h"},
-      {"stream/stages/smooth/smooth_job.cpp", "stream/stages/smooth/smooth_stage.h"},
+      {"stream/stages/smooth/range_stage.cpp", "stream/stages/smooth/smooth_stages.h"},
+      {"stream/stages/smooth/smooth_stage.cpp", "stream/stages/smooth/smooth_stages.h"},
       {"stream/stages/surface/close_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/multipole_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/rims_stage.cpp", "stream/stages/surface/closing_stages.h"},
@@ -236,8 +235,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/ground_surface", "stream/stages/scan", {"ground_cells_stage", "ground_stage", "ground_stages"});
     by("tools/smooth_before", "stream/stages/smooth", {"noise_stage", "smooth_before", "smooth_needs"});
     by("tools/smooth_command", "stream/stages/smooth",
-       {"coarse_files", "coarse_stages", "reach_stage", "smooth_files", "smooth_job", "smooth_stage",
-        "smooth_tiles"});
+       {"coarse_files", "coarse_stages", "patch_range", "range_stage", "smooth_job", "smooth_plan",
+        "smooth_stage", "smooth_stages", "smooth_tiles"});
     by("tools/untangle", "stream/stages/smooth", {"tangled_tile", "untangle_stages", "vertices_back"});
     by("tools/reconstruct_tolerance", "stream/stages/surface",
        {"first_pass", "islands_stage", "samples_stage"});

@@ -9,7 +9,7 @@
 #include "stream/files/task_files.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/factor_file.h"
-#include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/smooth_stages.h"
 
 namespace tessera {
 namespace {

@@ -10,7 +10,7 @@
 #include "stream/files/json.h"
 #include "stream/import/import_plan.h"
 #include "stream/stages/smooth/smooth_before.h"
-#include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/smooth_plan.h"
 
 namespace tessera {
 namespace {

@@ -7,8 +7,8 @@
 #include "stream/files/json.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/plan/planned_scan.h"
+#include "stream/stages/smooth/smooth_job.h"
 #include "stream/stages/smooth/smooth_needs.h"
-#include "stream/stages/smooth/smooth_stage.h"
 #include "stream/stages/smooth/untangle_stages.h"
 
 namespace tessera {

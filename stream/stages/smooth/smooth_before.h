@@ -6,7 +6,7 @@
 /// passes begin with that as its bound, so they have the whole tolerance where little moved and stay near where much did,
 /// and the certificate against the given mesh holds by the same sum.
 ///
-///   reach, smooth-K  smooth_stage.h
+///   reach, smooth-K  smooth_stages.h
 ///   noise            how noisy the given mesh is: decides `auto`, and how strong the plate of `implicit` is
 ///   noise-left       the same of the smoothed mesh, at the same vertices
 #pragma once

@@ -1,3 +1,4 @@
+#include "stream/stages/smooth/smooth_job.h"
 
 #include "stream/files/json.h"
 #include "stream/import/crs_sidecar.h"
@@ -8,7 +9,7 @@
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_needs.h"
-#include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/smooth_stages.h"
 #include "stream/stages/smooth/untangle_stages.h"
 
 namespace tessera {

@@ -6,7 +6,7 @@
 #include "stream/stages/plan/forecast_rates.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/smooth/smooth_before.h"
-#include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/smooth_plan.h"
 #include "stream/stages/smooth/untangle_stages.h"
 
 namespace tessera {

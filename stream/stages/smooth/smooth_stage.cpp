@@ -1,5 +1,3 @@
-#include "stream/stages/smooth/smooth_stage.h"
-
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -16,14 +14,12 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/smooth/coarse_files.h"
+#include "stream/stages/smooth/smooth_stages.h"
 #include "stream/stages/smooth/smooth_tiles.h"
 
 namespace tessera {
 namespace {
 
-// Key, position, class, colour, first patch, number in a patch, wanted; corners, flags, bound and core flag.
-constexpr std::uint64_t kLoadedVertexBytes = 8 + 24 + 1 + 4 + 4 + 5 + 1;
-constexpr std::uint64_t kLoadedFaceBytes = 12 + 1 + 4 + 1;
 /// Of a length that was computed: a bound of the true one.
 constexpr double kRounding = 1.0 + 1e-12;
 
@@ -163,7 +159,7 @@ class SmoothStage : public Stage {
   std::uint64_t finish_bytes() const override { return kTileSlackBytes + 500 * store_.patches().size(); }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
-    if (!last_) save_range(summaries, store_.patches().size(), context.create(range_file(round_)));
+    if (!last_) range_of(summaries, store_.patches().size()).save(context.create(range_file(round_)));
     Json out = {{"tasks", summaries.size()}, {"rings", round_rings(rule_)}};
     std::vector<const char*> counts = {"vertices", "on_lines",   "fixed",
                                        "limited",  "core_faces", "read_faces"};
@@ -299,23 +295,6 @@ class SmoothStage : public Stage {
 };
 
 }  // namespace
-
-std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces) {
-  return MeshStore::block_bytes(vertices, faces);
-}
-
-std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces) {
-  return vertices * kLoadedVertexBytes + faces * kLoadedFaceBytes;
-}
-
-std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,
-                                std::uint64_t patch_bytes) {
-  const std::uint64_t now = rule.cycle >= 0 ? TileState::bytes(vertices) : 0;
-  const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + now;
-  return std::max(tile_loading_bytes(vertices, faces),
-                  loaded + smooth_bytes(vertices, faces, rule) + 4 * vertices) +
-         3 * patch_bytes + kTileSlackBytes;
-}
 
 std::unique_ptr<Stage> make_smooth_stage(const JobState& state, const SmoothPlan& plan, std::size_t round) {
   return std::make_unique<SmoothStage>(state, plan, round);

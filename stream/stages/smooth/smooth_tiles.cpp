@@ -7,8 +7,6 @@
 #include <span>
 
 #include "octree/error.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
 #include "stream/runtime/memory_budget.h"
 
 namespace tessera {
@@ -125,32 +123,6 @@ class Cutter {
 };
 
 }  // namespace
-
-double PatchRange::edge(std::uint64_t faces) const {
-  double sum = 0.0;
-  for (const double squares : edge_squares) sum += squares;
-  return faces > 0 ? std::sqrt(sum / (3.0 * static_cast<double>(faces))) : 0.0;
-}
-
-void PatchRange::save(const std::filesystem::path& path) const {
-  DirectFile file(path);
-  for (const auto* values : {&longest_edge, &edge_squares})
-    if (!values->empty()) file.write(values->data(), values->size() * sizeof(double));
-  file.finish();
-}
-
-PatchRange PatchRange::load(const std::filesystem::path& path) {
-  const ReadFile file(path);
-  PatchRange range;
-  const std::uint64_t bytes = file.size() / 2;
-  std::uint64_t offset = 0;
-  for (auto* values : {&range.longest_edge, &range.edge_squares}) {
-    values->resize(bytes / sizeof(double));
-    file.read_at(offset, values->data(), values->size() * sizeof(double));
-    offset += bytes;
-  }
-  return range;
-}
 
 std::uint64_t task_bytes(const SmoothTask& task) {
   std::uint64_t bytes = 0;

@@ -3,11 +3,11 @@
 /// the same bytes.
 #pragma once
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <vector>
 
 #include "stream/meshes/mesh_store.h"
+#include "stream/stages/smooth/patch_range.h"
 
 namespace tessera {
 
@@ -23,18 +23,6 @@ using SmoothTask = std::vector<SmoothTile>;
 
 /// Bytes of the largest tile: tiles of a task take turns.
 std::uint64_t task_bytes(const SmoothTask& task);
-
-/// What a round must know of every patch, in the order of the store.
-struct PatchRange {
-  std::vector<double> longest_edge;  ///< it bounds how far a ring reaches
-  std::vector<double> edge_squares;  ///< sum of the squared edges of its faces
-
-  /// Root mean square of all edges, those inside counted twice.
-  double edge(std::uint64_t faces) const;
-
-  void save(const std::filesystem::path& path) const;
-  static PatchRange load(const std::filesystem::path& path);
-};
 
 struct SmoothTiling {
   int rings = 1;

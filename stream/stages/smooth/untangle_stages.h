@@ -11,7 +11,7 @@
 #include "stream/files/json.h"
 #include "stream/import/import_needs.h"
 #include "stream/runtime/stage.h"
-#include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/smooth_plan.h"
 
 namespace tessera {
 

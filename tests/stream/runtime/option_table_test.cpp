@@ -7,7 +7,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/simplify_options.h"
 #include "stream/stages/jobs.h"
-#include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/smooth/smooth_job.h"
 
 namespace option_table_test {
 

@@ -1,12 +1,20 @@
+#include "stream/stages/smooth/smooth_plan.h"
+
+#include <algorithm>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
-#include "stream/stages/smooth/coarse_files.h"
-#include "stream/stages/smooth/smooth_stage.h"
 
 namespace tessera {
+namespace {
+
+// Key, position, class, colour, first patch, number in a patch, wanted; corners, flags, bound and core flag.
+constexpr std::uint64_t kLoadedVertexBytes = 8 + 24 + 1 + 4 + 4 + 5 + 1;
+constexpr std::uint64_t kLoadedFaceBytes = 12 + 1 + 4 + 1;
+
+}  // namespace
 
 std::size_t base_round(const SmoothPlan& plan, std::size_t round) {
   const int cycle = plan.rounds[round - 1].cycle;
@@ -48,6 +56,31 @@ void save_longest_move(const std::filesystem::path& path, double move) {
 
 double longest_move(const std::filesystem::path& work, std::size_t rounds) {
   return parse_json(read_text(work / moved_file(rounds))).at("largest_move").get<double>();
+}
+
+std::string range_file(std::size_t round) {
+  return (round == 0 ? "reach" : smooth_folder(round)) + "/reach.bin";
+}
+
+PatchRange load_range(const std::filesystem::path& work, std::size_t round) {
+  return PatchRange::load(work / range_file(round));
+}
+
+std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces) {
+  return MeshStore::block_bytes(vertices, faces);
+}
+
+std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces) {
+  return vertices * kLoadedVertexBytes + faces * kLoadedFaceBytes;
+}
+
+std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,
+                                std::uint64_t patch_bytes) {
+  const std::uint64_t now = rule.cycle >= 0 ? TileState::bytes(vertices) : 0;
+  const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + now;
+  return std::max(tile_loading_bytes(vertices, faces),
+                  loaded + smooth_bytes(vertices, faces, rule) + 4 * vertices) +
+         3 * patch_bytes + kTileSlackBytes;
 }
 
 }  // namespace tessera
