@@ -127,22 +127,15 @@ void follow(const EditBasis& basis, std::span<const Double3> position, std::span
   }
 }
 
-}  // namespace
-
-EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const EditRegions& regions,
-                     const BoundaryModelOptions& options, EditBasisReport& report) {
-  const std::span<const Double3> position = base.positions;
-  const std::size_t n = position.size(), handles = regions.handles.size();
+/// Roles, frames of the handles around their vertices, and what has targets. \throws InputError  a handle has no vertex
+EditBasis framed_basis(std::span<const Double3> position, const EditRegions& regions) {
+  const std::size_t handles = regions.handles.size();
   EditBasis basis;
   basis.role = regions.role;
   basis.target = regions.target;
-  basis.centre.assign(handles, Double3{});
-  basis.radius.assign(handles, 0.0);
-  std::vector<std::uint8_t> free(n);
   std::vector<std::size_t> members(handles, 0);
   std::vector<Double3> low(handles, {1e300, 1e300, 1e300}), high(handles, {-1e300, -1e300, -1e300});
-  for (std::size_t v = 0; v < n; ++v) {
-    free[v] = regions.role[v] == kSupportVertex;
+  for (std::size_t v = 0; v < position.size(); ++v) {
     if (regions.role[v] < 0) continue;
     const auto h = static_cast<std::size_t>(regions.role[v]);
     ++members[h];
@@ -155,34 +148,17 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
     if (members[h] == 0)
       throw InputError("the handle '" + regions.handles[h] +
                        "' has no vertex: no vertex lies in its region, or later regions took them");
-    basis.centre[h] = (low[h] + high[h]) * 0.5;
-    basis.radius[h] = std::max(0.5 * norm(high[h] - low[h]), 1e-300);
-    if (members[h] == 1) basis.radius[h] = 1.0;
+    basis.centre.push_back((low[h] + high[h]) * 0.5);
+    basis.radius.push_back(members[h] == 1 ? 1.0 : std::max(0.5 * norm(high[h] - low[h]), 1e-300));
   }
-  if (std::count(free.begin(), free.end(), 1) == 0)
-    throw InputError("the support has no vertex: no vertex lies in it, or later regions took them all");
-  const Loose loose = find_loose(metric, regions);
-  report.loose_pieces = loose.pieces.size();
-  report.loose_vertices = loose.vertices;
-  if (!loose.pieces.empty() && regions.loose == LoosePieces::kRefuse) refuse(loose, position);
-  for (const auto& piece : loose.pieces)
-    for (const std::uint32_t v : piece) {
-      free[v] = 0;
-      if (regions.loose == LoosePieces::kFix) basis.role[v] = kFixedVertex;
-    }
-  if (std::count(free.begin(), free.end(), 1) == 0) refuse(loose, position);
+  return basis;
+}
 
-  const std::unique_ptr<BoundaryModel> solvable = [&] {
-    try {
-      return std::make_unique<BoundaryModel>(metric, free, regions.smoothness, options);
-    } catch (const SingularSystem& e) {
-      refuse_near(e, options, position);
-    }
-  }();
-  BoundaryModel& model = *solvable;
+/// n x width(): rows of vertices that are given; zero for the support.
+std::vector<double> given_values(const EditBasis& basis, std::span<const Double3> position) {
   const std::size_t w = basis.width(), first = basis.first_handle();
-  std::vector<double> values(n * w, 0.0);
-  for (std::size_t v = 0; v < n; ++v) {
+  std::vector<double> values(position.size() * w, 0.0);
+  for (std::size_t v = 0; v < position.size(); ++v) {
     const std::int32_t role = basis.role[v];
     if (role == kFixedVertex || role == kTargetVertex) {
       const Double3& goes = role == kTargetVertex ? basis.target[v] : position[v];
@@ -197,33 +173,35 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
       values[v * w + first + 4 * h + c] = (position[v][c] - basis.centre[h][c]) / basis.radius[h];
     values[v * w + first + 4 * h + 3] = 1.0;
   }
-  model.solve(values, static_cast<int>(w));
-  basis.active = model.free_vertices();
-  if (!loose.pieces.empty() && regions.loose == LoosePieces::kFollow) {
-    std::vector<std::uint8_t> pinned(n, 1);
-    for (const auto& piece : loose.pieces)
-      for (const std::uint32_t v : piece) pinned[v] = 0;
-    const std::vector<std::uint32_t> near = nearest_pinned(loose, position, pinned);
-    for (std::size_t k = 0; k < near.size(); ++k) {
-      follow(basis, position, loose.pieces[k], near[k], values);
-      basis.active.insert(basis.active.end(), loose.pieces[k].begin(), loose.pieces[k].end());
-    }
-    std::sort(basis.active.begin(), basis.active.end());
-  }
-  basis.columns.reserve(basis.active.size() * w);
-  for (const std::int32_t v : basis.active) {
-    const auto row = values.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(v) * w);
-    basis.columns.insert(basis.columns.end(), row, row + static_cast<std::ptrdiff_t>(w));
-  }
-  report.model = model.report();
-  const std::vector<Double3> rest = rest_base(basis, position);
-  report.energy = model.energy({rest.front().data(), 3 * n}, 3);
-  basis.rotation_columns =
-      rotation_columns(rest, base.faces, basis.active, {values, w, first, !basis.target.empty()});
-  return basis;
+  return values;
 }
 
-namespace {
+/// Every loose piece moves with what is nearest to it: its rows of `values`, its vertices among the active ones.
+void follow_all(const Loose& loose, std::span<const Double3> position, EditBasis& basis,
+                std::span<double> values) {
+  if (loose.pieces.empty()) return;
+  std::vector<std::uint8_t> pinned(position.size(), 1);
+  for (const auto& piece : loose.pieces)
+    for (const std::uint32_t v : piece) pinned[v] = 0;
+  const std::vector<std::uint32_t> near = nearest_pinned(loose, position, pinned);
+  for (std::size_t k = 0; k < near.size(); ++k) {
+    follow(basis, position, loose.pieces[k], near[k], values);
+    basis.active.insert(basis.active.end(), loose.pieces[k].begin(), loose.pieces[k].end());
+  }
+  std::sort(basis.active.begin(), basis.active.end());
+}
+
+/// The rows of some vertices, of `width` numbers each.
+std::vector<double> rows_of(std::span<const std::int32_t> vertices, std::span<const double> values,
+                            std::size_t width) {
+  std::vector<double> rows;
+  rows.reserve(vertices.size() * width);
+  for (const std::int32_t v : vertices) {
+    const auto row = values.subspan(static_cast<std::size_t>(v) * width, width);
+    rows.insert(rows.end(), row.begin(), row.end());
+  }
+  return rows;
+}
 
 std::vector<Double3> solution(const EditBasis& basis, std::span<const Double3> position,
                               std::span<const Placement> pose, bool rests) {
@@ -252,6 +230,52 @@ std::vector<Double3> solution(const EditBasis& basis, std::span<const Double3> p
 }
 
 }  // namespace
+
+std::vector<std::uint8_t> support_flags(std::span<const std::int32_t> role) {
+  std::vector<std::uint8_t> flags;
+  for (const std::int32_t r : role) flags.push_back(r == kSupportVertex);
+  return flags;
+}
+
+EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const EditRegions& regions,
+                     const BoundaryModelOptions& options, EditBasisReport& report) {
+  const std::span<const Double3> position = base.positions;
+  EditBasis basis = framed_basis(position, regions);
+  std::vector<std::uint8_t> free = support_flags(regions.role);
+  const auto none_free = [&] { return std::find(free.begin(), free.end(), 1) == free.end(); };
+  if (none_free())
+    throw InputError("the support has no vertex: no vertex lies in it, or later regions took them all");
+  const Loose loose = find_loose(metric, regions);
+  report.loose_pieces = loose.pieces.size();
+  report.loose_vertices = loose.vertices;
+  if (!loose.pieces.empty() && regions.loose == LoosePieces::kRefuse) refuse(loose, position);
+  for (const auto& piece : loose.pieces)
+    for (const std::uint32_t v : piece) {
+      free[v] = 0;
+      if (regions.loose == LoosePieces::kFix) basis.role[v] = kFixedVertex;
+    }
+  if (none_free()) refuse(loose, position);
+
+  const std::unique_ptr<BoundaryModel> model = [&] {
+    try {
+      return std::make_unique<BoundaryModel>(metric, free, regions.smoothness, options);
+    } catch (const SingularSystem& e) {
+      refuse_near(e, options, position);
+    }
+  }();
+  const std::size_t w = basis.width();
+  std::vector<double> values = given_values(basis, position);
+  model->solve(values, static_cast<int>(w));
+  basis.active = model->free_vertices();
+  if (regions.loose == LoosePieces::kFollow) follow_all(loose, position, basis, values);
+  basis.columns = rows_of(basis.active, values, w);
+  report.model = model->report();
+  const std::vector<Double3> rest = rest_base(basis, position);
+  report.energy = model->energy({rest.front().data(), 3 * position.size()}, 3);
+  basis.rotation_columns = rotation_columns(rest, base.faces, basis.active,
+                                            {values, w, basis.first_handle(), !basis.target.empty()});
+  return basis;
+}
 
 std::vector<Double3> rest_base(const EditBasis& basis, std::span<const Double3> position) {
   const std::vector<Placement> still(basis.centre.size());

@@ -21,6 +21,9 @@ namespace tessera {
 /// Roles of vertices; the others are numbers of handles.
 inline constexpr std::int32_t kTargetVertex = -3, kSupportVertex = -2, kFixedVertex = -1;
 
+/// 1 for vertices of the support.
+std::vector<std::uint8_t> support_flags(std::span<const std::int32_t> role);
+
 /// What becomes of pieces of the support that touch neither what is fixed nor a handle.
 enum class LoosePieces : std::uint8_t {
   kFollow,  ///< each moves, as an affine map, with the vertex nearest to it of all that is held

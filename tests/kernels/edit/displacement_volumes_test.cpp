@@ -86,7 +86,7 @@ struct Bend {
     EditBasisReport report;
     basis = edit_basis({bar.position, bar.faces}, laplacian({bar.position, bar.faces}),
                        resolve_regions(regions, {bar.position, bar.faces}, 2), {.order = 2}, report);
-    for (const std::int32_t role : basis.role) free.push_back(role == kSupportVertex);
+    free = support_flags(basis.role);
     const std::vector<Placement> pose = {rotation({0, 0, 1}, degrees).about({0.5 * kLength, 0, 0})};
     rest = rest_base(basis, bar.position);
     posed = smooth_base(basis, bar.position, pose);
