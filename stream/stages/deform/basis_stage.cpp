@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include "kernels/edit/anisotropic_metric.h"
 #include "kernels/edit/base_volume.h"
@@ -26,8 +27,113 @@
 namespace tessera {
 namespace {
 
-Laplacian intrinsic(const BaseSurface& base) {
-  return laplacian({base.position, base.faces}, {.weights = LaplacianWeights::kIntrinsicDelaunay});
+using BasisClock = std::chrono::steady_clock;
+
+double seconds_since(BasisClock::time_point start) {
+  return std::chrono::duration<double>(BasisClock::now() - start).count();
+}
+
+/// Operators that the base is solved on.
+struct BaseMetric {
+  Laplacian operators;
+  bool intrinsic = false;  ///< of intrinsic Delaunay edges
+  std::optional<AnisotropicReport> anisotropic;
+};
+
+BaseMetric intrinsic_metric(const BaseSurface& base) {
+  return {
+      laplacian({base.position, base.faces}, {.weights = LaplacianWeights::kIntrinsicDelaunay}), true, {}};
+}
+
+BaseMetric base_metric(const BaseSurface& base, const EditScript& script,
+                       std::span<const std::int32_t> role) {
+  BaseMetric metric;
+  if (script.anisotropic) {
+    metric.anisotropic.emplace();
+    metric.operators =
+        anisotropic_metric({base.position, base.faces}, role, script.order, *metric.anisotropic);
+    return metric;
+  }
+  metric.operators = laplacian({base.position, base.faces});
+  ThinArea thin;
+  thin.add(base.position, base.faces);
+  if (metric.operators.report.degenerate_faces > 0 || thin.share() > kMaxThin) return intrinsic_metric(base);
+  return metric;
+}
+
+/// All that is solved for is its own: a signal may leave it behind.
+struct BasisProblem {
+  BaseSurface base;
+  BaseMetric metric;
+  EditRegions regions;
+  BoundaryModelOptions options;
+  bool volumes = false;  ///< the levels of the layer too
+};
+
+struct BasisSolution {
+  EditBasis edit;
+  EditBasisReport report;
+  std::vector<LayerLevel> levels;
+  double levels_s = 0.0;
+};
+
+/// \param problem  its metric is replaced where the one given is singular
+BasisSolution solve_basis(BasisProblem& problem) {
+  BasisSolution out;
+  const TriangleSpan base{problem.base.position, problem.base.faces};
+  const auto solve = [&] {
+    out.edit = edit_basis(base, problem.metric.operators, problem.regions, problem.options, out.report);
+  };
+  try {
+    solve();
+  } catch (const SingularSystem&) {
+    // Cotangents of thin faces, squared and cubed, lose a pivot to rounding sooner than those of intrinsic edges.
+    if (problem.metric.intrinsic || problem.metric.anisotropic) throw;
+    problem.metric = intrinsic_metric(problem.base);
+    solve();
+  }
+  if (!problem.volumes) return out;
+  const auto start = BasisClock::now();
+  out.levels = layer_levels(problem.base.position, problem.base.faces, support_flags(out.edit.role));
+  out.levels_s = seconds_since(start);
+  return out;
+}
+
+double diagonal_of(std::span<const Double3> position) {
+  Double3 low = position.front(), high = low;
+  for (const Double3& p : position)
+    for (std::size_t c = 0; c < 3; ++c) low[c] = std::min(low[c], p[c]), high[c] = std::max(high[c], p[c]);
+  return norm(high - low);
+}
+
+/// What the report says of the system.
+Json system_json(const BasisProblem& problem, const BasisSolution& solved) {
+  const BoundaryModelReport& model = solved.report.model;
+  const int order = problem.options.order;
+  Json json = {{"order", order},
+               {"unknowns", model.unknowns},
+               {"handles", problem.regions.handles.size()},
+               {"solutions", solved.edit.width()},
+               {"solver", std::to_string(model.unknowns) + " unknowns of order " + std::to_string(order) +
+                              (model.symmetric ? ": Cholesky, the system is symmetric"
+                                               : ": LU, the smoothness differs along the boundary")},
+               {"factor_entries", model.factor.factor_entries},
+               {"factor_bytes", model.factor.peak_bytes},
+               {"residual", model.residual},
+               {"refinements", model.refinements},
+               {"energy", solved.report.energy},
+               {"loose_pieces", solved.report.loose_pieces},
+               {"loose_vertices", solved.report.loose_vertices},
+               {"intrinsic_weights", problem.metric.intrinsic},
+               {"degenerate_faces", problem.metric.operators.report.degenerate_faces},
+               {"negative_weights", problem.metric.operators.report.negative_weights},
+               {"base_vertices", problem.base.position.size()},
+               {"base_faces", problem.base.faces.size()}};
+  if (const auto& map = problem.metric.anisotropic)
+    json["anisotropic"] = {{"ratio", map->ratio},
+                           {"flipped_faces", map->flipped},
+                           {"mean_quasi_conformal", map->mean_quasi_conformal}};
+  return json;
 }
 
 class BasisStage : public SerialStage {
@@ -48,121 +154,52 @@ class BasisStage : public SerialStage {
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
-    using Clock = std::chrono::steady_clock;
-    const auto seconds = [](Clock::time_point from) {
-      return std::chrono::duration<double>(Clock::now() - from).count();
-    };
     context.check_stop();
     if (script_.keep_volume && !encloses_volume(base_.faces))
       throw InputError(
           "\"keep_volume\" wants a closed surface, but the base has borders: leave it out, or close the "
           "mesh");
-    const auto start = Clock::now();
-    DeformBasis out;
-    out.base = base_;
-    const std::vector<EditRegion> listed = with_vertices(context);
-    const std::vector<std::uint32_t> colour = painted(context);
-    EditRegions regions =
-        resolve_regions(listed, {base_.position, base_.faces, base_.sharp, colour}, script_.order);
-    regions.loose = loose_;
-    pose_of(script_, regions.handles);  // a motion of an unknown handle is told before anything is solved
-    Laplacian metric = laplacian({base_.position, base_.faces});
-    ThinArea thin;
-    thin.add(base_.position, base_.faces);
-    const bool healed =
-        (metric.report.degenerate_faces > 0 || thin.share() > kMaxThin) && !script_.anisotropic;
-    if (healed) metric = intrinsic(base_);
-    AnisotropicReport anisotropic;
-    if (script_.anisotropic)
-      metric = anisotropic_metric({base_.position, base_.faces}, regions.role, script_.order, anisotropic);
+    const auto start = BasisClock::now();
+    const auto problem = std::make_shared<BasisProblem>();
+    const auto solved = std::make_shared<BasisSolution>();
+    problem->base = base_;
+    problem->regions = regions(context);
+    problem->metric = base_metric(base_, script_, problem->regions.role);
+    problem->options = {.order = script_.order, .memory_bytes = system_bytes(base_.position.size(), script_)};
+    problem->volumes = script_.volumes;
     context.check_stop();
-    // All that is solved for is its own: a signal may leave it behind.
-    struct Solving {
-      BaseSurface base;
-      Laplacian metric;
-      EditRegions regions;
-      BoundaryModelOptions options;
-      EditBasisReport report;
-      EditBasis edit;
-      std::vector<LayerLevel> levels;
-      bool healed = false;
-      double solved_s = 0.0;
-    };
-    const auto s = std::make_shared<Solving>();
-    s->base = base_;
-    s->metric = std::move(metric);
-    s->regions = std::move(regions);
-    s->healed = healed;
-    s->options = {.order = script_.order, .memory_bytes = system_bytes(base_.position.size(), script_)};
-    long_call([s, start, seconds, copies = script_.volumes, own_metric = script_.anisotropic] {
-      const std::span<const Double3> at = s->base.position;
-      const auto solve = [&] {
-        s->edit = edit_basis({at, s->base.faces}, s->metric, s->regions, s->options, s->report);
-      };
-      try {
-        solve();
-      } catch (const SingularSystem&) {
-        // Cotangents of thin faces, squared and cubed, lose a pivot to rounding sooner than those of intrinsic edges.
-        if (s->healed || own_metric) throw;
-        s->healed = true;
-        s->metric = intrinsic(s->base);
-        solve();
-      }
-      s->solved_s = seconds(start);
-      if (!copies) return;
-      std::vector<std::uint8_t> free;
-      for (const std::int32_t role : s->edit.role) free.push_back(role == kSupportVertex);
-      s->levels = layer_levels(at, s->base.faces, free);
-    });
-    out.edit = std::move(s->edit);
-    out.levels = std::move(s->levels);
-    const EditBasisReport& report = s->report;
-    const double levels_s = seconds(start) - s->solved_s;
+    long_call([problem, solved] { *solved = solve_basis(*problem); });
+    const double all_s = seconds_since(start);
     context.check_stop();
-    Double3 low = base_.position.front(), high = low;
-    for (const Double3& p : base_.position)
-      for (std::size_t c = 0; c < 3; ++c) low[c] = std::min(low[c], p[c]), high[c] = std::max(high[c], p[c]);
-    const BoundaryModelReport& model = report.model;
-    Json result = {
-        {"order", script_.order},
-        {"unknowns", model.unknowns},
-        {"handles", s->regions.handles.size()},
-        {"solutions", out.edit.width()},
-        {"solver", std::to_string(model.unknowns) + " unknowns of order " + std::to_string(script_.order) +
-                       (model.symmetric ? ": Cholesky, the system is symmetric"
-                                        : ": LU, the smoothness differs along the boundary")},
-        {"factor_entries", model.factor.factor_entries},
-        {"factor_bytes", model.factor.peak_bytes},
-        {"residual", model.residual},
-        {"refinements", model.refinements},
-        {"energy", report.energy},
-        {"loose_pieces", report.loose_pieces},
-        {"loose_vertices", report.loose_vertices},
-        {"intrinsic_weights", s->healed},
-        {"degenerate_faces", s->metric.report.degenerate_faces},
-        {"negative_weights", s->metric.report.negative_weights},
-        {"base_vertices", base_.position.size()},
-        {"base_faces", base_.faces.size()}};
-    if (script_.anisotropic)
-      result["anisotropic"] = {{"ratio", anisotropic.ratio},
-                               {"flipped_faces", anisotropic.flipped},
-                               {"mean_quasi_conformal", anisotropic.mean_quasi_conformal}};
+    Json result = system_json(*problem, *solved);
+    DeformBasis out{std::move(problem->base), std::move(solved->edit), std::move(solved->levels), {}};
     out.about = dump_json(Json{
-        {"handles", s->regions.handles},
+        {"handles", problem->regions.handles},
         {"volumes", script_.volumes},
         {"keep_volume", script_.keep_volume},
         {"crossing_faces", self_intersections(base_.position, base_.faces, watched_faces(out)).faces.size()},
-        {"diagonal", norm(high - low)},
+        {"diagonal", diagonal_of(base_.position)},
         {"basis", result}});
     BasisWriter writer(context.create(kBasisFile), out);
     context.count_written(writer.finish(out.about));
     context.advance(base_.position.size());
-    result["prepare_s"] = s->solved_s;
-    result["levels_s"] = levels_s;
+    result["prepare_s"] = all_s - solved->levels_s;
+    result["levels_s"] = solved->levels_s;
     return result;
   }
 
  private:
+  /// What is to happen to the vertices of the base. \throws InputError  nothing can, or a handle with a motion is unknown
+  EditRegions regions(TaskContext& context) const {
+    const std::vector<EditRegion> listed = with_vertices(context);
+    const std::vector<std::uint32_t> colour = painted(context);
+    EditRegions found =
+        resolve_regions(listed, {base_.position, base_.faces, base_.sharp, colour}, script_.order);
+    found.loose = loose_;
+    pose_of(script_, found.handles);
+    return found;
+  }
+
   /// Regions with the positions of the vertices that they name.
   std::vector<EditRegion> with_vertices(TaskContext& context) const {
     std::vector<EditRegion> regions = script_.regions;

@@ -24,7 +24,6 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kManyVertices = std::uint64_t{1} << 32;  ///< headers of text tell none
-constexpr std::size_t kManyFlips = 100;  ///< one in so many faces of the base is worth a warning
 
 /// As PointRecord::rgba.
 std::uint32_t colour_of(std::int32_t role) {
@@ -134,6 +133,18 @@ class DeformWriteStage : public SerialStage {
     }
   }
 
+  static std::int32_t role_at(const DeformBasis& basis, const NormalDisplacement& d) {
+    const auto& f = basis.base.faces[d.face & ~kHasTangent];
+    const int w[3] = {65535 - d.u - d.v, d.u, d.v};
+    return basis.edit.role[f[static_cast<std::size_t>(std::max_element(w, w + 3) - w)]];
+  }
+
+  /// The regions: each vertex by that of the corner nearest to it.
+  static void colour(const DeformBasis& basis, DisplacedBatch& b) {
+    b.rgba.resize(b.position.size());
+    for (std::size_t i = 0; i < b.rgba.size(); ++i) b.rgba[i] = colour_of(role_at(basis, b.displaced.of[i]));
+  }
+
   Json deform(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
     const Json about = parse_json(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
@@ -145,6 +156,41 @@ class DeformWriteStage : public SerialStage {
     std::unique_ptr<DisplacementEncoder> encoder;
     if (!applies_) encoder = std::make_unique<DisplacementEncoder>(rest);
     context.check_stop();
+    const MeshHeader header = header_to_write(mesh, basis, about, context);
+    const auto writer = create_mesh_file(output_, header);
+    const Displaced displaced = write_vertices(
+        mesh, encoder.get(), diagonal,
+        [&](DisplacedBatch& b) {
+          if (colours)
+            colour(basis, b);
+          else
+            move(rest, posed, mirrored, b);
+        },
+        *writer, context);
+    write_faces(mesh, mirrored && !colours, *writer, context);
+    writer->finish();
+    context.count_written(writer->bytes_written());
+    Json out = {{"path", json_text(output_)},
+                {"vertices", header.vertices},
+                {"faces", header.faces},
+                {"bytes", writer->bytes_written()},
+                {"double_positions", header.double_positions},
+                {"shift", header.shift},
+                {"tangent_vertices", displaced.tangents}};
+    tell_rounding(out, output_, header.origin, writer->rounding());
+    if (colours) return out;
+    if (const Json targets = residuals(rest, posed, encoder.get(), diagonal); !targets.is_null())
+      out["targets"] = targets;
+    out["largest_move"] = std::sqrt(displaced.largest) + writer->rounding().largest;
+    if (mirrored) out["mirrored"] = true;
+    out.update(pose_json(pose));
+    for (const std::string& warning : pose_warnings(pose, basis.base.faces.size()))
+      out["warnings"].push_back(warning);
+    return out;
+  }
+
+  MeshHeader header_to_write(MeshReader& mesh, const DeformBasis& basis, const Json& about,
+                             TaskContext& context) const {
     MeshHeader header = mesh.header();
     if (applies_) {
       header.vertices = about.at("mesh").at("vertices").get<std::uint64_t>();
@@ -154,84 +200,52 @@ class DeformWriteStage : public SerialStage {
       header.vertices = n.vertices;
       header.faces = n.faces;
     }
-    set_origin(header, basis.base.position, colours);
+    set_origin(header, basis.base.position, options_.dry_run);
     header.synthetic = mesh.has_synthetic();
-    if (colours) header.colour = true;
-    const auto writer = create_mesh_file(output_, header);
-    double largest = 0.0;
+    if (options_.dry_run) header.colour = true;
+    return header;
+  }
+
+  struct Displaced {
+    double largest = 0.0;  ///< move, squared
     std::uint64_t tangents = 0;
+  };
+  /// \param encoder  null: the basis has where vertices stand   \param change  what happens to a batch
+  Displaced write_vertices(MeshReader& mesh, const DisplacementEncoder* encoder, double diagonal,
+                           const std::function<void(DisplacedBatch&)>& change, MeshWriter& writer,
+                           TaskContext& context) const {
+    Displaced out;
     stream_vertices(
         mesh, window_, context,
         [&](std::uint64_t number, DisplacedBatch& b) {
-          if (applies_) {
+          if (encoder) {
+            encode(*encoder, diagonal, b);
+          } else {
             b.displaced = file_.batch(number);
             if (b.displaced.of.size() != b.position.size())
               throw InputError(mesh_.string() + ": it is not the mesh that the basis was prepared for");
-          } else {
-            encode(*encoder, diagonal, b);
           }
-          if (colours) {
-            b.rgba.assign(b.position.size(), colour_of(kFixedVertex));
-            for (std::size_t i = 0; i < b.rgba.size(); ++i)
-              b.rgba[i] = colour_of(role_at(basis, b.displaced.of[i]));
-          } else {
-            move(rest, posed, mirrored, b);
-          }
+          change(b);
         },
         [&](DisplacedBatch& b) {
-          largest = std::max(largest, b.largest);
-          tangents += b.displaced.rest.size();
-          writer->vertices(b.position, b.rgba);
+          out.largest = std::max(out.largest, b.largest);
+          out.tangents += b.displaced.rest.size();
+          writer.vertices(b.position, b.rgba);
         });
+    return out;
+  }
+
+  static void write_faces(MeshReader& mesh, bool reverse, MeshWriter& writer, TaskContext& context) {
     std::vector<MeshFace> reversed;
     mesh.read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
       context.check_stop();
-      if (mirrored && !colours) {
+      if (reverse) {
         reversed.assign(faces.begin(), faces.end());
         for (MeshFace& f : reversed) std::swap(f[1], f[2]);
         faces = reversed;
       }
-      writer->faces(faces, synthetic);
+      writer.faces(faces, synthetic);
     });
-    writer->finish();
-    context.count_written(writer->bytes_written());
-    Json out = {{"path", json_text(output_)},
-                {"vertices", header.vertices},
-                {"faces", header.faces},
-                {"bytes", writer->bytes_written()},
-                {"double_positions", header.double_positions},
-                {"shift", header.shift},
-                {"tangent_vertices", tangents}};
-    tell_rounding(out, output_, header.origin, writer->rounding());
-    if (const Json targets = residuals(rest, posed, encoder.get(), diagonal); !colours && !targets.is_null())
-      out["targets"] = targets;
-    if (!colours) {
-      out["largest_move"] = std::sqrt(largest) + writer->rounding().largest;
-      if (mirrored) out["mirrored"] = true;
-      out.update(parse_json(pose.summary));
-      Json warnings = out.value("warnings", Json::array());
-      if (pose.flipped * kManyFlips > basis.base.faces.size())
-        warnings.push_back(std::to_string(pose.flipped) + " of the " +
-                           std::to_string(basis.base.faces.size()) +
-                           " faces of the base turn over: prepare with --base even, give the support more "
-                           "room, or move less");
-      if (out.contains("details") && out.at("details").at("kept") == "vectors")
-        warnings.push_back(
-            "details are turned, their volumes not kept: with them more faces would cross others (" +
-            dump_json(out.at("details").at("crossing_faces_of_volumes")) + " instead of " +
-            dump_json(out.at("details").at("crossing_faces_of_vectors")) + "): try --base even");
-      const auto crossing = out.at("base_crossing_faces").get<std::uint64_t>(),
-                 local = out.at("base_crossing_local").get<std::uint64_t>();
-      if (crossing > local && crossing > out.at("base_crossing_faces_before").get<std::uint64_t>())
-        warnings.push_back(std::to_string(crossing - local) + " of the " +
-                           std::to_string(basis.base.faces.size()) +
-                           " faces of the base pass through what is far from them along the surface (" +
-                           std::to_string(local) +
-                           " more through what is near): what moves is pressed into what stays, which no "
-                           "details prevent; give the support more room, or move less");
-      if (!warnings.empty()) out["warnings"] = warnings;
-    }
-    return out;
   }
 
   /// How far points with targets were from them, and are.
@@ -258,12 +272,6 @@ class DeformWriteStage : public SerialStage {
             {"largest_before", std::sqrt(max_before)},
             {"rms_after", std::sqrt(after / n)},
             {"largest_after", std::sqrt(max_after)}};
-  }
-
-  static std::int32_t role_at(const DeformBasis& basis, const NormalDisplacement& d) {
-    const auto& f = basis.base.faces[d.face & ~kHasTangent];
-    const int w[3] = {65535 - d.u - d.v, d.u, d.v};
-    return basis.edit.role[f[static_cast<std::size_t>(std::max_element(w, w + 3) - w)]];
   }
 
   Json prepare(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh,
