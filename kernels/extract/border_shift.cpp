@@ -69,12 +69,8 @@ bool BorderShift::triangulate(const std::uint8_t* edge, const std::uint32_t* roo
   samples.size = static_cast<int>(size);
   samples.edge = edge;
   for (std::size_t i = 0; i < size; ++i) {
-    const int e = edge[i];
     Corner& corner = corners_[i];
-    for (int a = 0; a < 3; ++a)
-      corner.point[static_cast<std::size_t>(a)] = static_cast<float>(edge_offset(e, a));
-    corner.point[static_cast<std::size_t>(e >> 2)] = field_.roots[root[i]].t;
-    corner.point = corner.point + field_.roots[root[i]].slide_offset();
+    corner.point = point_in_cell(edge[i], field_.roots[root[i]]);
     corner.shift = wanted(root[i]);
     moves = moves || corner.shift != Float3{0, 0, 0};
     samples.point[i] = gone(corner, 1.0f);

@@ -11,10 +11,10 @@ namespace tessera {
 
 class BorderShift {
  public:
-  BorderShift(const DirectedField& field, const BrickBand& band) : field_(field), band_(band) {}
-
   /// \param corner  node coordinates of the brick's min corner relative to the block
-  void start(const Int3& corner) { corner_ = corner; }
+  BorderShift(const DirectedField& field, const BrickBand& band, const Int3& corner)
+      : field_(field), band_(band), corner_(corner) {}
+
   /// How far a vertex moves from its root: a pure function of the four cells around the lattice edge.
   /// \param node  relative to the brick, within [0, 64]
   Float3 of_vertex(const Int3& node, std::size_t axis, std::uint32_t root);
@@ -34,7 +34,7 @@ class BorderShift {
 
   const DirectedField& field_;
   const BrickBand& band_;
-  Int3 corner_ = {0, 0, 0};
+  Int3 corner_;
   std::array<Corner, kCellEdges> corners_;  ///< of the loop at work
   Float3 normal_ = {0, 0, 0};
 };

@@ -28,8 +28,7 @@ namespace tessera {
 
 inline constexpr int kBrickLeaves = kBrickCells / kLeafCells;
 inline constexpr int kBandDim = kBrickLeaves + 2;
-inline constexpr std::uint32_t kForeignVertex = 0x80000000u;  ///< provisional index: slot in the foreign list
-inline constexpr std::uint32_t kSplitVertex = 0x40000000u;    ///< own point with two vertices
+inline constexpr std::uint32_t kSplitVertex = 0x40000000u;  ///< own point with two vertices
 
 struct LeafMasks {
   const BandLeaf* leaf = nullptr;

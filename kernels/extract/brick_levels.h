@@ -62,7 +62,7 @@ bool wanted_coarser(const LevelSurroundings& around, const Int3& node);
 bool may_want_finer(const LevelSurroundings& around, const Int3& low, const Int3& high);
 bool may_want_coarser(const LevelSurroundings& around, const Int3& low, const Int3& high);
 
-/// The field of the brick and its halo for BrickExtractor (nodes [-1, 65], origin at the brick) where levels meet: nodes that
+/// The field of the brick and its halo for its extraction (nodes [-1, 65], origin at the brick) where levels meet: nodes that
 /// finer bricks touch have their values, split edges are gone, cells that take part in coarser bricks around are closing ones, cells
 /// with split edges and those are quiet (BandLeaf::quiet). Vertices on edges that two levels share do not move onto borders.
 DirectedField mix_levels(const LevelFields& fields, const LevelSurroundings& around);

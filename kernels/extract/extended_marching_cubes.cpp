@@ -4,10 +4,47 @@
 #include <cassert>
 #include <utility>
 
-#include "kernels/extract/brick_extractor.h"
+#include "kernels/extract/cell_tracing.h"
+#include "kernels/extract/level_cells.h"
+#include "kernels/extract/level_faces.h"
 #include "octree/morton.h"
 
 namespace tessera {
+namespace {
+
+/// \param brick   within the block, each coordinate in [0, cells / 64)
+/// \param level   of the brick   \param levels  null where all bricks are of one
+/// \param band    reused from brick to brick
+Patch extract_brick(const DirectedField& field, const ExtractOptions& options, const Int3& brick, int level,
+                    const LevelCells* levels, BrickBand& band, ExtractReport& report) {
+  const bool extended = options.method == ExtractMethod::kExtendedMarchingCubes;
+  Int3 in_block, corner;
+  for (std::size_t a = 0; a < 3; ++a) {
+    in_block[a] = brick[a] * kBrickCells;
+    corner[a] = field.origin[a] + in_block[a];
+  }
+  band.collect(field, in_block, extended);
+  BrickInput input{field, band, options.method,
+                   feature_thresholds(options.feature_angle_deg, options.corner_angle_deg), levels};
+  input.thresholds.exact = field.creased.empty();
+  input.thresholds.in_faces = options.in_faces;
+  PatchBuilder patch(corner, level, options.names, levels != nullptr);
+  BorderShift border(field, band, in_block);
+  emit_edge_vertices(field, band, border, patch);
+  FeatureLoops features(extended ? band.active_cells() : 0);
+  LeafEdges edges;
+  for (const LeafMasks& leaf : band.leaves()) {
+    const bool meets_finer = levels && leaf.own();
+    if (!leaf.any_active && !meets_finer) continue;
+    edges.collect(band, leaf);
+    trace_leaf(input, leaf, edges, border, patch, features, report);
+    if (meets_finer) report.loops += emit_level_faces(input, leaf, edges, patch);
+  }
+  report.flips += emit_feature_segments(input, features, patch);
+  return patch.finish();
+}
+
+}  // namespace
 
 ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& options,
                               const std::function<void(Patch&&)>& sink) {
@@ -28,9 +65,9 @@ ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& 
   }
   std::sort(order.begin(), order.end());
   ExtractReport report;
-  BrickExtractor extractor(field, options);
+  BrickBand band;
   for (const auto& entry : order) {
-    Patch patch = extractor.extract(entry.second, report);
+    Patch patch = extract_brick(field, options, entry.second, 0, nullptr, band, report);
     if (!patch.empty()) sink(std::move(patch));
   }
   return report;
@@ -40,7 +77,8 @@ Patch extract_level_brick(const LevelFields& fields, const LevelSurroundings& ar
                           const ExtractOptions& options, ExtractReport& report) {
   const DirectedField mixed = mix_levels(fields, around);
   const LevelCells cells(fields, around, mixed);
-  return BrickExtractor(mixed, options, level, &cells).extract({0, 0, 0}, report);
+  BrickBand band;
+  return extract_brick(mixed, options, {0, 0, 0}, level, &cells, band, report);
 }
 
 }  // namespace tessera

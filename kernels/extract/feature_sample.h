@@ -6,9 +6,25 @@
 #include <array>
 
 #include "kernels/extract/cell_loops.h"
-#include "octree/lattice.h"
+#include "kernels/field/directed_field.h"
 
 namespace tessera {
+
+/// Node of each edge of a cell relative to the cell's, with 0 in place of the root's t along the edge.
+inline constexpr std::array<Float3, kCellEdges> kEdgeBase = [] {
+  std::array<Float3, kCellEdges> bases{};
+  for (int e = 0; e < kCellEdges; ++e)
+    for (int a = 0; a < 3; ++a)
+      bases[static_cast<std::size_t>(e)][static_cast<std::size_t>(a)] = static_cast<float>(edge_offset(e, a));
+  return bases;
+}();
+
+/// A root on an edge of a cell, where its vertex stands.
+inline Float3 point_in_cell(int edge, const EdgeRoot& root) {
+  Float3 p = kEdgeBase[static_cast<std::size_t>(edge)];
+  p[static_cast<std::size_t>(edge >> 2)] = root.t;
+  return p + root.slide_offset();
+}
 
 /// Roots of one loop in order, with their tangent planes normal.(x - point) = offset.
 struct LoopSamples {

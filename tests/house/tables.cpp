@@ -11,8 +11,6 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"kernels/decimate/decimator_cost.cpp", "kernels/decimate/decimator.h"},
       {"kernels/decimate/decimator_optimal.cpp", "kernels/decimate/decimator.h"},
       {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
-      {"kernels/extract/feature_segments.cpp", "kernels/extract/brick_extractor.h"},
-      {"kernels/extract/level_faces.cpp", "kernels/extract/brick_extractor.h"},
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_finish.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_refine.cpp", "kernels/remesh/remesher.h"},
@@ -147,8 +145,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"collapse_deviation", "collapse_mesh", "decimator", "decimator_bound", "decimator_cost",
         "decimator_optimal", "decimator_sweep", "feature_edges", "quadric"});
     by("kernels/extract/extended_marching_cubes", "kernels/extract",
-       {"brick_band", "brick_extractor", "cell_loops", "feature_sample", "feature_segments",
-        "loop_triangulation", "tangent_planes"});
+       {"brick_band", "cell_loops", "feature_sample", "loop_triangulation", "tangent_planes"});
     by("kernels/extract/level_cells", "kernels/extract", {"brick_levels", "level_faces"});
     by("kernels/field/band_vdb", "kernels/field", {"band_leaf", "vdb_leaf"});
     by("kernels/field/field", "kernels/field",

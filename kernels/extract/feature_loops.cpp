@@ -1,0 +1,130 @@
+// Faces are emitted segment by segment, because an edge flip joins the loops of both cells at a face:
+//
+//        b                    b
+//      / | \                / | \            loop `above` runs a -> b, loop `below` runs b -> a;
+//   lo   |   hi    ->     lo --- hi          lo, hi: their feature samples; the segment a-b gives way to the
+//      \ | /                \ | /            edge lo-hi, which follows the feature
+//        a                    a
+#include "kernels/extract/feature_loops.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/extract/level_cells.h"
+
+namespace tessera {
+namespace {
+
+/// A flip must gain at least this much in the sum of cosines between triangles and root normals.
+constexpr float kFlipGain = 1e-3f;
+
+bool should_flip(const DirectedField& field, const FeatureLoops& features, const FeatureLoop& above,
+                 const FeatureLoop& below, int axis, std::size_t s) {
+  const FeatureLoop::Corner &first = features.corner(above, s), &second = features.corner(above, s + 1);
+  const EdgeRoot &root_a = field.roots[first.root], &root_b = field.roots[second.root];
+  const Float3 a = point_in_cell(first.edge, root_a);
+  const Float3 b = point_in_cell(second.edge, root_b);
+  const Float3& hi = above.position;
+  Float3 lo = below.position;
+  lo[static_cast<std::size_t>(axis)] -= 1.0f;
+  if (is_sliver(hi, a, lo) || is_sliver(lo, b, hi)) return false;
+  const Float3 &na = root_a.normal, &nb = root_b.normal;
+  const auto cosine = [](const Float3& up, const Float3& n) { return dot(up, n) / std::sqrt(dot(up, up)); };
+  const float at_a = cosine(triangle_normal(hi, a, lo), na);
+  const float at_b = cosine(triangle_normal(lo, b, hi), nb);
+  if (!(at_a > 0.0f) || !(at_b > 0.0f)) return false;
+  const Float3 old_hi = triangle_normal(a, b, hi);
+  const Float3 old_lo = triangle_normal(b, a, lo);
+  const float before = cosine(old_hi, na) + cosine(old_hi, nb) + cosine(old_lo, na) + cosine(old_lo, nb);
+  return 2.0f * (at_a + at_b) > before + kFlipGain;
+}
+
+/// \returns whether it was flipped
+bool emit_segment(const BrickInput& brick, FeatureLoops& features, FeatureLoop& loop, std::size_t s,
+                  PatchBuilder& patch) {
+  const FeatureLoop::Corner &first = features.corner(loop, s), &second = features.corner(loop, s + 1);
+  const int face = common_face(first.edge, second.edge);
+  const int axis = face >> 1;
+  const std::uint32_t a = first.vertex, b = second.vertex;
+  Int3 across = loop.cell;
+  across[static_cast<std::size_t>(axis)] += face & 1 ? 1 : -1;
+  // A cell across the face of the brick that belongs to a brick of another level: each side emits its own faces.
+  const auto other_level = [&] { return brick.levels && brick.levels->step_of(across) != 0; };
+  const bool own = inside_brick(loop.cell);
+  const bool emits = face & 1 ? inside_brick(across) || (own && other_level()) : own;
+  if (!emits) return false;
+  FeatureLoop* beyond = features.find(brick.band, across, mirrored_edge(first.edge, axis));
+  if (!beyond) {
+    patch.add_face(a, b, loop.centre, brick.band.takes_part(across) ? 0u : 1u);
+    return false;
+  }
+  if (face & 1) return false;  // the loop above emits both sides
+  // Two flips between the same loops would join them by two edges: not a manifold.
+  std::uint8_t& flipped = loop.flipped[axis];
+  if (!(flipped >> beyond->number & 1) && should_flip(brick.field, features, loop, *beyond, axis, s)) {
+    flipped = static_cast<std::uint8_t>(flipped | 1 << beyond->number);
+    patch.add_face(loop.centre, a, beyond->centre);
+    patch.add_face(beyond->centre, b, loop.centre);
+    return true;
+  }
+  patch.add_face(a, b, loop.centre);
+  patch.add_face(b, a, beyond->centre);
+  return false;
+}
+
+}  // namespace
+
+void FeatureLoops::add(const TracedLoop& loop, std::uint32_t rank, std::uint32_t centre,
+                       const Float3& position) {
+  if (first_of_cell_[rank] < 0) first_of_cell_[rank] = static_cast<std::int32_t>(loops_.size());
+  FeatureLoop added;
+  added.cell = loop.cell;
+  added.number = static_cast<std::uint8_t>(loop.number);
+  added.size = static_cast<std::uint8_t>(loop.size());
+  added.first = static_cast<std::uint32_t>(corners_.size());
+  added.centre = centre;
+  added.position = position;
+  for (std::size_t i = 0; i < loop.size(); ++i)
+    corners_.push_back({loop.vertex[i], loop.root[i], loop.samples.edge[i]});
+  loops_.push_back(added);
+}
+
+FeatureLoop* FeatureLoops::find(const BrickBand& band, const Int3& cell, int edge) {
+  const LeafMasks* m = band.at(cell[0] >> 3, cell[1] >> 3, cell[2] >> 3);
+  if (!m) return nullptr;
+  const int x = cell[0] & 7, y = cell[1] & 7, z = cell[2] & 7;
+  if (!(m->active[static_cast<std::size_t>(z)] >> (x + 8 * y) & 1)) return nullptr;
+  const std::int32_t first = first_of_cell_[m->cell_rank(x, y, z)];
+  if (first < 0) return nullptr;
+  for (auto f = static_cast<std::size_t>(first); f < loops_.size() && loops_[f].cell == cell; ++f)
+    for (std::size_t s = 0; s < loops_[f].size; ++s)
+      if (corner(loops_[f], s).edge == edge) return &loops_[f];
+  return nullptr;
+}
+
+FeatureSample feature_of(const BrickInput& brick, TracedLoop& loop) {
+  const std::vector<EdgeRoot>& roots = brick.field.roots;
+  const std::vector<std::uint8_t>& creased = brick.field.creased;
+  bool close = true;  // the common case, without copying anything
+  for (std::size_t i = 1; i < loop.size(); ++i)
+    close &= dot(roots[loop.root[0]].normal, roots[loop.root[i]].normal) > brick.thresholds.quick_dot;
+  if (close) return {};
+  if (!creased.empty() && std::none_of(loop.root.data(), loop.root.data() + loop.size(),
+                                       [&](std::uint32_t r) { return creased[r] != 0; }))
+    return {};
+  for (std::size_t i = 0; i < loop.size(); ++i) {
+    const EdgeRoot& r = roots[loop.root[i]];
+    loop.samples.normal[i] = r.normal;
+    loop.samples.offset[i] = r.slides ? 0.0f : r.offset;
+  }
+  return sample_feature(loop.samples, brick.thresholds);
+}
+
+std::uint64_t emit_feature_segments(const BrickInput& brick, FeatureLoops& features, PatchBuilder& patch) {
+  std::uint64_t flips = 0;
+  for (FeatureLoop& loop : features.all())
+    for (std::size_t s = 0; s < loop.size; ++s) flips += emit_segment(brick, features, loop, s, patch);
+  return flips;
+}
+
+}  // namespace tessera
