@@ -9,9 +9,9 @@
 
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
+#include "stream/raster/mesh_raster.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/survey/gdal_program.h"
-#include "stream/survey/mesh_raster.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
 

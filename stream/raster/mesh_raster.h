@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/survey/raster_layer.h"
+#include "stream/raster/raster_layer.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "stream/survey/raster_layer.h"
+#include "stream/raster/raster_layer.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "stream/survey/mesh_raster.h"
+#include "stream/raster/mesh_raster.h"
 
 #include <fcntl.h>
 #include <unistd.h>
