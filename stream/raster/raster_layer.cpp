@@ -22,8 +22,8 @@ Json statistics_json(double minimum, double maximum, double mean, double deviati
 }  // namespace
 
 const std::vector<std::string>& raster_layer_names() {
-  static const std::vector<std::string> names = {"top",       "ground", "height", "slope",
-                                                 "hillshade", "ortho",  "missing"};
+  static const std::vector<std::string> names = {"top",   "ground",  "height", "slope",    "hillshade",
+                                                 "ortho", "missing", "count",  "intensity"};
   return names;
 }
 
@@ -36,17 +36,64 @@ const std::string& name_of(RasterLayer layer) {
   return raster_layer_names()[static_cast<std::size_t>(layer)];
 }
 
+bool is_point_layer(RasterLayer layer) {
+  return layer != RasterLayer::kSlope && layer != RasterLayer::kHillshade;
+}
+
+bool is_mesh_layer(RasterLayer layer) {
+  return layer <= RasterLayer::kMissing;
+}
+
 LayerValues::LayerValues(RasterLayer layer, const LayerSettings& settings)
     : layer_(layer),
       settings_(settings),
-      minimum_(std::numeric_limits<float>::max()),
-      maximum_(-std::numeric_limits<float>::max()) {
+      minimum_(std::numeric_limits<double>::max()),
+      maximum_(-std::numeric_limits<double>::max()) {
   const bool heights = layer == RasterLayer::kTop || layer == RasterLayer::kGround;
   if (heights) middle_ = settings.low + 0.5 * (settings.high - settings.low);
-  const double largest = layer == RasterLayer::kSlope ? 90.0 : settings.high - settings.low;
+  constexpr double kMaxIntensity = 65535.0;
+  const double largest = layer == RasterLayer::kSlope       ? 90.0
+                         : layer == RasterLayer::kIntensity ? kMaxIntensity
+                         : layer == RasterLayer::kCount     ? settings.points
+                                                            : settings.high - settings.low;
   // Heights of floats may lie an ulp beyond the mesh.
   const double bound = 1.0 + largest + std::max(std::abs(settings.low), std::abs(settings.high)) * 1e-6;
   sum_ = FixedSum(bound), squares_ = FixedSum(bound * bound);
+}
+
+bool LayerValues::has_value(const PointCell& cell) const {
+  switch (layer_) {
+    case RasterLayer::kGround:
+    case RasterLayer::kHeight:
+      return cell.has_ground();
+    case RasterLayer::kIntensity:
+      return cell.measured > 0;
+    default:
+      return cell.covered();
+  }
+}
+
+float LayerValues::float_value(const PointCell& cell) const {
+  switch (layer_) {
+    case RasterLayer::kTop:
+      return static_cast<float>(cell.top);
+    case RasterLayer::kGround:
+      return static_cast<float>(cell.ground);
+    case RasterLayer::kHeight:
+      return static_cast<float>(cell.top - cell.ground);
+    default:
+      return static_cast<float>(cell.intensity());
+  }
+}
+
+std::uint32_t LayerValues::count_of(const PointCell& cell) const {
+  return static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(cell.count, std::numeric_limits<std::uint32_t>::max()));
+}
+
+std::uint32_t LayerValues::byte_values(const PointCell& cell, bool inside) const {
+  if (layer_ == RasterLayer::kMissing) return cell.covered() ? 0 : inside ? kHole : kOutside;
+  return cell.rgba();
 }
 
 float LayerValues::float_value(const RasterCell& cell) const {
@@ -69,26 +116,41 @@ std::uint32_t LayerValues::byte_values(const RasterCell& cell, bool inside) cons
                                        : hillshade(cell.gradient_x, cell.gradient_y, settings_.sun);
 }
 
-void LayerValues::add(float value) {
+void LayerValues::add(double value) {
   ++count_;
   minimum_ = std::min(minimum_, value), maximum_ = std::max(maximum_, value);
-  const double off = static_cast<double>(value) - middle_;
+  const double off = value - middle_;
   sum_.add(off), squares_.add(off * off);
 }
 
 void LayerValues::put(std::span<const RasterCell> cells, std::span<const std::uint8_t> inside, char* to) {
+  put_cells(cells, inside, to);
+}
+void LayerValues::put(std::span<const PointCell> cells, std::span<const std::uint8_t> inside, char* to) {
+  put_cells(cells, inside, to);
+}
+
+template <class Cell>
+void LayerValues::put_cells(std::span<const Cell> cells, std::span<const std::uint8_t> inside, char* to) {
   for (std::size_t k = 0; k < cells.size(); ++k) {
     if (is_float()) {
       float value = settings_.nodata;
-      if (cells[k].covered()) {
+      if (has_value(cells[k])) {
         value = float_value(cells[k]);
         if (value == settings_.nodata)
           throw UsageError("--layer " + name_of(layer_) + ": a cell has the very value " +
                            number_text(value) + " that stands for no data; choose another with --nodata");
-        add(value);
+        add(static_cast<double>(value));
       }
       std::memcpy(to, &value, sizeof value);
       to += sizeof value;
+      continue;
+    }
+    if (layer_ == RasterLayer::kCount) {
+      const std::uint32_t value = count_of(cells[k]);
+      std::memcpy(to, &value, sizeof value);
+      to += sizeof value;
+      if (value > 0) add(static_cast<double>(value));
       continue;
     }
     const std::uint32_t value = byte_values(cells[k], inside[k] != 0);
@@ -131,27 +193,30 @@ Json LayerValues::statistics_of_bytes(std::size_t band) const {
 }
 
 Json LayerValues::description() const {
-  static const std::array<const char*, 7> kQuantities = {"height", "height", "height", "angle",
-                                                         "light",  "colour", "mask"};
-  const bool ortho = layer_ == RasterLayer::kOrtho;
+  static const std::array<const char*, 9> kQuantities = {"height", "height", "height", "angle",    "light",
+                                                         "colour", "mask",   "count",  "intensity"};
+  const bool ortho = layer_ == RasterLayer::kOrtho, counts = layer_ == RasterLayer::kCount;
   Json out = {{"layer", name_of(layer_)},
               {"quantity", kQuantities[static_cast<std::size_t>(layer_)]},
-              {"type", is_float() ? "float" : "byte"},
+              {"type", is_float() ? "float"
+                       : counts   ? "count"
+                                  : "byte"},
               {"bands", ortho ? 4 : 1},
               // Of a mask the middle of ones and zeros says nothing.
               {"overviews", layer_ == RasterLayer::kMissing ? "NEAREST" : "AVERAGE"}};
   if (is_float()) out["nodata"] = static_cast<double>(settings_.nodata);
-  if (layer_ == RasterLayer::kHillshade) out["nodata"] = 0;
+  if (layer_ == RasterLayer::kHillshade || counts) out["nodata"] = 0;
   if (layer_ == RasterLayer::kMissing) out["nodata"] = kOutside;
   out["statistics"] = Json::array();
   if (count_ == 0) return out;
-  if (is_float()) {
+  if (is_float() || counts) {
     const auto n = static_cast<double>(count_);
     const double mean = sum_.value() / n;
     out["statistics"].push_back(statistics_json(
         minimum_, maximum_, middle_ + mean, std::sqrt(std::max(0.0, squares_.value() / n - mean * mean))));
+    return out;
   }
-  for (std::size_t band = 0; !is_float() && band < (ortho ? 4u : 1u); ++band)
+  for (std::size_t band = 0; band < (ortho ? 4u : 1u); ++band)
     out["statistics"].push_back(statistics_of_bytes(band));
   return out;
 }

@@ -19,10 +19,10 @@ constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 void join_crs(const std::filesystem::path& file, const Crs& its, Crs& all) {
   if (its.geographic)
     throw InputError(file.string() + ": its coordinates are degrees, " + its.name +
-                     "; deviations are lengths: project the scan first, to its UTM zone for example");
+                     "; lengths are measured: project the scan first, to its UTM zone for example");
   if (its.known() && all.known() && !may_be_same(its, all))
     throw InputError(file.string() + ": is in " + its.name + ", a scan before it in " + all.name +
-                     "; scans are measured together in one system");
+                     "; scans are worked on together in one system");
   if (!all.known()) all = its;
 }
 

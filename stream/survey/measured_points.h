@@ -1,6 +1,6 @@
 /// \file measured_points.h
-/// The points whose deviation is asked for, in their order, as often as they are needed: scans of any format, a LAS or LAZ
-/// file record by record, or the vertices of a mesh.
+/// The points that a deviation or a raster is asked of, in their order, as often as they are needed: scans of any format, a
+/// LAS or LAZ file record by record, or the vertices of a mesh.
 #pragma once
 #include <cstdint>
 #include <filesystem>

@@ -4,16 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "stream/files/json.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/geotiff.h"
 #include "tests/helpers/height_sheet.h"
 #include "tests/helpers/shell.h"
-#include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace raster_test {
@@ -38,35 +37,6 @@ void make(const std::vector<std::string>& words) {
   REQUIRE(r.code == 0);
 }
 
-bool has_gdal() {
-  if (shell("gdalinfo --version").code == 0) return true;
-  skip("there is no gdalinfo (gdal-bin)");
-  return false;
-}
-
-tessera::Json info(const fs::path& file) {
-  const Outcome r = shell("gdalinfo -json " + file.string());
-  INFO(r.said);
-  REQUIRE(r.code == 0);
-  CHECK(r.said.find("Warning") == std::string::npos);
-  CHECK(r.said.find("ERROR") == std::string::npos);
-  return tessera::parse_json(r.said);
-}
-
-/// Values of cells, rows from the north.
-template <class T>
-std::vector<T> values(const fs::path& file, const std::string& options = "") {
-  const TempFolder folder;
-  const fs::path raw = folder / "raw";
-  REQUIRE(shell("gdal_translate -q -of ENVI -co INTERLEAVE=BIP " + options + " " + file.string() + " " +
-                raw.string())
-              .code == 0);
-  const std::string bytes = file_bytes(raw);
-  std::vector<T> out(bytes.size() / sizeof(T));
-  std::memcpy(out.data(), bytes.data(), out.size() * sizeof(T));
-  return out;
-}
-
 double ramp(double x, double y) {
   return 300.0 + 0.25 * x - 0.125 * y;
 }
@@ -84,7 +54,7 @@ TEST_CASE("raster: a plane at survey coordinates has its exact heights, slope, p
   make({mesh.string(), "-o", out.string(), "--cell", "0.5", "--layer", "top", "--layer", "slope", "--layer",
         "hillshade"});
   const fs::path top = folder / "dtm.top.tif";
-  const tessera::Json about = info(top);
+  const tessera::Json about = geotiff_info(top);
   // 40.25 in cells of 0.5: the last ones have their centres on the border, which belongs to the mesh.
   REQUIRE(about.at("size") == tessera::Json({81, 81}));
   CHECK(about.at("geoTransform") == tessera::Json({kX, 0.5, 0.0, kY + 40.5, 0.0, -0.5}));
@@ -93,7 +63,7 @@ TEST_CASE("raster: a plane at survey coordinates has its exact heights, slope, p
   const tessera::Json& band = about.at("bands")[0];
   CHECK(band.at("noDataValue") == -9999.0);
   CHECK(band.at("unit") == "metre");
-  const std::vector<float> cells = values<float>(top);
+  const std::vector<float> cells = geotiff_values<float>(top);
   float low = 1e9F, high = -1e9F;
   double sum = 0.0;
   bool exact = true;
@@ -112,12 +82,12 @@ TEST_CASE("raster: a plane at survey coordinates has its exact heights, slope, p
   CHECK(number("STATISTICS_MEAN") == Approx(sum / 6561).margin(1e-4));
   CHECK(number("STATISTICS_VALID_PERCENT") == 100.0);
   const double rise = std::sqrt(0.25 * 0.25 + 0.125 * 0.125);
-  for (const float slope : values<float>(folder / "dtm.slope.tif"))
+  for (const float slope : geotiff_values<float>(folder / "dtm.slope.tif"))
     if (std::abs(slope - std::atan(rise) * 180.0 / M_PI) > 1e-4) FAIL("a slope of " << slope);
-  CHECK(info(folder / "dtm.slope.tif").at("bands")[0].at("unit") == "degree");
+  CHECK(geotiff_info(folder / "dtm.slope.tif").at("bands")[0].at("unit") == "degree");
   // The normal is (-0.25, 0.125, 1), the sun (-0.5, 0.5, sqrt(0.5)).
   const double light = (0.125 + 0.0625 + std::sqrt(0.5)) / std::sqrt(1.0 + rise * rise);
-  for (const std::uint8_t shade : values<std::uint8_t>(folder / "dtm.hillshade.tif"))
+  for (const std::uint8_t shade : geotiff_values<std::uint8_t>(folder / "dtm.hillshade.tif"))
     if (shade != static_cast<int>(std::floor(1.5 + 254.0 * light))) FAIL("a shade of " << int{shade});
 }
 
@@ -136,9 +106,10 @@ TEST_CASE("raster: a roof over the ground, a hole in both, and nothing outside",
                                    at(12, 0, 1) + at(12, 1, 1) + "4 0 1 2 3\n4 4 5 6 7\n3 8 9 10\n");
   make({mesh.string(), "-o", (folder / "yard.tif").string(), "--cell", "1", "--layer", "top", "--layer",
         "ground", "--layer", "height", "--layer", "missing"});
-  const auto top = values<float>(folder / "yard.top.tif"), ground = values<float>(folder / "yard.ground.tif"),
-             height = values<float>(folder / "yard.height.tif");
-  const auto missing = values<std::uint8_t>(folder / "yard.missing.tif");
+  const auto top = geotiff_values<float>(folder / "yard.top.tif"),
+             ground = geotiff_values<float>(folder / "yard.ground.tif"),
+             height = geotiff_values<float>(folder / "yard.height.tif");
+  const auto missing = geotiff_values<std::uint8_t>(folder / "yard.missing.tif");
   REQUIRE(top.size() == 48);
   const auto cell = [](int x, int y) { return static_cast<std::size_t>(12 * (3 - y) + x); };
   for (int y = 0; y < 4; ++y)
@@ -153,9 +124,11 @@ TEST_CASE("raster: a roof over the ground, a hole in both, and nothing outside",
       CHECK(height[k] == (covered ? (roof ? (y == 1 ? 4.25F : 4.75F) : 0.0F) : kNoData));
       CHECK(top[k] == (covered ? under + height[k] : kNoData));
     }
-  CHECK(
-      info(folder / "yard.ground.tif").at("bands")[0].at("metadata").at("").at("STATISTICS_VALID_PERCENT") !=
-      "100");
+  CHECK(geotiff_info(folder / "yard.ground.tif")
+            .at("bands")[0]
+            .at("metadata")
+            .at("")
+            .at("STATISTICS_VALID_PERCENT") != "100");
 }
 
 TEST_CASE("raster: an orthophoto has the colours of the vertices, holes are transparent", "[pipeline]") {
@@ -169,7 +142,7 @@ TEST_CASE("raster: an orthophoto has the colours of the vertices, holes are tran
                    "vertex_indices\nend_header\n0 0 5 200 0 10\n4 0 5 0 200 10\n0 4 5 0 0 10\n"
                    "4 4 9 9 9 9\n3 0 1 2\n");
   make({mesh.string(), "-o", (folder / "o.tif").string(), "--cell", "1", "--layer", "ortho"});
-  const auto rgba = values<std::uint8_t>(folder / "o.tif");
+  const auto rgba = geotiff_values<std::uint8_t>(folder / "o.tif");
   REQUIRE(rgba.size() % 4 == 0);
   REQUIRE(rgba.size() == 64);
   const auto pixel = [&](int x, int y) {
@@ -179,7 +152,7 @@ TEST_CASE("raster: an orthophoto has the colours of the vertices, holes are tran
   CHECK(pixel(0, 0) == std::vector<int>{150, 25, 10, 255});  // weights 3/4, 1/8, 1/8
   CHECK(pixel(2, 0) == std::vector<int>{50, 125, 10, 255});
   CHECK(pixel(3, 3) == std::vector<int>{0, 0, 0, 0});
-  const tessera::Json about = info(folder / "o.tif");
+  const tessera::Json about = geotiff_info(folder / "o.tif");
   CHECK(about.at("bands")[3].at("colorInterpretation") == "Alpha");
   const CommandResult none =
       tessera_command({"raster", folder.write("grey.off", heights(2, 4.0, ramp)).string(), "-o",
@@ -211,7 +184,7 @@ TEST_CASE("raster: the same bytes with any cap, threads and windows, with overvi
   CHECK((run("b", {"--memory", "128M", "-t", "1"}) == want));
   CHECK((run("c", {"--tile", "100", "-t", "2"}) == want));
   CHECK((run("d", {"--tile", "1024", "-t", "1"}) == want));
-  const tessera::Json about = info(folder / "a.top.tif");
+  const tessera::Json about = geotiff_info(folder / "a.top.tif");
   // GDAL's own judge of the format, where Python has it.
   const std::string judge = "osgeo_utils.samples.validate_cloud_optimized_geotiff";
   if (shell("/usr/bin/python3 -c 'import " + judge + "'").code == 0)
@@ -223,7 +196,7 @@ TEST_CASE("raster: the same bytes with any cap, threads and windows, with overvi
   CHECK(about.at("metadata").at("IMAGE_STRUCTURE").at("LAYOUT") == "COG");
   CHECK(about.at("metadata").at("IMAGE_STRUCTURE").at("COMPRESSION") == "DEFLATE");
   // The cone, under its tip and half way down.
-  const auto cells = values<float>(folder / "a.top.tif");
+  const auto cells = geotiff_values<float>(folder / "a.top.tif");
   const auto at = [&](int x, int y) {
     return static_cast<double>(cells[static_cast<std::size_t>((1199 - y) * 1200 + x)]);
   };

@@ -103,6 +103,11 @@ std::filesystem::path path_of(const tessera::Json& request, const char* key) {
   return tessera::bytes_of_json_text(request.at(key).get<std::string>());
 }
 
+/// Numbers of the types of cells in ENVI's headers.
+int envi_type(const std::string& type) {
+  return type == "float" ? 4 : type == "count" ? 13 : 1;
+}
+
 /// The raw file, as GDAL's ENVI driver reads it by a header beside it.
 std::unique_ptr<GDALDataset> open_raw(const tessera::Json& request) {
   const std::filesystem::path raw = path_of(request, "raw");
@@ -113,7 +118,7 @@ std::unique_ptr<GDALDataset> open_raw(const tessera::Json& request) {
       fmt::format("ENVI\nsamples = {}\nlines = {}\nbands = {}\nheader offset = 0\nfile type = ENVI Standard\n"
                   "data type = {}\ninterleave = bip\nbyte order = 0\n",
                   request.at("columns").get<std::int64_t>(), request.at("rows").get<std::int64_t>(),
-                  request.at("bands").get<int>(), request.at("type") == "float" ? 4 : 1));
+                  request.at("bands").get<int>(), envi_type(request.at("type").get<std::string>())));
   const std::array<const char*, 2> drivers = {"ENVI", nullptr};
   std::unique_ptr<GDALDataset> set(
       GDALDataset::Open(raw.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data()));
