@@ -160,8 +160,8 @@ std::string describe(const DeviationTable& table, double tolerance) {
   const auto place = [](const Double3& p) {
     return fmt::format("{:.10g} {:.10g} {:.10g}", p[0], p[1], p[2]);
   };
-  std::string text = fmt::format("points: {} measured, {} too far, {} of the measured beside a border\n",
-                                 all.count, all.far, all.border);
+  std::string text = fmt::format("points: {} measured, {} {}, {} {}\n", all.count, all.far,
+                                 table.words.none_text, all.border, table.words.flag_text);
   text +=
       fmt::format("mean {:.6g}, rms {:.6g}, standard deviation {:.6g}\n", all.mean, all.rms, all.deviation);
   for (std::size_t k = 0; k < kDeviationPercents.size(); ++k)
@@ -173,8 +173,9 @@ std::string describe(const DeviationTable& table, double tolerance) {
     text += fmt::format("within {:g}: {:.4f} %\n", tolerance,
                         100.0 * static_cast<double>(all.within) / static_cast<double>(all.count));
   if (table.rows.size() < 2) return text;
-  text += fmt::format("{:<10} {:>12} {:>10} {:>12} {:>12} {:>12} {:>12} {:>12} {:>12} {:>9}\n", "area",
-                      "points", "far", "mean", "rms", "st.dev.", "median", "min", "max", "within %");
+  text +=
+      fmt::format("{:<10} {:>12} {:>10} {:>12} {:>12} {:>12} {:>12} {:>12} {:>12} {:>9}\n", "area", "points",
+                  table.words.none_key, "mean", "rms", "st.dev.", "median", "min", "max", "within %");
   for (const DeviationSummary& r : table.rows) {
     const std::string within =
         tolerance >= 0.0 && r.count > 0
@@ -188,7 +189,8 @@ std::string describe(const DeviationTable& table, double tolerance) {
 }
 
 std::string to_csv(const DeviationTable& table, double tolerance) {
-  std::string text = "area,points,far,border,mean,rms,standard_deviation";
+  std::string text = fmt::format("area,points,{},{},mean,rms,standard_deviation", table.words.none_key,
+                                 table.words.flag_key);
   for (const int percent : kDeviationPercents) text += fmt::format(",p{}", percent);
   text += ",min,min_x,min_y,min_z,max,max_x,max_y,max_z,within\n";
   for (const DeviationSummary& r : table.rows) {
@@ -211,7 +213,10 @@ std::string histogram_csv(const DeviationTable& table) {
 Json to_json(const DeviationTable& table, double tolerance) {
   Json rows = Json::array();
   for (const DeviationSummary& r : table.rows) {
-    Json row = {{"area", r.name}, {"points", r.count}, {"far", r.far}, {"border", r.border}};
+    Json row = {{"area", r.name},
+                {"points", r.count},
+                {table.words.none_key, r.far},
+                {table.words.flag_key, r.border}};
     if (r.count > 0) {
       row.update({{"mean", r.mean},
                   {"rms", r.rms},

@@ -41,7 +41,16 @@ struct DeviationBin {
   std::uint64_t count = 0;
 };
 
+/// What figures call points without a distance, and those with the flag of PointDistance::border.
+struct DeviationWords {
+  const char *none_key, *flag_key;    ///< of JSON and CSV
+  const char *none_text, *flag_text;  ///< for people
+};
+inline constexpr DeviationWords kDeviationWords = {"far", "border", "too far",
+                                                   "of the measured beside a border"};
+
 struct DeviationTable {
+  DeviationWords words = kDeviationWords;
   std::vector<DeviationSummary> rows;  ///< all points, then the areas in the order of the file
   std::vector<DeviationBin> histogram;
 };

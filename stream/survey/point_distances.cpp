@@ -1,7 +1,6 @@
 #include "stream/survey/point_distances.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -15,7 +14,6 @@ constexpr double kNoDistance = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kSlicePoints =
     1024;  ///< points that one thread measures at a time, a hint between them
 constexpr std::size_t kFarPoints = 1u << 16;
-constexpr std::uint64_t kLeastGroup = 1u << 18, kMostGroups = 2048;
 /// Of a cell at work, beside its faces: a batch of points and what is found for them.
 constexpr std::uint64_t kBatchBytes = std::uint64_t{1} << 20;
 constexpr std::uint64_t kWideBytes = kFarPoints * 64;
@@ -130,11 +128,8 @@ void PointDistances::add(const Double3& p) {
 void PointDistances::keep(std::span<const Placed> points, std::span<const PointDistance> distances) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (std::isnan(distances[i].value)) continue;
-    const std::uint64_t index = points[i].index;
     ++measured_;
-    results_->add(static_cast<std::size_t>(index / group_points_),
-                  {distances[i].value, static_cast<std::uint32_t>(index % group_points_),
-                   distances[i].border ? 1u : 0u});
+    results_->add(points[i].index, {distances[i].value, 0, distances[i].border ? 1u : 0u});
   }
 }
 
@@ -247,9 +242,7 @@ void PointDistances::measure_far(std::span<const Placed> points, MemoryBudget& b
 }
 
 void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
-  group_points_ = std::max(kLeastGroup, std::bit_ceil(count_ / kMostGroups + 1));
-  const auto groups = static_cast<std::size_t>(count_ / group_points_ + 1);
-  results_.emplace(result_pool_, groups, chunk_bytes(memory_bytes_ / 4, groups));
+  results_.emplace(result_pool_, count_, memory_bytes_ / 4);
   const std::size_t cells = cells_.cells().size();
   const std::size_t buffer = chunk_bytes(memory_bytes_ / 4, cells);
   unsettled_.emplace(point_pool_, cells, buffer);
@@ -284,19 +277,6 @@ void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
     }
   });
   far_.reset();
-}
-
-void PointDistances::load_group() {
-  group_.assign(static_cast<std::size_t>(group_points_), {kNoDistance, false});
-  const auto group = static_cast<std::size_t>(next_ / group_points_);
-  results_->for_each(group, [&](std::span<const Measured> some) {
-    for (const Measured& m : some) group_[m.place] = {m.value, m.border != 0};
-  });
-}
-
-PointDistance PointDistances::next() {
-  if (next_ % group_points_ == 0) load_group();
-  return group_[static_cast<std::size_t>(next_++ % group_points_)];
 }
 
 }  // namespace tessera

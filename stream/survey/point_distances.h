@@ -4,10 +4,12 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <mutex>
 #include <optional>
 #include <vector>
 
+#include "stream/files/indexed_records.h"
 #include "stream/files/spill_buckets.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
@@ -36,7 +38,10 @@ class PointDistances {
   /// \throws ResourceError when the budget cannot hold the fullest cell; StoppedError
   void measure(WorkerPool& pool, MemoryBudget& budget);
   /// The distance of the next point, in the order of add(). \pre measure(), not more often than points were added
-  PointDistance next();
+  PointDistance next() {
+    const Measured& m = results_->next();
+    return {m.value, m.border != 0};
+  }
   std::uint64_t measured() const { return measured_; }  ///< have a distance
   /// How many points were left for the last step: faces were looked for patch by patch.
   std::uint64_t searched() const { return searched_; }
@@ -47,8 +52,8 @@ class PointDistances {
     std::uint64_t index = 0;
   };
   struct Measured {
-    double value = 0.0;
-    std::uint32_t place = 0;  ///< in its group
+    double value = std::numeric_limits<double>::quiet_NaN();
+    std::uint32_t place = 0;
     std::uint32_t border = 0;
   };
   void measure_cell(std::size_t cell);
@@ -58,7 +63,6 @@ class PointDistances {
   std::vector<PointDistance> measure_within(const MeshBox& box, double reach,
                                             std::span<const Placed> points) const;
   void keep(std::span<const Placed> points, std::span<const PointDistance> distances);
-  void load_group();
 
   const MeshStore& mesh_;
   double max_distance_;
@@ -67,12 +71,8 @@ class PointDistances {
   std::uint64_t count_ = 0, measured_ = 0, searched_ = 0;
   SpillPool point_pool_, result_pool_;
   std::optional<SpillBuckets<Placed>> points_, unsettled_, far_;
-  std::optional<SpillBuckets<Measured>> results_;
-  std::uint64_t group_points_ = 1;  ///< consecutive points whose distances are read together
-  std::mutex mutex_;                ///< of results_, unsettled_ and far_
-
-  std::uint64_t next_ = 0;
-  std::vector<PointDistance> group_;
+  std::optional<IndexedRecords<Measured>> results_;
+  std::mutex mutex_;  ///< of results_, unsettled_ and far_
 };
 
 }  // namespace tessera

@@ -37,11 +37,6 @@ struct ScanDeviationReport {
   std::vector<std::string> notices;
 };
 
-/// Whether its vertices are measured, not the points of a scan.
-bool measures_vertices(const std::filesystem::path& input);
-/// \throws UsageError for an extension that no output has
-void require_deviation_output(const std::filesystem::path& output);
-
 /// Writes points in the order of the inputs. A LAS or LAZ file that is written as .las or .laz keeps all that it has, and its
 /// records get extra bytes. Bytes and figures hang on inputs and options alone.
 /// \param inputs  one mesh, or scans

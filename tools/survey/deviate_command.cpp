@@ -13,6 +13,7 @@
 #include "stream/files/planned_writes.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/survey/measured_inputs.h"
 #include "stream/survey/scan_deviation.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -62,7 +63,8 @@ void run_deviate(const DeviateCommand& command) {
       command.options.tolerance < 0.0)
     throw UsageError(
         "no output: give -o FILE (.las, .laz, .ply, .csv), --report, --csv, --histogram or --tolerance");
-  if (!command.output.empty() && !names_folder(command.output)) require_deviation_output(command.output);
+  if (!command.output.empty() && !names_folder(command.output))
+    MeasuredInputs::require_output(command.output, "deviations");
   if (command.share > 1.0)
     throw UsageError(fmt::format("--share {:g}: is a share, from 0 to 1", command.share));
   if (command.share < 1.0 && command.options.tolerance < 0.0)

@@ -45,21 +45,22 @@ bool LasCopy::is_compressed(const std::filesystem::path& to) {
   return extension == ".laz";
 }
 
-std::uint64_t LasCopy::bytes(const LasRecords& from, bool compressed, int threads) {
+std::uint64_t LasCopy::bytes(const LasRecords& from, bool compressed, int threads, std::size_t scalars) {
   const std::uint64_t plain = OutputFile::kBufferBytes + kCopyBytes;
   if (!compressed) return plain;
   const std::uint64_t group = std::min<std::uint64_t>(static_cast<std::uint64_t>(threads), kMaxGroup);
-  // Records, perhaps longer by a number, their code, and the models and layers of those at work.
-  return plain +
-         group * (2 * kChunkRecords * (from.record_bytes() + sizeof(double)) + (std::uint64_t{4} << 20));
+  // Records, perhaps longer by a few numbers, their code, and the models and layers of those at work.
+  return plain + group * (2 * kChunkRecords * (from.record_bytes() + scalars * sizeof(double)) +
+                          (std::uint64_t{4} << 20));
 }
 
-LasCopy::LasCopy(const LasRecords& from, const std::filesystem::path& to, int threads, std::string scalar)
+LasCopy::LasCopy(const LasRecords& from, const std::filesystem::path& to, int threads,
+                 std::vector<std::string> scalars)
     : from_(from),
-      scalar_(std::move(scalar)),
-      record_bytes_(from.record_bytes() + (scalar_.empty() ? 0 : sizeof(double))),
+      scalars_(std::move(scalars)),
+      record_bytes_(from.record_bytes() + scalars_.size() * sizeof(double)),
       compressed_(is_compressed(to)),
-      verbatim_(!compressed_ && !from.header().compressed && scalar_.empty()),
+      verbatim_(!compressed_ && !from.header().compressed && scalars_.empty()),
       file_(to),
       group_(std::min<std::size_t>(static_cast<std::size_t>(threads), kMaxGroup)) {
   const ReadFile file = from.file().open();
@@ -97,7 +98,7 @@ void LasCopy::copy(const ReadFile& file, Segment bytes) {
 /// Whether a record between header and points is not copied: it goes, or is written anew.
 bool LasCopy::is_left_out(const char* record) const {
   return has_user(record, laz::Schema::kUserId) || has_user(record, "copc") ||
-         (!scalar_.empty() && is_extra_record(record));
+         (!scalars_.empty() && is_extra_record(record));
 }
 
 /// Of all extra bytes, those of the source first; of what it does not describe that nothing is known.
@@ -116,13 +117,14 @@ std::string LasCopy::extra_descriptions(const ReadFile& file) const {
     }
     at = end;
   }
-  const auto added = las_extra_double(scalar_);
+  const std::string added = las_extra_doubles(scalars_);
   std::size_t known = 0;
   for (std::size_t k = 0; k < text.size(); k += LasExtraField::kBytes) {
     known += las_extra_size(text.data() + k);
-    if (std::memcmp(text.data() + k + 4, added.data() + 4, 32) == 0)
-      throw UsageError(from_.file().path().string() + ": its points have extra bytes '" + scalar_ +
-                       "' already; measure the scan that it was made of");
+    for (std::size_t s = 0; s < scalars_.size(); ++s)
+      if (std::memcmp(text.data() + k + 4, added.data() + s * LasExtraField::kBytes + 4, 32) == 0)
+        throw UsageError(from_.file().path().string() + ": its points have extra bytes '" + scalars_[s] +
+                         "' already; measure the scan that it was made of");
   }
   const std::size_t bare = laz::schema_for(header.point_format, 0, kChunkRecords).record_bytes();
   for (std::size_t unknown = from_.record_bytes() - bare; unknown > known;) {
@@ -131,7 +133,7 @@ std::string LasCopy::extra_descriptions(const ReadFile& file) const {
     text.append(description.data(), description.size());
     known += part;
   }
-  return text.append(added.data(), added.size());
+  return text + added;
 }
 
 void LasCopy::append_record(std::string_view user, std::uint16_t id, std::string_view data) {
@@ -207,7 +209,7 @@ void LasCopy::write_head(const ReadFile& file) {
   std::uint32_t count = 0;
   const std::vector<Segment> kept = kept_records(file, count);
   for (std::size_t i = 0; i + 1 < kept.size(); ++i) copy(file, kept[i]);
-  if (!scalar_.empty()) {
+  if (!scalars_.empty()) {
     append_record(LasExtraField::kUserId, LasExtraField::kRecordId, extra_descriptions(file));
     ++count;
     const auto length = static_cast<std::uint16_t>(record_bytes_);

@@ -1,8 +1,8 @@
 /// \file las_copy.h
 /// A LAS or LAZ file with all that another one has: header, variable length records, points in their order, what follows
 /// them. Only records that the caller changed differ; LAZ made of LAS and the reverse differ by what says how points are
-/// coded and where they end. The octree of COPC is left out, as it would not fit any more. Records may become longer by a
-/// number.
+/// coded and where they end. The octree of COPC is left out, as it would not fit any more. Records may become longer by
+/// numbers.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -22,10 +22,11 @@ class LasCopy {
  public:
   /// Writes what stands before the points. \param to  .las, or .laz for a compressed file
   /// \param threads  of the enclosing pool: so many chunks are compressed at a time
-  /// \param scalar  of a double that every record has at its end, in extra bytes; empty = records are as long as those of `from`
+  /// \param scalars  of doubles that every record has at its end, in extra bytes; none = records are as long as those of `from`
   /// \pre  `from` outlives it  \throws UsageError as OutputFile, for another extension, for a source whose records are
-  ///   longer than LAZ can have, and one that has extra bytes of that name; ResourceError
-  LasCopy(const LasRecords& from, const std::filesystem::path& to, int threads, std::string scalar = {});
+  ///   longer than LAZ can have, and one that has extra bytes of such a name; ResourceError
+  LasCopy(const LasRecords& from, const std::filesystem::path& to, int threads,
+          std::vector<std::string> scalars = {});
   std::size_t record_bytes() const { return record_bytes_; }
   /// Records, in the order of the source.
   void append(const char* records, std::size_t count);
@@ -34,8 +35,8 @@ class LasCopy {
 
   /// \throws UsageError for an extension that is none of theirs
   static bool is_compressed(const std::filesystem::path& to);
-  /// Memory of one copy on so many threads.
-  static std::uint64_t bytes(const LasRecords& from, bool compressed, int threads);
+  /// Memory of one copy on so many threads, with up to so many scalars.
+  static std::uint64_t bytes(const LasRecords& from, bool compressed, int threads, std::size_t scalars = 1);
 
  private:
   struct Segment {
@@ -51,7 +52,7 @@ class LasCopy {
   void compress();
 
   const LasRecords& from_;
-  std::string scalar_;
+  std::vector<std::string> scalars_;
   std::size_t record_bytes_;
   bool compressed_;
   bool verbatim_;  ///< neither is compressed: all but the records as it is

@@ -33,11 +33,15 @@ constexpr char kExtraDouble = 10;
 
 }  // namespace
 
-std::array<char, LasExtraField::kBytes> las_extra_double(std::string_view name) {
-  std::array<char, LasExtraField::kBytes> d{};
-  d[kExtraType] = kExtraDouble;
-  std::memcpy(&d[kExtraName], name.data(), name.size());
-  return d;
+std::string las_extra_doubles(std::span<const std::string> names) {
+  std::string text;
+  for (const std::string& name : names) {
+    std::array<char, LasExtraField::kBytes> d{};
+    d[kExtraType] = kExtraDouble;
+    std::memcpy(&d[kExtraName], name.data(), name.size());
+    text.append(d.data(), d.size());
+  }
+  return text;
 }
 
 std::array<char, LasExtraField::kBytes> las_extra_unknown(std::size_t count) {

@@ -4,6 +4,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -54,8 +55,8 @@ struct LasExtraField {
   static constexpr std::uint16_t kRecordId = 4;
   static constexpr std::size_t kBytes = 192;
 };
-/// Description of a double. \pre name.size() < 32
-std::array<char, LasExtraField::kBytes> las_extra_double(std::string_view name);
+/// Descriptions of doubles, one after the other. \pre names of less than 32 bytes
+std::string las_extra_doubles(std::span<const std::string> names);
 /// Of `count` bytes that nothing is known of, 1 to 255.
 std::array<char, LasExtraField::kBytes> las_extra_unknown(std::size_t count);
 /// Bytes of a point that a description stands for; 0 where it is none of the specification's.

@@ -81,14 +81,15 @@ class BaseWriter : public PointWriter {
 class PlyEncoder final : public PointEncoder {
  public:
   explicit PlyEncoder(const PointFileHeader& header) : header_(header) {}
-  void encode(const PointChunk& chunk, const PtxScan&, std::span<const double> scalar,
+  void encode(const PointChunk& chunk, const PtxScan&, std::span<const double> scalars,
               EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool normals = header_.attributes.normals, colour = header_.attributes.colour;
     const bool intensity = header_.attributes.intensity_16, echo = header_.attributes.echo;
     const std::size_t record = (header_.double_positions ? 24u : 12u) + (normals ? 12u : 0u) +
                                (colour ? 3u : 0u) + (intensity ? 2u : 0u) + (echo ? 3u : 0u) +
-                               (header_.scalar.empty() ? 0u : 8u);
+                               header_.scalars.size() * sizeof(double);
+    const std::size_t count = header_.scalars.size();
     out.bytes.resize(out.points * record);
     char* at = out.bytes.data();
     for (std::size_t i = 0; i < chunk.size(); ++i) {
@@ -107,7 +108,7 @@ class PlyEncoder final : public PointEncoder {
       if (echo)
         for (const std::uint8_t v : {chunk.echo[i].kind, chunk.echo[i].number, chunk.echo[i].of})
           at = put(at, v);
-      if (!header_.scalar.empty()) at = put(at, scalar[i]);
+      for (std::size_t k = 0; k < count; ++k) at = put(at, scalars[i * count + k]);
     }
   }
 
@@ -139,7 +140,7 @@ class PlyPointWriter final : public BaseWriter {
     if (header_.attributes.echo)
       text +=
           "property uchar classification\nproperty uchar return_number\nproperty uchar number_of_returns\n";
-    if (!header_.scalar.empty()) text += "property double " + header_.scalar + "\n";
+    for (const std::string& name : header_.scalars) text += "property double " + name + "\n";
     return text + "end_header\n";
   }
   void complete_header() override {
@@ -155,7 +156,7 @@ std::size_t las_format_bytes(const PointFileHeader& header) {
   return header.attributes.colour ? 36 : 30;
 }
 std::size_t las_extra_bytes(const PointFileHeader& header) {
-  return header.scalar.empty() ? 0 : sizeof(double);
+  return header.scalars.size() * sizeof(double);
 }
 std::size_t las_record_bytes(const PointFileHeader& header) {
   return las_format_bytes(header) + las_extra_bytes(header);
@@ -164,10 +165,11 @@ std::size_t las_record_bytes(const PointFileHeader& header) {
 class LasEncoder final : public PointEncoder {
  public:
   explicit LasEncoder(const PointFileHeader& header) : header_(header) {}
-  void encode(const PointChunk& chunk, const PtxScan&, std::span<const double> scalar,
+  void encode(const PointChunk& chunk, const PtxScan&, std::span<const double> scalars,
               EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool colour = header_.attributes.colour;
+    const std::size_t count = header_.scalars.size();
     out.bytes.assign(out.points * las_record_bytes(header_), 0);
     out.by_return = {};
     char* record = out.bytes.data();
@@ -196,7 +198,8 @@ class LasEncoder final : public PointEncoder {
           put(record + 30 + 2 * c, static_cast<std::uint16_t>(v * 257u));
         }
       }
-      if (!header_.scalar.empty()) put(record + las_format_bytes(header_), scalar[i]);
+      char* extra = record + las_format_bytes(header_);
+      for (std::size_t k = 0; k < count; ++k) extra = put(extra, scalars[i * count + k]);
       record += las_record_bytes(header_);
     }
   }
@@ -212,9 +215,9 @@ class LasPointWriter : public BaseWriter {
       : BaseWriter(path, header) {
     const std::array<char, kHeaderBytes> blank{};
     file_.append(blank.data(), blank.size());
-    if (header.scalar.empty()) return;
-    const auto extra = las_extra_double(header.scalar);
-    append_record(LasExtraField::kUserId, LasExtraField::kRecordId, {extra.data(), extra.size()});
+    if (header.scalars.empty()) return;
+    const std::string extra = las_extra_doubles(header.scalars);
+    append_record(LasExtraField::kUserId, LasExtraField::kRecordId, extra);
   }
 
  protected:
@@ -429,8 +432,9 @@ Format format_for(const std::filesystem::path& path, const PointFileHeader& head
                      " cannot hold normals; write .ply or .xyz, or leave them out");
   };
   if (extension == ".ply") return Format::kPly;
-  if (!header.scalar.empty() && extension != ".las" && extension != ".laz")
-    throw UsageError(path.string() + ": only .ply, .las and .laz hold a '" + header.scalar + "' of points");
+  if (!header.scalars.empty() && extension != ".las" && extension != ".laz")
+    throw UsageError(path.string() + ": only .ply, .las and .laz hold a '" + header.scalars.front() +
+                     "' of points");
   if (extension == ".xyz" || extension == ".txt") return Format::kXyz;
   if (extension == ".las") return without_normals(Format::kLas, "LAS");
   if (extension == ".laz") return without_normals(Format::kLaz, "LAZ");

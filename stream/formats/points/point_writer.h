@@ -22,8 +22,8 @@ struct PointFileHeader {
   Double3 las_offset = {0, 0, 0};
   double las_scale = 0.001;           ///< step of LAS coordinates, scan units
   std::vector<std::string> comments;  ///< one line each, where the format has comments
-  /// Of a number that every point has besides, a double: property in PLY, extra bytes in LAS and LAZ; empty = none.
-  std::string scalar;
+  /// Of numbers that every point has besides, doubles: properties in PLY, extra bytes in LAS and LAZ.
+  std::vector<std::string> scalars;
 };
 
 /// One grid of a PTX file, written before its points. A point with a NaN coordinate stands for "no return".
@@ -45,8 +45,8 @@ class PointEncoder {
  public:
   virtual ~PointEncoder() = default;
   /// `scan` matters to PTX only: coordinates are stored relative to its origin.
-  /// \param scalar  one for each point of the chunk where the header names it, else none
-  virtual void encode(const PointChunk& chunk, const PtxScan& scan, std::span<const double> scalar,
+  /// \param scalars  those of the first point of the chunk as the header names them, then those of the next one
+  virtual void encode(const PointChunk& chunk, const PtxScan& scan, std::span<const double> scalars,
                       EncodedPoints& out) const = 0;
   void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const {
     encode(chunk, scan, {}, out);
@@ -68,7 +68,7 @@ class PointWriter {
 
 /// By extension: .ply, .las, .laz, .ptx, .xyz (also .txt).
 /// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS, LAZ
-/// and PTX; a scalar in text)
+/// and PTX; scalars in text)
 std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path,
                                                  const PointFileHeader& header);
 /// Same rules; creates the file.

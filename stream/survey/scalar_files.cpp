@@ -1,4 +1,4 @@
-#include "stream/survey/deviation_files.h"
+#include "stream/survey/scalar_files.h"
 
 #include <charconv>
 #include <cmath>
@@ -20,21 +20,25 @@ char* put_text(char* to, double value, char after) {
   return to + 1;
 }
 
-class DeviationCsv : public DeviationFile {
+class ScalarCsv : public ScalarFile {
  public:
-  explicit DeviationCsv(const std::filesystem::path& path) : file_(path) {
-    file_.append(std::string("x,y,z,") + kDeviationName + "\n");
+  ScalarCsv(const std::filesystem::path& path, const std::vector<std::string>& names)
+      : file_(path), count_(names.size()) {
+    std::string head = "x,y,z";
+    for (const std::string& name : names) head += "," + name;
+    file_.append(head + "\n");
   }
-  void add(const PointChunk& points, std::span<const double> deviation) override {
+  void add(const PointChunk& points, std::span<const double> scalars) override {
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (!std::isfinite(points.x[i]) || !std::isfinite(points.y[i]) || !std::isfinite(points.z[i])) continue;
-      constexpr std::size_t kRow = 100;
-      char* const row = file_.reserve(kRow);
+      constexpr std::size_t kNumber = 25;
+      char* const row = file_.reserve((3 + count_) * kNumber);
       char* to = row;
       to = put_text(to, points.x[i], ',');
       to = put_text(to, points.y[i], ',');
       to = put_text(to, points.z[i], ',');
-      to = put_text(to, deviation[i], '\n');
+      for (std::size_t k = 0; k < count_; ++k)
+        to = put_text(to, scalars[i * count_ + k], k + 1 == count_ ? '\n' : ',');
       file_.commit(static_cast<std::size_t>(to - row));
     }
   }
@@ -46,18 +50,19 @@ class DeviationCsv : public DeviationFile {
 
  private:
   OutputFile file_;
+  std::size_t count_;
 };
 
-class DeviationPoints : public DeviationFile {
+class ScalarPoints : public ScalarFile {
  public:
-  DeviationPoints(const std::filesystem::path& path, const PointFileHeader& header)
+  ScalarPoints(const std::filesystem::path& path, const PointFileHeader& header)
       : attributes_(header.attributes),
         encoder_(make_point_encoder(path, header)),
         writer_(create_point_file(path, header)) {}
-  void add(const PointChunk& points, std::span<const double> deviation) override {
+  void add(const PointChunk& points, std::span<const double> scalars) override {
     chunk_ = points;
     fill_missing(chunk_, attributes_);
-    encoder_->encode(chunk_, {}, deviation, encoded_);
+    encoder_->encode(chunk_, {}, scalars, encoded_);
     writer_->append(encoded_);
   }
   std::uint64_t finish() override { return writer_->finish(); }
@@ -70,20 +75,24 @@ class DeviationPoints : public DeviationFile {
   EncodedPoints encoded_;
 };
 
-class DeviationMesh : public DeviationFile {
+class ScalarMesh : public ScalarFile {
  public:
-  DeviationMesh(const std::filesystem::path& path, MeshReader& mesh, bool colour)
-      : file_(path), mesh_(mesh), colour_(colour), doubles_(mesh.header().double_positions) {
+  ScalarMesh(const std::filesystem::path& path, MeshReader& mesh, bool colour, std::vector<std::string> names)
+      : file_(path),
+        mesh_(mesh),
+        names_(std::move(names)),
+        colour_(colour),
+        doubles_(mesh.header().double_positions) {
     file_.append(header_text());
   }
-  void add(const PointChunk& points, std::span<const double> deviation) override {
-    const std::size_t record = (doubles_ ? 24u : 12u) + (colour_ ? 4u : 0u) + 8u;
+  void add(const PointChunk& points, std::span<const double> scalars) override {
+    const std::size_t record = (doubles_ ? 24u : 12u) + (colour_ ? 4u : 0u) + names_.size() * sizeof(double);
     for (std::size_t i = 0; i < points.size(); ++i) {
       char* to = file_.reserve(record);
       for (const double v : {points.x[i], points.y[i], points.z[i]})
         to = doubles_ ? put(to, v) : put(to, static_cast<float>(v));
       if (colour_) to = put(to, points.rgba[i]);
-      put(to, deviation[i]);
+      for (std::size_t k = 0; k < names_.size(); ++k) to = put(to, scalars[i * names_.size() + k]);
       file_.commit(record);
     }
     vertices_ += points.size();
@@ -128,31 +137,32 @@ class DeviationMesh : public DeviationFile {
     if (colour_)
       for (const char* name : {"red", "green", "blue", "alpha"})
         text += std::string("property uchar ") + name + "\n";
-    return text + "property double " + kDeviationName + "\nelement face " + faces +
-           "\nproperty list uchar uint vertex_indices\nend_header\n";
+    for (const std::string& name : names_) text += "property double " + name + "\n";
+    return text + "element face " + faces + "\nproperty list uchar uint vertex_indices\nend_header\n";
   }
 
   OutputFile file_;
   MeshReader& mesh_;
+  std::vector<std::string> names_;
   bool colour_, doubles_;
   std::uint64_t vertices_ = 0, faces_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<DeviationFile> create_deviation_csv(const std::filesystem::path& path) {
-  return std::make_unique<DeviationCsv>(path);
+std::unique_ptr<ScalarFile> create_scalar_csv(const std::filesystem::path& path,
+                                              const std::vector<std::string>& names) {
+  return std::make_unique<ScalarCsv>(path, names);
 }
 
-std::unique_ptr<DeviationFile> create_deviation_points(const std::filesystem::path& path,
-                                                       PointFileHeader header) {
-  header.scalar = kDeviationName;
-  return std::make_unique<DeviationPoints>(path, header);
+std::unique_ptr<ScalarFile> create_scalar_points(const std::filesystem::path& path,
+                                                 const PointFileHeader& header) {
+  return std::make_unique<ScalarPoints>(path, header);
 }
 
-std::unique_ptr<DeviationFile> create_deviation_mesh(const std::filesystem::path& path, MeshReader& mesh,
-                                                     bool colour) {
-  return std::make_unique<DeviationMesh>(path, mesh, colour);
+std::unique_ptr<ScalarFile> create_scalar_mesh(const std::filesystem::path& path, MeshReader& mesh,
+                                               bool colour, const std::vector<std::string>& names) {
+  return std::make_unique<ScalarMesh>(path, mesh, colour, names);
 }
 
 }  // namespace tessera
