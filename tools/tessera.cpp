@@ -41,6 +41,7 @@ int main(int argc, char** argv) {
       section_command(),
       classify_command(),
       deviate_command(),
+      change_command(),
       info_command(),
       convert_command(),
       parameterize_command(),
