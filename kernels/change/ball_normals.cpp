@@ -2,7 +2,6 @@
 
 #include <immintrin.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -11,7 +10,6 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kLanes = 4;
 constexpr double kMinPlanePoints = 3.0;
 /// A cell is taken whole, or passed over, where rounding decides nothing.
 constexpr double kSure = 1e-9;
@@ -25,43 +23,26 @@ struct BallSums {
   CellMoments whole;
 };
 
-double lanes_added(__m256d v) {
-  alignas(32) std::array<double, kLanes> lane{};
-  _mm256_store_pd(lane.data(), v);
-  return (lane[0] + lane[2]) + (lane[1] + lane[3]);
-}
-
-/// All ones in the first `count` lanes.
-__m256i first_lanes(std::size_t count) {
-  alignas(32) static constexpr std::array<std::int64_t, 8> kMask = {-1, -1, -1, -1, 0, 0, 0, 0};
-  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(kMask.data() + (kLanes - count)));
-}
-
 /// Points of a cell that lie in the ball. No fused products: membership is that of plain arithmetic.
-void add_points(const PointCells& cells, const PointCell& cell, const Double3& p, double square,
+void add_points(const PointCells& cells, const PointCell& cell, const PlaceLanes& p, __m256d square,
                 BallSums& sums) {
-  const __m256d px = _mm256_set1_pd(p[0]), py = _mm256_set1_pd(p[1]), pz = _mm256_set1_pd(p[2]);
-  const __m256d limit = _mm256_set1_pd(square), one = _mm256_set1_pd(1.0);
-  for (std::size_t i = cell.begin; i < cell.end; i += kLanes) {
-    const __m256i there = first_lanes(std::min<std::size_t>(kLanes, cell.end - i));
-    __m256d x = _mm256_sub_pd(_mm256_maskload_pd(cells.x().data() + i, there), px);
-    __m256d y = _mm256_sub_pd(_mm256_maskload_pd(cells.y().data() + i, there), py);
-    __m256d z = _mm256_sub_pd(_mm256_maskload_pd(cells.z().data() + i, there), pz);
-    const __m256d xx = _mm256_mul_pd(x, x), yy = _mm256_mul_pd(y, y), zz = _mm256_mul_pd(z, z);
-    const __m256d d2 = _mm256_add_pd(_mm256_add_pd(xx, yy), zz);
-    const __m256d in = _mm256_and_pd(_mm256_cmp_pd(d2, limit, _CMP_LE_OQ), _mm256_castsi256_pd(there));
+  const __m256d one = _mm256_set1_pd(1.0);
+  for_point_lanes(cells, cell.begin, cell.end, p, [&](__m256d x, __m256d y, __m256d z, __m256d there) {
+    const __m256d d2 =
+        _mm256_add_pd(_mm256_add_pd(_mm256_mul_pd(x, x), _mm256_mul_pd(y, y)), _mm256_mul_pd(z, z));
+    const __m256d in = _mm256_and_pd(_mm256_cmp_pd(d2, square, _CMP_LE_OQ), there);
     x = _mm256_and_pd(x, in), y = _mm256_and_pd(y, in), z = _mm256_and_pd(z, in);
     sums.n = _mm256_add_pd(sums.n, _mm256_and_pd(one, in));
     sums.x = _mm256_add_pd(sums.x, x);
     sums.y = _mm256_add_pd(sums.y, y);
     sums.z = _mm256_add_pd(sums.z, z);
-    sums.xx = _mm256_add_pd(sums.xx, _mm256_mul_pd(x, x));
-    sums.xy = _mm256_add_pd(sums.xy, _mm256_mul_pd(x, y));
-    sums.xz = _mm256_add_pd(sums.xz, _mm256_mul_pd(x, z));
-    sums.yy = _mm256_add_pd(sums.yy, _mm256_mul_pd(y, y));
-    sums.yz = _mm256_add_pd(sums.yz, _mm256_mul_pd(y, z));
-    sums.zz = _mm256_add_pd(sums.zz, _mm256_mul_pd(z, z));
-  }
+    sums.xx = _mm256_fmadd_pd(x, x, sums.xx);
+    sums.xy = _mm256_fmadd_pd(x, y, sums.xy);
+    sums.xz = _mm256_fmadd_pd(x, z, sums.xz);
+    sums.yy = _mm256_fmadd_pd(y, y, sums.yy);
+    sums.yz = _mm256_fmadd_pd(y, z, sums.yz);
+    sums.zz = _mm256_fmadd_pd(z, z, sums.zz);
+  });
 }
 
 /// A cell whose points all lie in the ball: its moments, moved to p.
@@ -78,29 +59,33 @@ void add_cell(const CellMoments& m, const Double3& t, CellMoments& sums) {
   sums.zz += m.zz + t[2] * (2.0 * sz + nt[2]);
 }
 
-CellMoments ball_sums(const PointCells& cells, const Double3& p, double radius) {
-  const double square = radius * radius;
+CellMoments ball_sums(const PointCells& cells, const NearCells& near, const Double3& p, double radius) {
+  const PlaceLanes at(p);
+  const __m256d square = _mm256_set1_pd(radius * radius), reach = _mm256_set1_pd(radius);
+  const __m256d sure = _mm256_set1_pd(1.0 + kSure);
   BallSums sums;
-  std::array<std::int32_t, 3> low{}, high{};
-  for (std::size_t a = 0; a < 3; ++a)
-    low[a] = cells.cell_of(p[a] - radius), high[a] = cells.cell_of(p[a] + radius);
-  const std::span<const PointCell> all = cells.cells();
-  cells.for_cells(low, high, [&](std::uint32_t k) {
-    const PointCell& cell = all[k];
-    const double d2 = squared_distance(cell.middle, p);
-    const double outer = radius + cell.radius, inner = radius - cell.radius;
-    if (d2 > outer * outer * (1.0 + kSure)) return;
-    if (inner > 0.0 && d2 < inner * inner * (1.0 - kSure)) {
-      add_cell(cells.moments(k), cell.centre - p, sums.whole);
-    } else {
-      add_points(cells, cell, p, square, sums);
-    }
-  });
+  near.for_meeting(
+      [&](__m256d x, __m256d y, __m256d z, __m256d r) {
+        x = _mm256_sub_pd(x, at.x), y = _mm256_sub_pd(y, at.y), z = _mm256_sub_pd(z, at.z);
+        const __m256d d2 =
+            _mm256_add_pd(_mm256_add_pd(_mm256_mul_pd(x, x), _mm256_mul_pd(y, y)), _mm256_mul_pd(z, z));
+        const __m256d outer = _mm256_add_pd(reach, r);
+        return _mm256_cmp_pd(d2, _mm256_mul_pd(_mm256_mul_pd(outer, outer), sure), _CMP_LE_OQ);
+      },
+      [&](std::uint32_t k) {
+        const PointCell& cell = cells.cells()[k];
+        const double inner = radius - cell.radius;
+        if (inner > 0.0 && squared_distance(cell.middle, p) < inner * inner * (1.0 - kSure)) {
+          add_cell(cells.moments(k), cell.centre - p, sums.whole);
+        } else {
+          add_points(cells, cell, at, square, sums);
+        }
+      });
   CellMoments out = sums.whole;
-  out.count += lanes_added(sums.n);
-  out.sum = out.sum + Double3{lanes_added(sums.x), lanes_added(sums.y), lanes_added(sums.z)};
-  out.xx += lanes_added(sums.xx), out.xy += lanes_added(sums.xy), out.xz += lanes_added(sums.xz);
-  out.yy += lanes_added(sums.yy), out.yz += lanes_added(sums.yz), out.zz += lanes_added(sums.zz);
+  out.count += lane_sum(sums.n);
+  out.sum = out.sum + Double3{lane_sum(sums.x), lane_sum(sums.y), lane_sum(sums.z)};
+  out.xx += lane_sum(sums.xx), out.xy += lane_sum(sums.xy), out.xz += lane_sum(sums.xz);
+  out.yy += lane_sum(sums.yy), out.yz += lane_sum(sums.yz), out.zz += lane_sum(sums.zz);
   return out;
 }
 
@@ -120,10 +105,10 @@ std::optional<Double3> ruled_normal(const Double3& normal, const Double3& p, con
   return n + Double3{};  // no negative zeros
 }
 
-std::optional<Double3> ball_normal(const PointCells& cells, const Double3& p, double radius,
-                                   const NormalRule& rule) {
+std::optional<Double3> ball_normal(const PointCells& cells, const NearCells& near, const Double3& p,
+                                   double radius, const NormalRule& rule) {
   if (rule.kind == NormalRule::Kind::kVertical) return ruled_normal({0.0, 0.0, 1.0}, p, rule);
-  const CellMoments s = ball_sums(cells, p, radius);
+  const CellMoments s = ball_sums(cells, near, p, radius);
   if (s.count < kMinPlanePoints) return std::nullopt;
   const Double3 m = s.sum / s.count;
   const MinEigen3 plane =

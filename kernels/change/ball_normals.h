@@ -4,7 +4,7 @@
 #pragma once
 #include <optional>
 
-#include "kernels/change/point_cells.h"
+#include "kernels/change/near_cells.h"
 
 namespace tessera {
 
@@ -19,9 +19,9 @@ struct NormalRule {
 /// Unit normal at p of the points of the cloud whose distance to p is at most the radius. None where they are fewer than three
 /// or lie on a line, or where nothing is left without z. A normal across the direction has its first component that is not
 /// zero positive.
-/// \param cells  with moments  \param radius  > 0
-std::optional<Double3> ball_normal(const PointCells& cells, const Double3& p, double radius,
-                                   const NormalRule& rule);
+/// \param cells  with moments  \param near  of them, all that hold points of the ball  \param radius  > 0
+std::optional<Double3> ball_normal(const PointCells& cells, const NearCells& near, const Double3& p,
+                                   double radius, const NormalRule& rule);
 
 /// The normal as the rule has it. \param normal  unit, either side
 std::optional<Double3> ruled_normal(const Double3& normal, const Double3& p, const NormalRule& rule);

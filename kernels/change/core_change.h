@@ -5,6 +5,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "kernels/change/ball_normals.h"
@@ -38,10 +39,19 @@ struct CoreChange {
 double level_of_detection(const AxialPositions& before, const AxialPositions& after,
                           double registration_error);
 
-/// \param before, after  the points of the two clouds within change_reach() of p, or more; `before` with moments
-/// \param work  scratch, kept between calls
-CoreChange change_at(const PointCells& before, const PointCells& after, const Double3& p,
-                     const ChangeRule& rule, std::vector<double>& work);
+/// Scratch, kept between calls.
+struct ChangeWork {
+  NearCells ball;
+  std::array<NearCells, 2> cylinders;
+  std::vector<double> values;
+};
+
+/// Of core points that lie close together, as those of a cell do: they are looked up together, but what is found of one does not
+/// hang on the others.
+/// \param before, after  the points of the two clouds within change_reach() of the core points, or more; `before` with moments
+/// \param out  one for each
+void changes_at(const PointCells& before, const PointCells& after, std::span<const Double3> places,
+                const ChangeRule& rule, ChangeWork& work, std::span<CoreChange> out);
 
 /// How far from a core point the points lie that it looks at.
 double change_reach(const ChangeRule& rule);

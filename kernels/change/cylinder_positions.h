@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/change/point_cells.h"
+#include "kernels/change/near_cells.h"
 
 namespace tessera {
 
@@ -24,8 +24,8 @@ struct AxialPositions {
 };
 
 /// Of the points within the cylinder, its surface included. Quartiles are between two points by straight line.
-/// \param work  scratch, kept between calls
-AxialPositions axial_positions(const PointCells& cells, const Cylinder& cylinder, bool median,
-                               std::vector<double>& work);
+/// \param near  of the cells, all that hold points of the cylinder  \param work  scratch, kept between calls
+AxialPositions axial_positions(const PointCells& cells, const NearCells& near, const Cylinder& cylinder,
+                               bool median, std::vector<double>& work);
 
 }  // namespace tessera

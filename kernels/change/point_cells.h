@@ -50,27 +50,30 @@ class PointCells {
 
   /// The cell along an axis that holds a coordinate.
   std::int32_t cell_of(double coordinate) const;
-  /// Calls use(k) for the cells k of columns [low[0], high[0]] x [low[1], high[1]] whose z lies in [low[2], high[2]], in the
-  /// order of x, y, z. All are whole numbers of cells.
-  template <class Use>
-  void for_cells(const std::array<std::int32_t, 3>& low, const std::array<std::int32_t, 3>& high,
-                 const Use& use) const {
-    const std::int32_t x_end = std::min(high[0], first_[0] + columns_[0] - 1);
-    for (std::int32_t x = std::max(low[0], first_[0]); x <= x_end; ++x)
-      for_column_cells(x, low[1], high[1], low[2], high[2], use);
+  /// What of a range of cells along x (0) or y (1) has columns; empty where the first is above the last.
+  std::array<std::int32_t, 2> columns_within(std::size_t axis,
+                                             const std::array<std::int32_t, 2>& range) const {
+    return {std::max(range[0], first_[axis]), std::min(range[1], first_[axis] + columns_[axis] - 1)};
   }
-  /// The same of one x.
+  bool is_empty(std::int32_t x, std::int32_t y) const {
+    const std::size_t column = column_of(x, y);
+    return column_begin_[column] == column_begin_[column + 1];
+  }
+  /// Cells that lie together, two along each axis, share a key; keys of others differ.
+  std::uint64_t block_key(std::size_t cell) const {
+    const Double3& c = cells_[cell].centre;
+    std::uint64_t key = 0;
+    for (std::size_t a = 0; a < 3; ++a)
+      key = key << 21 | (static_cast<std::uint64_t>(cell_of(c[a]) >> 1) & 0x1fffff);
+    return key;
+  }
+  /// Calls use(k) for the cells k of a column whose z lies in [z_low, z_high], ascending. \pre there is such a column
   template <class Use>
-  void for_column_cells(std::int32_t x, std::int32_t y_low, std::int32_t y_high, std::int32_t z_low,
-                        std::int32_t z_high, const Use& use) const {
-    if (x < first_[0] || x >= first_[0] + columns_[0]) return;
-    const std::int32_t y_end = std::min(y_high, first_[1] + columns_[1] - 1);
-    for (std::int32_t y = std::max(y_low, first_[1]); y <= y_end; ++y) {
-      std::uint32_t k = first_cell(column_of(x, y), z_low);
-      for (const std::uint32_t end = column_begin_[column_of(x, y) + 1]; k < end && cells_[k].z <= z_high;
-           ++k)
-        use(k);
-    }
+  void for_column_cells(std::int32_t x, std::int32_t y, std::int32_t z_low, std::int32_t z_high,
+                        const Use& use) const {
+    const std::size_t column = column_of(x, y);
+    const std::uint32_t end = column_begin_[column + 1];
+    for (std::uint32_t k = first_cell(column, z_low); k < end && cells_[k].z <= z_high; ++k) use(k);
   }
 
   /// Memory of one with so many points and columns, while it is made.

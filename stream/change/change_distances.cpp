@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "kernels/change/core_points.h"
 #include "stream/runtime/stop.h"
@@ -13,7 +14,7 @@ namespace {
 constexpr std::uint64_t kMaxTarget = std::uint64_t{1} << 20, kMinTarget = std::uint64_t{1} << 14;
 constexpr std::uint64_t kTilesPerThread = 4;
 constexpr double kMaxLattice = 0x1p20;  ///< of the coarse lattice along an axis
-constexpr std::size_t kSliceCores = 4096;
+constexpr std::size_t kSliceGroups = 128;
 
 std::size_t bucket_bytes(std::uint64_t memory_bytes, std::size_t buckets) {
   return static_cast<std::size_t>(
@@ -22,6 +23,30 @@ std::size_t bucket_bytes(std::uint64_t memory_bytes, std::size_t buckets) {
 
 bool finite_point(const Double3& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+}
+
+/// Core points that lie close together and are looked up together.
+struct CoreGroups {
+  std::vector<std::uint32_t> point;  ///< in the cells
+  std::vector<std::uint32_t> begin;  ///< of groups among them, and the end
+};
+
+CoreGroups group_cores(const PointCells& cells, const std::vector<char>& core) {
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> blocks;
+  for (std::uint32_t k = 0; k < cells.cells().size(); ++k) blocks.emplace_back(cells.block_key(k), k);
+  std::sort(blocks.begin(), blocks.end());
+  CoreGroups out;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const auto first = static_cast<std::uint32_t>(out.point.size());
+    if (b == 0 || blocks[b].first != blocks[b - 1].first)
+      if (out.begin.empty() || out.begin.back() != first) out.begin.push_back(first);
+    const PointCell& cell = cells.cells()[blocks[b].second];
+    for (std::uint32_t i = cell.begin; i < cell.end; ++i)
+      if (core[cells.source(i)] != 0) out.point.push_back(i);
+  }
+  if (out.begin.empty() || out.begin.back() != out.point.size())
+    out.begin.push_back(static_cast<std::uint32_t>(out.point.size()));
+  return out;
 }
 
 }  // namespace
@@ -44,7 +69,7 @@ std::uint64_t ChangeDistances::tile_bytes(const ChangeTile& tile) const {
          PointCells::bytes(tile.loaded[1], columns, false) +
          tile.loaded[0] * (sizeof(Double3) + sizeof(std::uint64_t) + 1) + tile.loaded[1] * sizeof(Double3) +
          // The core points with what is found, and where cells are chosen from.
-         tile.own * (sizeof(Measured) + sizeof(PlacedChange) + sizeof(std::uint32_t)) +
+         tile.own * (sizeof(Measured) + sizeof(PlacedChange) + 2 * sizeof(std::uint32_t)) +
          (settings_.core_spacing > 0.0 ? tile.loaded[0] * 64 : 0) + (std::uint64_t{1} << 20);
 }
 
@@ -95,6 +120,19 @@ void ChangeDistances::deal(CloudPoints& before, CloudPoints& after, int threads,
   if (settings_.details) details_.emplace(result_pool_, all, memory_bytes_ / 16);
 }
 
+ChangeDistances::Measured ChangeDistances::measured_of(std::uint64_t index, const CoreChange& change) {
+  Measured m;
+  m.index = index;
+  m.found.distance = change.distance, m.found.uncertainty = change.uncertainty;
+  m.found.core = 1, m.found.significant = change.significant ? 1 : 0;
+  for (std::size_t k = 0; k < 2; ++k) {
+    m.details.count[k] = static_cast<std::uint32_t>(change.clouds[k].count);
+    if (change.clouds[k].count > 0) m.details.spread[k] = change.clouds[k].spread;
+  }
+  if (change.normal != Double3{}) m.details.normal = change.normal;
+  return m;
+}
+
 void ChangeDistances::measure_tile(std::size_t k, ChangeCells& cells) {
   const ChangeTile& tile = tiles_->tiles()[k];
   std::vector<Double3> points;
@@ -118,24 +156,23 @@ void ChangeDistances::measure_tile(std::size_t k, ChangeCells& cells) {
       k, [&](std::span<const Double3> some) { points.insert(points.end(), some.begin(), some.end()); });
   const PointCells after(points, cell_size_, false);
   std::vector<Double3>().swap(points);
-  std::vector<std::uint32_t> at;  // core points in the order of cells: neighbours look at the same ones
-  for (std::uint32_t i = 0; i < before.count(); ++i)
-    if (core[before.source(i)] != 0) at.push_back(i);
+  const CoreGroups groups = group_cores(before, core);
+  const std::vector<std::uint32_t>& at = groups.point;
   std::vector<Measured> measured(at.size());
-  parallel_for((at.size() + kSliceCores - 1) / kSliceCores, [&](std::size_t slice) {
+  const std::size_t count = groups.begin.size() - 1;
+  parallel_for((count + kSliceGroups - 1) / kSliceGroups, [&](std::size_t slice) {
     throw_if_stopped();
-    std::vector<double> work;
-    for (std::size_t c = slice * kSliceCores; c < std::min(at.size(), (slice + 1) * kSliceCores); ++c) {
-      const CoreChange change = change_at(before, after, before.position(at[c]), settings_.rule, work);
-      Measured& m = measured[c];
-      m.index = index[before.source(at[c])];
-      m.found.distance = change.distance, m.found.uncertainty = change.uncertainty;
-      m.found.core = 1, m.found.significant = change.significant ? 1 : 0;
-      for (std::size_t k2 = 0; k2 < 2; ++k2) {
-        m.details.count[k2] = static_cast<std::uint32_t>(change.clouds[k2].count);
-        if (change.clouds[k2].count > 0) m.details.spread[k2] = change.clouds[k2].spread;
-      }
-      if (change.normal != Double3{}) m.details.normal = change.normal;
+    ChangeWork work;
+    std::vector<Double3> places;
+    std::vector<CoreChange> changes;
+    for (std::size_t g = slice * kSliceGroups; g < std::min(count, (slice + 1) * kSliceGroups); ++g) {
+      const std::uint32_t begin = groups.begin[g], end = groups.begin[g + 1];
+      places.clear();
+      for (std::uint32_t c = begin; c < end; ++c) places.push_back(before.position(at[c]));
+      changes.resize(places.size());
+      changes_at(before, after, places, settings_.rule, work, changes);
+      for (std::uint32_t c = begin; c < end; ++c)
+        measured[c] = measured_of(index[before.source(at[c])], changes[c - begin]);
     }
   });
   std::vector<PlacedChange> placed;

@@ -77,6 +77,7 @@ class ChangeDistances {
     FoundChange found;
     ChangeDetails details;
   };
+  static Measured measured_of(std::uint64_t index, const CoreChange& change);
   Double3 framed(const Double3& p) const { return p - settings_.origin; }
   std::uint64_t tile_bytes(const ChangeTile& tile) const;
   void measure_tile(std::size_t k, ChangeCells& cells);
