@@ -77,6 +77,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/solid/placed_shape.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/solid_mesh.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/solid_surface_stage.cpp", "stream/stages/solid/solid_stages.h"},
+      {"stream/volume/mesh_volume_report.cpp", "stream/volume/mesh_volume.h"},
       {"tools/queue/cancel_command.cpp", "tools/commands.h"},
       {"tools/check_command.cpp", "tools/commands.h"},
       {"tools/convert_command.cpp", "tools/commands.h"},

@@ -1,13 +1,19 @@
-// tessera-gdal: writes by GDAL what `tessera raster`, `contours` and `section` have computed. A program of its own, so that
-// `tessera` does not load GDAL and all that it brings. It is called by those commands, with a request in their scratch folder.
+// tessera-gdal: writes by GDAL what `tessera raster`, `contours` and `section` have computed, and reads the rasters that `tessera
+// volume` counts from. A program of its own, so that `tessera` does not load GDAL and all that it brings. It is called by those
+// commands, with a request in their scratch folder.
 #include <cpl_conv.h>
 #include <cpl_error.h>
 #include <gdal_priv.h>
 #include <ogr_spatialref.h>
 #include <ogrsf_frmts.h>
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -24,6 +30,7 @@
 #include "stream/files/path_text.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/child_process.h"
+#include "stream/runtime/disk_space.h"
 #include "stream/runtime/stop.h"
 #include "stream/survey/raw_lines.h"
 #include "tools/frame/cli.h"
@@ -61,7 +68,7 @@ int CPL_STDCALL go_on(double, const char*, void*) {
 tessera::Json read_request(const Arguments& a) {
   if (a.request.empty())
     throw tessera::UsageError(
-        "no request given: this program is called by tessera raster, contours and section");
+        "no request given: this program is called by tessera raster, contours, section and volume");
   if (a.parent != 0) tessera::follow_parent(a.parent);
   // What GDAL itself and the rows at hand take stays below this; what is left is for its cache of blocks.
   constexpr std::uint64_t kOwn = std::uint64_t{128} << 20, kMin = std::uint64_t{16} << 20,
@@ -266,17 +273,124 @@ void write_lines(const Arguments& a) {
   std::filesystem::rename(named, result);
 }
 
+/// A file of doubles, row by row.
+class RawHeights {
+ public:
+  explicit RawHeights(std::filesystem::path path)
+      : path_(std::move(path)),
+        fd_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)) {
+    if (fd_ < 0) tessera::throw_write_error(path_, errno);
+  }
+  ~RawHeights() { ::close(fd_); }
+  RawHeights(const RawHeights&) = delete;
+  RawHeights& operator=(const RawHeights&) = delete;
+  void write(std::uint64_t index, const double* from, std::uint64_t count) {
+    if (const int error =
+            tessera::write_all_at(fd_, from, count * sizeof(double), index * sizeof(double)))
+      tessera::throw_write_error(path_, error);
+  }
+
+ private:
+  std::filesystem::path path_;
+  int fd_;
+};
+
+/// A GeoTIFF whose only band are heights. \throws InputError saying what else it is
+std::unique_ptr<GDALDataset> open_heights(const tessera::Json& request, std::array<double, 6>& transform) {
+  const std::string name = path_of(request, "name").string();
+  const std::array<const char*, 2> drivers = {"GTiff", nullptr};
+  std::unique_ptr<GDALDataset> set(GDALDataset::Open(path_of(request, "raster").c_str(),
+                                                     GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data()));
+  if (!set) throw tessera::InputError(name + ": is no GeoTIFF that GDAL reads: " + last_error());
+  if (set->GetRasterCount() != 1)
+    throw tessera::InputError(fmt::format("{}: has {} bands; heights are a GeoTIFF of one band", name,
+                                          set->GetRasterCount()));
+  const GDALDataType type = set->GetRasterBand(1)->GetRasterDataType();
+  if (GDALDataTypeIsComplex(type))
+    throw tessera::InputError(name + ": its values are complex numbers, not heights");
+  if (set->GetGeoTransform(transform.data()) != CE_None ||
+      !(std::abs(transform[1] * transform[5] - transform[2] * transform[4]) > 0.0))
+    throw tessera::InputError(name +
+                              ": is not georeferenced, so nobody knows where its heights lie; give it a "
+                              "place, as by gdal_edit.py -a_ullr");
+  return set;
+}
+
+void read_heights(const Arguments& a) {
+  const tessera::Json request = read_request(a);
+  std::array<double, 6> transform{};
+  const std::unique_ptr<GDALDataset> set = open_heights(request, transform);
+  const std::string name = path_of(request, "name").string();
+  const std::filesystem::path result = path_of(request, "result");
+  GDALRasterBand& band = *set->GetRasterBand(1);
+  const int columns = band.GetXSize(), rows = band.GetYSize();
+  const auto cells = static_cast<std::uint64_t>(columns) * static_cast<std::uint64_t>(rows);
+  tessera::require_disk(
+      std::array{tessera::DiskNeed{result.parent_path(), cells * sizeof(double), "the heights of " + name}},
+      tessera::kLargerDisk);
+  int block_columns = 0, block_rows = 0;
+  band.GetBlockSize(&block_columns, &block_rows);
+  // Whole blocks at a time, as many side by side as 16 MiB hold.
+  constexpr int kMost = 1 << 20;
+  const int height = std::clamp(block_rows, 1, std::min(rows, 1024));
+  const int width = std::min(columns, std::max(1, kMost / height / std::max(1, block_columns)) *
+                                          std::max(1, std::min(block_columns, kMost / height)));
+  int scaled = FALSE;
+  const double scale = band.GetScale(&scaled), offset = band.GetOffset(nullptr);
+  RawHeights out(result);
+  std::vector<double> values(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  std::vector<unsigned char> mask(values.size());
+  double low = HUGE_VAL, high = -HUGE_VAL;
+  for (int y = 0; y < rows; y += height)
+    for (int x = 0; x < columns; x += width) {
+      tessera::throw_if_stopped();
+      const int w = std::min(width, columns - x), h = std::min(height, rows - y);
+      if (band.RasterIO(GF_Read, x, y, w, h, values.data(), w, h, GDT_Float64, 0, 0, nullptr) != CE_None ||
+          band.GetMaskBand()->RasterIO(GF_Read, x, y, w, h, mask.data(), w, h, GDT_Byte, 0, 0, nullptr) !=
+              CE_None)
+        throw tessera::InputError(name + ": cannot be read: GDAL says: " + last_error());
+      for (std::size_t k = 0; k < static_cast<std::size_t>(w) * static_cast<std::size_t>(h); ++k) {
+        if (scaled != FALSE) values[k] = values[k] * scale + offset;
+        if (mask[k] == 0 || !std::isfinite(values[k])) {
+          values[k] = std::nan("");
+          continue;
+        }
+        low = std::min(low, values[k]), high = std::max(high, values[k]);
+      }
+      for (int r = 0; r < h; ++r)
+        out.write(static_cast<std::uint64_t>(y + r) * static_cast<std::uint64_t>(columns) +
+                      static_cast<std::uint64_t>(x),
+                  &values[static_cast<std::size_t>(r) * static_cast<std::size_t>(w)],
+                  static_cast<std::uint64_t>(w));
+    }
+  if (!(low <= high)) throw tessera::InputError(name + ": has no height at all, every cell says no data");
+  std::string crs;
+  if (const OGRSpatialReference* reference = set->GetSpatialRef()) {
+    char* text = nullptr;
+    const std::array<const char*, 2> options = {"FORMAT=WKT2_2019", nullptr};
+    if (reference->exportToWkt(&text, options.data()) == OGRERR_NONE && text) crs = text;
+    CPLFree(text);
+  }
+  tessera::write_durably(path_of(request, "info"), tessera::dump_json(tessera::Json{{"columns", columns},
+                                                                                   {"rows", rows},
+                                                                                   {"transform", transform},
+                                                                                   {"low", low},
+                                                                                   {"high", high},
+                                                                                   {"crs", crs}}));
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   auto a = std::make_shared<Arguments>();
   tessera::OptionTable t;
-  t.add("request", &a->request, "what to write, as tessera raster, contours and section say it").positional();
+  t.add("request", &a->request, "what to do, as tessera raster, contours, section and volume say it").positional();
   t.add("memory", &a->memory_bytes, "cap on memory").bytes();
   t.add("driven", &a->parent, "process that drives this one").hidden();
   return tessera::cli::run(
-      "tessera-gdal", "Writes foreign files by GDAL for tessera raster, contours and section, which call it.",
+      "tessera-gdal", "Writes and reads foreign files by GDAL for tessera raster, contours, section and volume, which call it.",
       {{"raster", "Raw cells to a Cloud Optimised GeoTIFF.", t, [a] { write_raster(*a); }},
-       {"lines", "Raw lines to GeoPackage, GeoJSON or DXF.", t, [a] { write_lines(*a); }}},
+       {"lines", "Raw lines to GeoPackage, GeoJSON or DXF.", t, [a] { write_lines(*a); }},
+       {"heights", "A GeoTIFF of one band to raw heights.", t, [a] { read_heights(*a); }}},
       argc, argv);
 }

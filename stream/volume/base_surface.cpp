@@ -1,0 +1,31 @@
+#include "stream/volume/base_surface.h"
+
+#include "stream/meshes/mesh_column.h"
+
+namespace tessera {
+namespace {
+
+class MeshBase : public BaseSurface {
+ public:
+  MeshBase(const MeshStore& mesh, const Double3& origin) : mesh_(mesh), origin_(origin) {}
+  std::uint64_t window_bytes(const MeshBox& window) const override {
+    return 3 * mesh_.block_bytes(mesh_.select(column_of(window, mesh_.box())));
+  }
+  void for_triangles(const MeshBox& window, const Use& use) const override {
+    use(triangles_of(mesh_.load_box(column_of(window, mesh_.box())), origin_));
+  }
+  double low() const override { return mesh_.box().low[2]; }
+  double high() const override { return mesh_.box().high[2]; }
+
+ private:
+  const MeshStore& mesh_;
+  Double3 origin_;
+};
+
+}  // namespace
+
+std::unique_ptr<BaseSurface> mesh_base(const MeshStore& mesh, const Double3& origin) {
+  return std::make_unique<MeshBase>(mesh, origin);
+}
+
+}  // namespace tessera
