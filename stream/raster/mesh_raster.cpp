@@ -8,8 +8,8 @@
 #include "octree/error.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"
-#include "stream/meshes/mesh_column.h"
 #include "stream/meshes/mesh_store.h"
+#include "stream/raster/mesh_frame.h"
 #include "stream/runtime/disk_space.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
@@ -21,27 +21,7 @@ namespace {
 
 constexpr std::int64_t kMinWindow = 64, kMaxWindow = 2048;
 
-/// The whole raster.
-struct RasterFrame : RasterGrid {
-  MeshBox box;  ///< of the mesh
-
-  RasterFrame(const MeshBox& mesh, double edge)
-      : RasterGrid(CellRange(mesh.low[0], mesh.high[0], edge), CellRange(mesh.low[1], mesh.high[1], edge),
-                   edge),
-        box(mesh) {}
-  /// All that may have a centre of the window below or above it.
-  MeshBox column(const RasterWindow& w) const {
-    const auto at = [&](std::int64_t k) { return static_cast<double>(k) * cell; };
-    return column_of({{west + at(w.column), north - at(w.row + w.rows), box.low[2]},
-                      {west + at(w.column + w.columns), north - at(w.row), box.high[2]}},
-                     box);
-  }
-  bool holds_centre(std::int64_t column, std::int64_t row) const {
-    return inside(column, row, box.low[0], box.high[0], box.low[1], box.high[1]);
-  }
-};
-
-void add_patch(const MeshBlock& block, const RasterFrame& frame, PlanRaster& raster) {
+void add_patch(const MeshBlock& block, const MeshFrame& frame, PlanRaster& raster) {
   const Double3 corner = {frame.west, frame.north, 0.0};
   for (const auto& f : block.faces) {
     std::array<std::uint32_t, 3> rgba{};
@@ -59,7 +39,7 @@ std::uint64_t window_bytes(std::int64_t side, std::size_t layers) {
 }
 
 /// The largest window of which every thread can hold one.
-std::int64_t window_side(const RasterFrame& frame, const MeshStore& store, const MemoryBudget& budget,
+std::int64_t window_side(const MeshFrame& frame, const MeshStore& store, const MemoryBudget& budget,
                          int threads, std::size_t layers) {
   const std::uint64_t share = budget.capacity() / static_cast<std::uint64_t>(threads);
   std::int64_t side = kMinWindow;
@@ -69,7 +49,7 @@ std::int64_t window_side(const RasterFrame& frame, const MeshStore& store, const
   return side;
 }
 
-void sample_window(const MeshStore& store, const RasterFrame& frame, const RasterWindow& window,
+void sample_window(const MeshStore& store, const MeshFrame& frame, const RasterWindow& window,
                    RasterFiles& files) {
   PlanRaster raster(window, frame.cell);
   for (const std::size_t patch : store.select(frame.column(window))) {
@@ -110,7 +90,7 @@ RasterReport write_rasters(const std::filesystem::path& mesh, const RasterOption
   for (const RasterOutput& output : outputs)
     if (output.layer == RasterLayer::kOrtho && !store.info().colour)
       throw UsageError("--layer ortho: " + mesh.string() + " has no colours");
-  const RasterFrame frame(store.box(), options.cell);
+  const MeshFrame frame(store.box(), options.cell);
   require_disk(std::array{DiskNeed{scratch.path(), 2 * RasterFiles::raw_bytes(frame.cells(), outputs),
                                    "the raw raster"}},
                kLargerDisk);

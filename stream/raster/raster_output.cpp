@@ -49,9 +49,8 @@ RasterGrid::RasterGrid(const CellRange& x, const CellRange& y, double edge) : ce
 
 bool RasterGrid::inside(std::int64_t column, std::int64_t row, double min_x, double max_x, double min_y,
                         double max_y) const {
-  const double x = west + (static_cast<double>(column) + 0.5) * cell;
-  const double y = north - (static_cast<double>(row) + 0.5) * cell;
-  return x >= min_x && x <= max_x && y >= min_y && y <= max_y;
+  const Double2 at = centre(column, row);
+  return at[0] >= min_x && at[0] <= max_x && at[1] >= min_y && at[1] <= max_y;
 }
 
 /// A raw file that windows are written into, row by row of the whole raster.
@@ -101,10 +100,11 @@ RasterReport RasterFiles::finish(const std::string& name, const RasterOptions& o
     report.values.push_back(totals_[k].count());
     if (report.values[k] == 0)
       throw EmptyError(fmt::format("{}: no cell of {:g} has a value of layer {}", name, grid_.cell,
-                                   name_of(outputs_[k].layer)));
+                                   outputs_[k].name.empty() ? name_of(outputs_[k].layer) : outputs_[k].name));
   }
   for (std::size_t k = 0; k < outputs_.size(); ++k) {
     Json request = totals_[k].description();
+    if (!outputs_[k].name.empty()) request["layer"] = outputs_[k].name;
     request["raw"] = json_text(files_[k]->path());
     request["columns"] = grid_.columns, request["rows"] = grid_.rows;
     request["west"] = grid_.west, request["north"] = grid_.north, request["cell"] = grid_.cell;

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "octree/vector.h"
 #include "stream/raster/raster_layer.h"
 
 namespace tessera {
@@ -29,6 +30,7 @@ struct RasterOptions {
 struct RasterOutput {
   RasterLayer layer = RasterLayer::kTop;
   std::filesystem::path path;
+  std::string name = {};  ///< of the layer in the file; empty = that of its kind
 };
 
 struct RasterReport {
@@ -57,6 +59,10 @@ struct RasterGrid {
   RasterGrid(const CellRange& x, const CellRange& y, double edge);
   std::uint64_t cells() const {
     return static_cast<std::uint64_t>(columns) * static_cast<std::uint64_t>(rows);
+  }
+  Double2 centre(std::int64_t column, std::int64_t row) const {
+    return {west + (static_cast<double>(column) + 0.5) * cell,
+            north - (static_cast<double>(row) + 0.5) * cell};
   }
   /// Whether the centre of a cell lies in a box.
   bool inside(std::int64_t column, std::int64_t row, double min_x, double max_x, double min_y,

@@ -19,6 +19,7 @@
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
 #include "stream/volume/base_surface.h"
+#include "stream/volume/difference_map.h"
 #include "stream/volume/plan_faces.h"
 #include "stream/volume/raster_base.h"
 #include "stream/volume/toe_surface.h"
@@ -95,8 +96,8 @@ class PatchVolumes {
   void add_piece(const PlanPiece& piece, const PlanFace& face, const PlanFace* base, int sign,
                  AreaPart& to) const {
     const int facing = face.triangle.facing() * (base != nullptr ? base->triangle.facing() : 1);
-    const CutFill v = base != nullptr ? piece.between(face.triangle, base->triangle)
-                                      : piece.above(face.triangle, level_);
+    const CutFill v =
+        base != nullptr ? piece.between(face.triangle, base->triangle) : piece.above(face.triangle, level_);
     to.volume.add(v, sign * facing);
     if (base == nullptr) return;
     const Double2 g = base->triangle.gradient();
@@ -156,10 +157,10 @@ struct Base {
 
 void require_open(const Surfaces& base, const std::filesystem::path& path) {
   if (base.down <= kMaxDownward * base.up) return;
-  throw UsageError(fmt::format(
-      "{}: {:.3g} % of what it shows upwards it shows downwards too, so it has no one height to "
-      "count from: give an open surface as --base",
-      path.string(), 100.0 * base.down / std::max(base.up, 1e-300)));
+  throw UsageError(
+      fmt::format("{}: {:.3g} % of what it shows upwards it shows downwards too, so it has no one height to "
+                  "count from: give an open surface as --base",
+                  path.string(), 100.0 * base.down / std::max(base.up, 1e-300)));
 }
 
 /// Of the base: what noise adds, and what its tolerance bounds.
@@ -226,7 +227,7 @@ class VolumeSums {
         for (std::size_t a = 0; a < 2; ++a)
           shared.low[a] = std::max(box.low[a], of_batch.low[a]),
           shared.high[a] = std::min(box.high[a], of_batch.high[a]);
-        const PlanGrid grid(under, base_.store ? box : shared);
+        const PlanGrid grid(under, shared);
         for (const PlanFace& f : faces)
           if (f.box.meets(of_batch)) volumes.add(f, &grid);
       });
@@ -284,7 +285,8 @@ MeshVolumes measure_volumes(const std::filesystem::path& mesh, const VolumeOptio
                             options.toe_gap, options.noise, pool, budget);
       base.low = store.box().low[2], base.high = store.box().high[2];
       for (const ToeSurface& toe : base.toes)
-        base.low = std::min(base.low, origin[2] + toe.low), base.high = std::max(base.high, origin[2] + toe.high);
+        base.low = std::min(base.low, origin[2] + toe.low),
+        base.high = std::max(base.high, origin[2] + toe.high);
     }
     if (base.surface) base.low = base.surface->low(), base.high = base.surface->high();
     own = add_surfaces(store, areas, origin, pool, budget);
@@ -306,6 +308,12 @@ MeshVolumes measure_volumes(const std::filesystem::path& mesh, const VolumeOptio
     bound_volume(a, options, base.is_toe() ? &base.toes[k] : nullptr);
     out.areas.push_back(a);
   }
+  if (options.map.empty()) return out;
+  DifferenceMap map;
+  map.surface = base.surface.get(), map.toes = &base.toes, map.areas = &areas;
+  map.level = options.level, map.low = base.low, map.high = base.high, map.origin = origin;
+  map.cell = options.cell, map.crs = options.crs, map.memory_bytes = options.memory_bytes;
+  out.warnings += write_difference(store, map, scratch.path(), pool, budget, options.map);
   return out;
 }
 
