@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 #include <functional>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -272,6 +273,57 @@ TEST_CASE("volume: noise of points bounds volumes as statistics say", "[pipeline
                        "--spacing", "0.5", "--base-noise", "0.05", "--base-spacing", "0.5"});
   CHECK(number(both.at("areas")[0], "noise_bound") == Approx(known * std::sqrt(2.0)).epsilon(1e-3));
   CHECK(number(both.at("noise"), "spacing") == 0.5);
+}
+
+TEST_CASE("volume: two scans of one terrain differ by no more than their noise allows", "[pipeline]") {
+  const TempFolder folder;
+  std::vector<std::string> meshes;
+  for (const char* seed : {"1", "2"}) {
+    const std::string scan = (folder / (std::string(seed) + ".ply")).string(),
+                      mesh = (folder / (std::string(seed) + ".mesh.ply")).string();
+    REQUIRE(tessera_command({"synth", "--scene", "terrain", "--points", "60k", "--noise", "0.2", "--normals",
+                             "--seed", seed, "-o", scan})
+                .code == 0);
+    REQUIRE(tessera_command({"reconstruct", scan, "-o", mesh, "-q"}).code == 0);
+    meshes.push_back(mesh);
+  }
+  // A million square units hold 60,000 points: 4.2 apart.
+  const tessera::Json r =
+      volumes(folder, {meshes[1], "--base", meshes[0], "--noise", "0.2", "--spacing", "4.2", "--base-noise",
+                       "0.2", "--base-spacing", "4.2", "--tolerance", "0.5", "--base-tolerance", "0.5"});
+  const tessera::Json& row = r.at("areas")[0];
+  CHECK(number(row, "covered") > 0.99e6);
+  CHECK(number(row, "fill") > 1e4);
+  CHECK(std::abs(net(r)) < number(row, "noise_bound"));
+  CHECK(number(row, "noise_bound") < 0.003 * number(row, "covered"));
+  CHECK(std::abs(net(r)) < bound(r));
+}
+
+TEST_CASE("volume: two halves of a real flight differ by no more than their noise allows",
+          "[pipeline][.shared]") {
+  if (!has_shared_data()) return;
+  const fs::path scan = kSharedData / "lidar/ign-2023.laz";
+  const TempFolder folder;
+  REQUIRE(tessera_command({"convert", scan.string(), "-o", (folder / "all.xyz").string()}).code == 0);
+  std::istringstream lines(file_bytes(folder / "all.xyz"));
+  std::string halves[2];
+  bool odd = false;
+  for (std::string line; std::getline(lines, line); odd = !odd) halves[odd ? 1 : 0] += line + "\n";
+  std::vector<std::string> meshes;
+  for (const int half : {0, 1}) {
+    const fs::path points = folder.write(std::to_string(half) + ".xyz", halves[half]);
+    meshes.push_back((folder / (std::to_string(half) + ".ply")).string());
+    REQUIRE(
+        tessera_command({"reconstruct", points.string(), "-o", meshes.back(), "--surface", "ground", "-q"})
+            .code == 0);
+  }
+  // What is left of plants and taken of banks hangs together over some metres.
+  const tessera::Json r = volumes(folder, {meshes[1], "--base", meshes[0], "--noise", "0.1", "--noise-length",
+                                           "8", "--base-noise", "0.1", "--base-noise-length", "8"});
+  const tessera::Json& row = r.at("areas")[0];
+  CHECK(number(row, "covered") > 0.99e6);
+  CHECK(std::abs(net(r)) < number(row, "noise_bound"));
+  CHECK(number(row, "noise_bound") < 0.005 * number(row, "covered"));
 }
 
 TEST_CASE("volume: a raster with holes covers less, of any type, turned too", "[pipeline]") {
