@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "stream/page/page_style.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera::html {
@@ -93,7 +94,10 @@ std::string histogram(const Histogram& h) {
                          step * static_cast<double>(i) + 0.5, kBase - tall, step - 1.0, tall);
   }
   svg += fmt::format("<line x1=\"0\" x2=\"{0}\" y1=\"{1}\" y2=\"{1}\"/>\n", kWidth, kBase);
-  const auto anchor = [&](double x) { return x < 1.0 ? "start" : x > kWidth - 1.0 ? "end" : "middle"; };
+  constexpr double kHalfLabel = 24.0;
+  const auto anchor = [&](double x) {
+    return x < kHalfLabel ? "start" : x > kWidth - kHalfLabel ? "end" : "middle";
+  };
   for (std::size_t i = 0; i < h.edges.size(); ++i) {
     const double x = step * static_cast<double>(i);
     if (!h.edges[i].empty())
@@ -120,6 +124,29 @@ std::string picture(std::string_view png, const std::string& alternative, const 
   return fmt::format(
       "<figure><img alt=\"{}\" src=\"data:image/png;base64,{}\"><figcaption>{}</figcaption></figure>\n",
       escape(alternative), base64(png), escape(caption));
+}
+
+std::string tile(const std::string& value, const std::string& what) {
+  return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", escape(value), escape(what));
+}
+
+std::string begin(const std::string& generator) {
+  return fmt::format(
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta name=\"generator\" content=\"{}\">\n",
+      generator);
+}
+
+std::string head(const std::string& generator, const std::string& title, bool scripts) {
+  // Nothing is fetched, whatever should ever slip into the text.
+  return begin(generator) +
+         fmt::format(
+             "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
+             "style-src 'unsafe-inline'{}\">\n"
+             "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+             "<meta name=\"color-scheme\" content=\"light dark\">\n"
+             "<title>{}</title>\n<style>{}</style>\n</head>\n<body>\n",
+             scripts ? "; script-src 'unsafe-inline'" : "", escape(title), kPageStyle);
 }
 
 std::string section(const std::string& id, const std::string& title, const std::string& body) {

@@ -41,6 +41,15 @@ std::string histogram(const Histogram& h);
 /// \param png  the bytes of the file
 std::string picture(std::string_view png, const std::string& alternative, const std::string& caption);
 
+/// A figure in large letters over what it is.
+std::string tile(const std::string& value, const std::string& what);
+
+/// What every page of `generator` begins with, to the byte.
+std::string begin(const std::string& generator);
+/// begin(), the title, the styles, and a policy that forbids to load anything, up to the body.
+/// \param scripts  whether those in the page may run
+std::string head(const std::string& generator, const std::string& title, bool scripts);
+
 /// <section> with a heading.
 std::string section(const std::string& id, const std::string& title, const std::string& body);
 std::string paragraph(const std::string& text, const std::string& css_class = "");

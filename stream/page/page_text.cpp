@@ -11,7 +11,6 @@
 #include "stream/page/html.h"
 #include "stream/page/page_figures.h"
 #include "stream/page/page_script.h"
-#include "stream/page/page_style.h"
 #include "stream/page/report_value.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
@@ -20,24 +19,13 @@ namespace tessera {
 namespace {
 
 using html::escape;
+using html::tile;
 using Rows = std::vector<std::pair<std::string, std::string>>;
 
-constexpr const char* kBegin =
-    "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-    "<meta name=\"generator\" content=\"tessera report\">\n";
-// Nothing is fetched, whatever should ever slip into the text.
-constexpr const char* kPolicy =
-    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src "
-    "'unsafe-inline'; script-src 'unsafe-inline'\">\n"
-    "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-    "<meta name=\"color-scheme\" content=\"light dark\">\n";
+constexpr const char* kGenerator = "tessera report";
 
 std::string name_of(const std::string& path) {
   return path.substr(path.find_last_of('/') + 1);
-}
-
-std::string tile(const std::string& value, const std::string& what) {
-  return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", escape(value), escape(what));
 }
 
 std::string summary(const Json& report, const PageParts& parts) {
@@ -230,10 +218,7 @@ std::string preview(const PageParts& parts) {
 std::string page_text(const Json& report, const PageParts& parts) {
   const bool refused = value_at(report, "/refused").is_object();
   const std::string output = text_at(report, "/output/path");
-  std::string text = kBegin;
-  text += kPolicy;
-  text += fmt::format("<title>{}: report of Tessera</title>\n<style>{}</style>\n</head>\n<body>\n",
-                      escape(name_of(output)), kPageStyle);
+  std::string text = html::head(kGenerator, name_of(output) + ": report of Tessera", true);
   text += fmt::format(
       "<header>\n<h1><bdi>{}</bdi> <span class=\"state "
       "{}\">{}</span></h1>\n<p><code><bdi>{}</bdi></code></p>\n"
@@ -256,9 +241,10 @@ std::string page_text(const Json& report, const PageParts& parts) {
 
 bool is_page(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
-  std::string start(std::char_traits<char>::length(kBegin), '\0');
+  const std::string begin = html::begin(kGenerator);
+  std::string start(begin.size(), '\0');
   file.read(start.data(), static_cast<std::streamsize>(start.size()));
-  return file.gcount() == static_cast<std::streamsize>(start.size()) && start == kBegin;
+  return file.gcount() == static_cast<std::streamsize>(start.size()) && start == begin;
 }
 
 }  // namespace tessera

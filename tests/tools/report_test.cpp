@@ -1,8 +1,6 @@
 // The page of a job for people: what it says, that it is whole, that it costs and breaks nothing.
 #include <catch2/catch.hpp>
 
-#include <regex>
-#include <set>
 #include <vector>
 
 #include "kernels/picture/caption.h"
@@ -11,6 +9,7 @@
 #include "stream/page/page_text.h"
 #include "stream/page/report_page.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/html_fault.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -21,34 +20,6 @@ using namespace tessera::test;
 namespace fs = std::filesystem;
 
 namespace {
-
-/// The first fault of its tags: not closed, closed in another order, an attribute without quotes; empty if there is none.
-std::string fault_of(const std::string& page) {
-  static const std::regex kTag(R"re(<(/?)([a-zA-Z0-9]+)((?:\s+[a-zA-Z0-9:-]+(?:="[^"<>]*")?)*)\s*(/?)>)re");
-  static const std::set<std::string> kVoid = {"meta", "img", "input", "br"};
-  std::vector<std::string> open;
-  std::size_t at = page.find('>') + 1;  // behind the doctype
-  while ((at = page.find('<', at)) != std::string::npos) {
-    // Pictures and data are long: the expression is given the tag alone.
-    const std::size_t end = page.find('>', at);
-    if (end == std::string::npos) return "no end of a tag";
-    std::string tag = page.substr(at, end + 1 - at);
-    if (const std::size_t data = tag.find("base64,"); data != std::string::npos)
-      tag.erase(data, tag.find('"', data) - data);
-    std::smatch match;
-    if (!std::regex_match(tag, match, kTag)) return "no tag: " + tag.substr(0, 80);
-    const std::string name = match[2];
-    at = end + 1;
-    if (match[1] == "/") {
-      if (open.empty() || open.back() != name) return "closes out of order: " + tag;
-      open.pop_back();
-    } else if (kVoid.count(name) == 0 && match[4] != "/") {
-      open.push_back(name);
-      if (name == "script" || name == "style") at = page.find("</" + name + ">", at);  // raw text
-    }
-  }
-  return open.empty() ? "" : "not closed: " + open.back();
-}
 
 CommandResult with_page(const std::vector<std::string>& words) {
   return tessera_command(words, 0, {}, true);
@@ -79,7 +50,7 @@ TEST_CASE("report: the page is well formed, holds the figures, and loads nothing
   INFO(r.errors);
   REQUIRE(r.code == 0);
   const std::string page = file_bytes(mesh.string() + ".report.html");
-  CHECK(fault_of(page) == "");
+  CHECK(html_fault(page) == "");
   const Json report = report_of(mesh);
   const auto count = [&](const char* part, const char* key) {
     return with_commas(report.at(part).at(key).get<std::uint64_t>());
@@ -143,7 +114,7 @@ TEST_CASE("report: a cap too small for pictures leaves them out and says so, and
   REQUIRE(r.code == 0);
   CHECK(r.peak_bytes < std::uint64_t{96} << 20);
   const std::string page = file_bytes(mesh.string() + ".report.html");
-  CHECK(fault_of(page) == "");
+  CHECK(html_fault(page) == "");
   CHECK(holds(page, "Pictures left out: "));
   CHECK(holds(page, "--memory"));
 }
@@ -179,7 +150,7 @@ TEST_CASE("report: refused jobs have a page with the refusal, and their report m
   const Json report = report_of(mesh);
   CHECK(report.at("refused").at("code") == 6);
   const std::string page = file_bytes(mesh.string() + ".report.html");
-  CHECK(fault_of(page) == "");
+  CHECK(html_fault(page) == "");
   CHECK(holds(page, html::escape(report.at("refused").at("message").get<std::string>())));
   CHECK(holds(page, "Exit code 6"));
   CHECK(holds(page, "<td class=\"n\">40,000</td>"));
@@ -243,13 +214,13 @@ TEST_CASE("report: names of files are text and nothing else", "[unit]") {
   PageParts parts;
   parts.pictures_note = parts.deviation_note = parts.preview_note = parts.check_note = evil;
   const std::string page = page_text(report, parts);
-  CHECK(fault_of(page) == "");
+  CHECK(html_fault(page) == "");
   CHECK_FALSE(holds(page, "<script>alert"));
   CHECK_FALSE(holds(page, "<img src=x"));
   CHECK(holds(page, "&lt;script&gt;alert(1)"));
-  CHECK(fault_of(page_text(Json::object(), {})) == "");
-  CHECK(fault_of(page_text(Json(), {})) == "");
-  CHECK(fault_of("<!DOCTYPE html>\n<p><b></p></b>") != "");  // the measure itself
+  CHECK(html_fault(page_text(Json::object(), {})) == "");
+  CHECK(html_fault(page_text(Json(), {})) == "");
+  CHECK(html_fault("<!DOCTYPE html>\n<p><b></p></b>") != "");  // the measure itself
 }
 
 TEST_CASE("report: a closed mesh that is inside out is told", "[pipeline]") {
