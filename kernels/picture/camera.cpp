@@ -195,6 +195,15 @@ Camera focus_camera(const ViewSpec& view, const Double3& centre, double radius, 
   return camera;
 }
 
+std::optional<Double2> position_in_view(const Camera& camera, const Double3& place) {
+  const Double3 from_eye = place - camera.eye;
+  const double depth = -dot(from_eye, camera.back);
+  if (!camera.orthographic && !(depth > 0.0)) return std::nullopt;
+  const double wide = camera.orthographic ? 1.0 : depth;
+  return Double2{dot(from_eye, camera.right) / (wide * camera.half_width),
+                 dot(from_eye, camera.up) / (wide * camera.half_height)};
+}
+
 void set_depth_range(Camera& camera, const Double3& low, const Double3& high) {
   double nearest = std::numeric_limits<double>::infinity();
   double farthest = -nearest;

@@ -4,6 +4,7 @@
 /// their precision.
 #pragma once
 #include <array>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -49,6 +50,9 @@ Camera fit_camera(const ViewSpec& view, std::span<const Float3> points, double a
 
 /// Places a camera on the ball of `radius` around `centre`.
 Camera focus_camera(const ViewSpec& view, const Double3& centre, double radius, double aspect, double zoom);
+
+/// Where a place is seen: -1 at the left and lower edge of the frame, 1 at the right and upper; none behind the viewer.
+std::optional<Double2> position_in_view(const Camera& camera, const Double3& place);
 
 /// Sets the near and far planes so that the box is between them.
 void set_depth_range(Camera& camera, const Double3& low, const Double3& high);

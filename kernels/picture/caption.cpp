@@ -215,6 +215,20 @@ void draw_scale_bar(Image& image, double x, double y, double length, double tick
       {{x, y, x + length, y}, {x, y - tick, x, y + tick}, {x + length, y - tick, x + length, y + tick}}, 1.0);
 }
 
+void draw_ring(Image& image, double x, double y, double radius) {
+  // Corners of a circle whose chords no pixel tells from arcs; rotated by products, without libm.
+  constexpr int kChords = 32;
+  constexpr double kCos = 0.98078528040323043, kSin = 0.19509032201612828;  // of a 32nd of the circle
+  std::vector<Segment> segments;
+  double right = radius, down = 0.0;
+  for (int i = 0; i < kChords; ++i) {
+    const double next = right * kCos - down * kSin, lower = right * kSin + down * kCos;
+    segments.push_back({x + right, y + down, x + next, y + lower});
+    right = next, down = lower;
+  }
+  draw_strokes(image, segments, std::max(1.0, 0.1 * radius));
+}
+
 void paste(Image& to, const Image& from, int x, int y) {
   for (int row = 0; row < from.height; ++row) {
     std::memcpy(to.pixel(x, y + row), from.pixel(0, row), 3 * static_cast<std::size_t>(from.width));

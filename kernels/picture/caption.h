@@ -17,6 +17,9 @@ void draw_caption(Image& image, double x, double y, double cap_height, const std
 /// A horizontal bar with end ticks, from (x, y) over `length` pixels.
 void draw_scale_bar(Image& image, double x, double y, double length, double tick);
 
+/// A circle around (x, y).
+void draw_ring(Image& image, double x, double y, double radius);
+
 /// Copies `from` into `to` with its top left corner at (x, y). \pre it fits
 void paste(Image& to, const Image& from, int x, int y);
 

@@ -151,7 +151,7 @@ void add_captions(Image& image, const std::vector<PictureView>& views, const std
   const auto available = static_cast<double>(image.width) - 3.0 * cap;
   std::string text = title;
   while (text.size() > 4 && caption_width(text, cap) > available) text.pop_back();
-  draw_caption(image, 1.2 * cap, 2.2 * cap, cap, text);
+  if (!text.empty()) draw_caption(image, 1.2 * cap, 2.2 * cap, cap, text);
   for (std::size_t i = 0; i < views.size(); ++i) {
     const PictureView& v = views[i];
     const double base = v.y + v.height - 1.1 * cap;
@@ -189,6 +189,42 @@ void add_legend(Image& image, const ColourLegend& legend) {
   }
   const double width = caption_width(legend.title, 0.9 * cap);
   draw_caption(image, right - width, top - 1.2 * cap, 0.9 * cap, legend.title);
+}
+
+/// Whether something of the scene lies before what is seen at `at`, nearer by more than `margin` within `halo` around it.
+bool hidden(const Camera& camera, const Double3& place, const Double2& at, const Double2& halo, double margin,
+            std::span<const Float3> scene) {
+  const double depth = dot(place, camera.back) + margin;
+  return std::any_of(scene.begin(), scene.end(), [&](const Float3& s) {
+    const Double3 p = {s[0], s[1], s[2]};
+    if (!(dot(p, camera.back) > depth)) return false;
+    const std::optional<Double2> seen = position_in_view(camera, p);
+    return seen && std::abs((*seen)[0] - at[0]) <= halo[0] && std::abs((*seen)[1] - at[1]) <= halo[1];
+  });
+}
+
+/// Rings around the places, their labels beside them; what a view does not show has none there.
+void add_marks(Image& image, const std::vector<PictureView>& views, const std::vector<RenderMark>& marks,
+               const Double3& origin, const SceneBox& box, std::span<const Float3> scene) {
+  constexpr double kBefore = 0.03;  // of the diagonal: nearer ones are of the same side
+  const double cap = std::clamp(image.height / 85.0, 7.0, 22.0), radius = 0.8 * cap;
+  const double margin = kBefore * norm(box.high - box.low);
+  for (const PictureView& view : views)
+    for (const RenderMark& mark : marks) {
+      const Double3 place = mark.at - origin;
+      const std::optional<Double2> at = position_in_view(view.camera, place);
+      if (!at || hidden(view.camera, place, *at, {radius / view.width, radius / view.height}, margin, scene))
+        continue;
+      const double x = view.x + (0.5 + 0.5 * (*at)[0]) * view.width,
+                   y = view.y + (0.5 - 0.5 * (*at)[1]) * view.height;
+      if (x - radius < view.x || x + radius >= view.x + view.width || y - radius < view.y ||
+          y + radius >= view.y + view.height)
+        continue;
+      draw_ring(image, x, y, radius);
+      const double width = caption_width(mark.label, cap), right = x + 1.4 * radius;
+      draw_caption(image, right + width < view.x + view.width ? right : x - 1.4 * radius - width,
+                   y + 0.5 * cap, cap, mark.label);
+    }
 }
 
 bool overlap(const SceneBox& a, const SceneBox& b) {
@@ -285,7 +321,8 @@ Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::ve
     for (const auto& item : panel.items) item->draw(picture, context);
     picture.finish(image);
   }
-  if (options.captions) add_captions(image, views, specs, panel.caption);
+  if (options.captions) add_captions(image, views, specs, options.titles ? panel.caption : "");
+  add_marks(image, views, options.marks, origin, panel.box, fit_points);
   for (const auto& item : panel.items)
     if (const auto legend = item->legend()) {
       add_legend(image, *legend);

@@ -17,6 +17,12 @@
 
 namespace tessera {
 
+/// A place that is ringed in the views that show it: a sample of the scene tells whether something lies before it.
+struct RenderMark {
+  Double3 at{};       ///< scan units
+  std::string label;  ///< ASCII, beside the ring
+};
+
 struct RenderOptions {
   std::vector<std::string> inputs;   ///< drawn together in one picture: meshes, point files, or both
   std::vector<std::string> compare;  ///< each one more picture, same camera, to the right
@@ -60,6 +66,8 @@ struct RenderOptions {
   double occlusion = 1.0;  ///< strength of ambient occlusion, 0..2
   double splat = 0.0;      ///< diameter of points, scan units; 0 = from their spacing
   bool captions = true;    ///< names, counts, scale bars
+  bool titles = true;      ///< of captions: the line with names and counts
+  std::vector<RenderMark> marks;
 
   std::vector<std::string> columns;  ///< names of text columns of point files
   std::uint64_t memory_bytes = 0;    ///< cap on peak RSS; 0 = none
