@@ -33,16 +33,28 @@ figure { margin: 1rem 0; } figure.histogram { max-width: 44rem; } figure.histogr
 img { display: block; max-width: 100%; height: auto; border: 1px solid var(--line); border-radius: .4rem; background: #fff; }
 svg { display: block; width: 100%; height: auto; } svg rect { fill: var(--bar); } svg text { fill: var(--soft); font-size: 13px; }
 svg line { stroke: var(--soft); } svg .mark { stroke: var(--bad); } svg text.mark { stroke: none; fill: var(--bad); font-weight: 600; }
+.verdict { border: .2rem solid; border-radius: .5rem; padding: .6rem 1rem; margin: 1.2rem 0; }
+.verdict b { display: block; font-size: 2.4rem; line-height: 1.2; letter-spacing: .05em; } .verdict span { color: var(--fg); }
+.scale { max-width: 36rem; } .scale > figcaption { color: var(--fg); font-weight: 600; } svg rect, .key span { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
+.key { margin: .1rem 0; font-size: .9rem; } .key span { display: inline-block; width: 1.2rem; height: .8rem; border: 1px solid var(--line); }
+.drawing > figcaption { color: var(--fg); } svg.plan { max-width: 100%; } svg.plan path { fill: none; stroke: var(--fg); stroke-width: 5; stroke-linejoin: round; stroke-linecap: round; }
+svg.plan .grid path { stroke: var(--line); stroke-width: 2; } svg.plan text { font-size: 54px; } svg.plan .name { fill: var(--fg); font-size: 60px; }
+svg.plan .area { fill: var(--bar); fill-opacity: .25; stroke: var(--bar); stroke-width: 7; } svg.plan .axis { stroke: var(--bar); stroke-width: 7; } svg.plan .mark { stroke: var(--bad); stroke-width: 4; }
+svg.plan .label { fill: var(--fg); font-size: 54px; font-weight: 600; paint-order: stroke; stroke: var(--bg); stroke-width: 12px; }
+.sign { display: none; }
 summary { cursor: pointer; color: var(--soft); }
 .stage { border: 1px solid var(--line); border-radius: .4rem; overflow: hidden; background: var(--box); }
 canvas { display: block; width: 100%; aspect-ratio: 4 / 3; touch-action: none; cursor: grab; }
 canvas:focus-visible, button:focus-visible { outline: 3px solid var(--bar); outline-offset: 2px; }
 button { font: inherit; padding: .2rem .8rem; }
 @media (max-width: 40rem) { th[scope=row] { width: 40%; } .bars td.bar { width: 30%; } body { padding: 1rem; } }
+@page { size: A4; margin: 15mm; }
 @media print {
   :root { --fg: #000; --bg: #fff; --soft: #333; --line: #bbb; --bar: #3a76b0; --good: #000; --bad: #000; --warn: #000; --box: #fff; }
   body { max-width: none; padding: 0; font-size: 11pt; } section { break-inside: auto; } figure, tr, .tile { break-inside: avoid; }
-  .tile { border: 1px solid var(--line); } #preview, summary { display: none; } h2 { break-after: avoid; }
+  .drawing, .scale, .verdict { break-inside: avoid; } thead { display: table-header-group; }
+  .sign { display: flex; gap: 2cm; margin-top: 2.2cm; break-inside: avoid; } .sign span { flex: 1; border-top: 1px solid #000; padding-top: .1cm; font-size: 9pt; }
+  .tiles { grid-template-columns: repeat(auto-fit, minmax(3cm, 1fr)); } .tile { border: 1px solid var(--line); } #preview, summary { display: none; } h2 { break-after: avoid; }
 }
 )css";
 
