@@ -11,6 +11,7 @@
 #include "stream/files/scratch_folder.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_mesh.h"
+#include "stream/render/value_picture.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "stream/survey/measured_inputs.h"
@@ -67,7 +68,8 @@ class DeviationJob {
     PointDistances distances(reference, report_.max_distance, scratch_.path(), work);
     // Points on their way and the fullest cell are there at one time.
     const std::uint64_t cell = distances.fullest_bytes();
-    const auto need = [&](std::uint64_t cap) { return std::max(cell, kPassBytes) + share(cap); };
+    const std::uint64_t pass = kPassBytes + (options_.map ? ValueCells::bytes() : 0);
+    const auto need = [&](std::uint64_t cap) { return std::max(cell, pass) + share(cap); };
     MemoryBudget(run_.memory_bytes, base)
         .require(need(run_.memory_bytes), kWho,
                  MemoryBudget::smallest_fitting_cap(run_.memory_bytes, base, need));
@@ -85,8 +87,13 @@ class DeviationJob {
     // Distances wait in half of the share, sorting takes the other.
     DeviationStatistics statistics(report_.max_distance, options_.tolerance, options_.areas, scratch_.path(),
                                    std::max<std::uint64_t>(work / 2, 1u << 20));
+    if (options_.map) start_map(reference.box());
     pool.run_here([&] { write(distances, statistics); });
+    if (map_) report_.map = map_->finish();
+    map_.reset();
     report_.table = statistics.finish();
+    report_.crs = inputs_->points().crs.name;
+    report_.vertices = measures_vertices(input_paths_.front());
     report_.notices = inputs_->points().notices();
     report_.bytes = inputs_->finish();
     return std::move(report_);
@@ -117,11 +124,25 @@ class DeviationJob {
     report_.left_out = inputs_->left_out();
   }
 
+  /// Of what can have a deviation, and what lies around it; strays farther off would leave the rest a dot.
+  void start_map(const MeshBox& reference) {
+    const auto [near_low, near_high] = grown(reference, report_.max_distance);
+    Double3 low, high;
+    for (std::size_t a = 0; a < 3; ++a) {
+      low[a] = std::max(inputs_->min()[a], near_low[a] - to_reference_[a]);
+      high[a] = std::min(inputs_->max()[a], near_high[a] - to_reference_[a]);
+    }
+    map_.emplace(low, high, report_.max_distance);
+  }
+
   /// The second pass: every point with its distance.
   void write(PointDistances& distances, DeviationStatistics& statistics) {
     inputs_->write([&](const Double3& p, MeasuredInputs::Found& found) {
       const PointDistance distance = distances.next();
-      if (std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2])) statistics.add(p, distance);
+      if (std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2])) {
+        statistics.add(p, distance);
+        if (map_) map_->add(p, distance.value);
+      }
       found.scalars[0] = distance.value;
       if (options_.colour_scale > 0.0) found.rgba = measured_colour(distance.value, options_.colour_scale);
       return true;
@@ -137,6 +158,7 @@ class DeviationJob {
   ScanDeviationReport report_;
 
   std::optional<MeasuredInputs> inputs_;
+  std::optional<ValueCells> map_;
   Double3 to_reference_{};  ///< added to positions: frames of meshes may be shifted
 };
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "stream/files/json.h"
+#include "stream/render/value_cells.h"
 #include "stream/survey/deviation_statistics.h"
 
 namespace tessera {
@@ -18,7 +19,8 @@ struct ScanDeviationOptions {
       0.0;  ///< what lies farther off has no deviation; 0 = a tenth of the reference's diagonal
   double tolerance = -1.0;  ///< negative = none
   double colour_scale =
-      0.0;  ///< points get colours by deviation, this one's at the ends; 0 = they keep theirs
+      0.0;           ///< points get colours by deviation, this one's at the ends; 0 = they keep theirs
+  bool map = false;  ///< whether the report gets a map for a picture
   std::filesystem::path areas;       ///< GeoJSON polygons in the coordinates of the scan; empty = none
   std::vector<std::string> columns;  ///< of text scans
   std::uint64_t memory_bytes = 0;
@@ -35,6 +37,9 @@ struct ScanDeviationReport {
   std::uint64_t reference_faces = 0;
   std::uint64_t bytes = 0;  ///< of the output
   std::vector<std::string> notices;
+  ValueMap map;           ///< with ScanDeviationOptions::map: of the points not far beyond the reference
+  std::string crs;        ///< name of the points' coordinate system; empty = unknown
+  bool vertices = false;  ///< of a mesh were measured
 };
 
 /// Writes points in the order of the inputs. A LAS or LAZ file that is written as .las or .laz keeps all that it has, and its

@@ -14,6 +14,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/survey/measured_inputs.h"
+#include "stream/survey/pages/deviation_page.h"
 #include "stream/survey/scan_deviation.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -26,7 +27,7 @@ constexpr double kNoTolerance = -1.0;
 
 struct DeviateCommand {
   std::vector<std::string> inputs;
-  std::filesystem::path reference, output, report, csv, histogram;
+  std::filesystem::path reference, output, report, csv, histogram, page;
   ScanDeviationOptions options;
   double share = 1.0;  ///< of the measured points
   bool force = false;
@@ -47,8 +48,8 @@ std::vector<std::filesystem::path> planned_deviations(const std::vector<std::fil
 /// \throws ValidationError
 void require_within(const DeviateCommand& command, const DeviationSummary& all) {
   if (command.options.tolerance < 0.0) return;
+  if (passes(all, command.share)) return;
   const double share = static_cast<double>(all.within) / static_cast<double>(all.count);
-  if (share >= command.share) return;
   throw ValidationError(fmt::format(
       "{} of {} measured points deviate by more than {:g}: {:.6g} % lie within, {:.6g} % are asked for",
       all.count - all.within, all.count, command.options.tolerance, 100.0 * share, 100.0 * command.share));
@@ -60,9 +61,11 @@ void run_deviate(const DeviateCommand& command) {
   if (command.reference.empty())
     throw UsageError("--to is missing: the mesh from which deviations are measured");
   if (command.output.empty() && command.report.empty() && command.csv.empty() && command.histogram.empty() &&
-      command.options.tolerance < 0.0)
+      command.page.empty() && command.options.tolerance < 0.0)
     throw UsageError(
-        "no output: give -o FILE (.las, .laz, .ply, .csv), --report, --csv, --histogram or --tolerance");
+        "no output: give -o FILE (.las, .laz, .ply, .csv), --page, --report, --csv, --histogram or "
+        "--tolerance");
+  require_page_name(command.page);
   if (!command.output.empty() && !names_folder(command.output))
     MeasuredInputs::require_output(command.output, "deviations");
   if (command.share > 1.0)
@@ -79,12 +82,14 @@ void run_deviate(const DeviateCommand& command) {
   if (names_folder(command.output) && !outputs.empty()) make_output_folder(command.output);
   std::vector<PlannedWrite> writes = {{command.report, "--report", existing},
                                       {command.csv, "--csv", existing},
-                                      {command.histogram, "--histogram", existing}};
+                                      {command.histogram, "--histogram", existing},
+                                      {command.page, "--page", existing}};
   for (const std::filesystem::path& output : outputs) writes.push_back({output, "-o", existing});
   cli::check_line_writes(reads, writes);
   ScanDeviationOptions options = command.options;
   if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
   if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
+  options.map = !command.page.empty();
   const ScanDeviationReport report = measure_deviation(inputs, command.reference, options, outputs);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   for (const std::string& notice : report.notices) fmt::print(stderr, "note: {}\n", notice);
@@ -95,6 +100,11 @@ void run_deviate(const DeviateCommand& command) {
   std::cout << std::flush;
   write_text_output(command.csv, to_csv(report.table, options.tolerance));
   write_text_output(command.histogram, histogram_csv(report.table));
+  if (!command.page.empty())
+    write_text_output(command.page,
+                      survey_page_text(deviation_page(
+                          report, {inputs, command.reference, options.areas, options.tolerance, command.share,
+                                   options.colour_scale, options.memory_bytes, options.temp})));
   if (!command.report.empty()) {
     Json json = to_json(report, options.tolerance);
     json["inputs"] = Json::array();
@@ -142,6 +152,10 @@ cli::Command deviate_command() {
       .at_least(0);
   t.add("csv", &c.csv, "also write the rows of figures to this file");
   t.add("histogram", &c.histogram, "also write a histogram of deviations to this file (CSV)");
+  t.add("page", &c.page,
+        "also write a page to read and to print: figures, verdict, histogram, pictures in the colours of "
+        "deviations, worst places (.html)")
+      .shown_as("FILE.html");
   t.add("report,json", &c.report, "also write the figures to this file");
   add_columns(t, o.columns);
   cli::add_force(t, c.force);
