@@ -13,7 +13,7 @@ double cell_index(double x, double cell) {
   return k;
 }
 
-std::uint32_t PointCell::rgba() const {
+std::uint32_t ScanCell::rgba() const {
   if (coloured == 0) return 0;
   std::uint32_t out = 0xffu << 24;
   const std::uint64_t sums[3] = {red, green, blue};
@@ -24,14 +24,14 @@ std::uint32_t PointCell::rgba() const {
 
 void PointRaster::add(std::size_t cell, double z, bool ground) {
   const double height = z + 0.0;  // no negative zero
-  PointCell& c = cells_[cell];
+  ScanCell& c = cells_[cell];
   ++c.count;
   c.top = std::max(c.top, height);
   if (ground) c.ground = std::min(c.ground, height);
 }
 
 void PointRaster::add_seen(std::size_t cell, double z, std::uint32_t rgba, std::int32_t intensity) {
-  PointCell& c = cells_[cell];
+  ScanCell& c = cells_[cell];
   if (c.top - z > depth_) return;
   if (rgba >> 24 != 0) {
     c.red += rgba & 0xff, c.green += rgba >> 8 & 0xff, c.blue += rgba >> 16 & 0xff;

@@ -13,7 +13,7 @@
 namespace tessera {
 
 /// What the points of a cell tell.
-struct PointCell {
+struct ScanCell {
   static constexpr double kNone = std::numeric_limits<double>::infinity();
   double top = -kNone;    ///< the highest; -kNone without any
   double ground = kNone;  ///< the lowest of those that are ground; kNone without any
@@ -44,11 +44,11 @@ class PointRaster {
   /// Then all of them again. \param rgba  alpha 0 = no colour \param intensity  negative = none
   void add_seen(std::size_t cell, double z, std::uint32_t rgba, std::int32_t intensity);
 
-  const std::vector<PointCell>& cells() const { return cells_; }
+  const std::vector<ScanCell>& cells() const { return cells_; }
 
  private:
   double depth_;
-  std::vector<PointCell> cells_;
+  std::vector<ScanCell> cells_;
 };
 
 }  // namespace tessera

@@ -61,7 +61,7 @@ LayerValues::LayerValues(RasterLayer layer, const LayerSettings& settings)
   sum_ = FixedSum(bound), squares_ = FixedSum(bound * bound);
 }
 
-bool LayerValues::has_value(const PointCell& cell) const {
+bool LayerValues::has_value(const ScanCell& cell) const {
   switch (layer_) {
     case RasterLayer::kGround:
     case RasterLayer::kHeight:
@@ -73,7 +73,7 @@ bool LayerValues::has_value(const PointCell& cell) const {
   }
 }
 
-float LayerValues::float_value(const PointCell& cell) const {
+float LayerValues::float_value(const ScanCell& cell) const {
   switch (layer_) {
     case RasterLayer::kTop:
       return static_cast<float>(cell.top);
@@ -86,12 +86,12 @@ float LayerValues::float_value(const PointCell& cell) const {
   }
 }
 
-std::uint32_t LayerValues::count_of(const PointCell& cell) const {
+std::uint32_t LayerValues::count_of(const ScanCell& cell) const {
   return static_cast<std::uint32_t>(
       std::min<std::uint64_t>(cell.count, std::numeric_limits<std::uint32_t>::max()));
 }
 
-std::uint32_t LayerValues::byte_values(const PointCell& cell, bool inside) const {
+std::uint32_t LayerValues::byte_values(const ScanCell& cell, bool inside) const {
   if (layer_ == RasterLayer::kMissing) return cell.covered() ? 0 : inside ? kHole : kOutside;
   return cell.rgba();
 }
@@ -126,7 +126,7 @@ void LayerValues::add(double value) {
 void LayerValues::put(std::span<const RasterCell> cells, std::span<const std::uint8_t> inside, char* to) {
   put_cells(cells, inside, to);
 }
-void LayerValues::put(std::span<const PointCell> cells, std::span<const std::uint8_t> inside, char* to) {
+void LayerValues::put(std::span<const ScanCell> cells, std::span<const std::uint8_t> inside, char* to) {
   put_cells(cells, inside, to);
 }
 

@@ -56,7 +56,7 @@ class LayerValues {
   /// \throws UsageError when a value is the one that stands for no data
   void put(std::span<const RasterCell> cells, std::span<const std::uint8_t> inside, char* to);
   /// \pre the layer is one that points have (is_point_layer())
-  void put(std::span<const PointCell> cells, std::span<const std::uint8_t> inside, char* to);
+  void put(std::span<const ScanCell> cells, std::span<const std::uint8_t> inside, char* to);
   /// Adds the statistics of another one of this layer. The order makes no difference.
   void merge(const LayerValues& other);
 
@@ -68,12 +68,12 @@ class LayerValues {
   template <class Cell>
   void put_cells(std::span<const Cell> cells, std::span<const std::uint8_t> inside, char* to);
   bool has_value(const RasterCell& cell) const { return cell.covered(); }
-  bool has_value(const PointCell& cell) const;
+  bool has_value(const ScanCell& cell) const;
   float float_value(const RasterCell& cell) const;
-  float float_value(const PointCell& cell) const;
+  float float_value(const ScanCell& cell) const;
   std::uint32_t byte_values(const RasterCell& cell, bool inside) const;
-  std::uint32_t byte_values(const PointCell& cell, bool inside) const;
-  std::uint32_t count_of(const PointCell& cell) const;
+  std::uint32_t byte_values(const ScanCell& cell, bool inside) const;
+  std::uint32_t count_of(const ScanCell& cell) const;
   std::uint32_t count_of(const RasterCell&) const { return 0; }
   void add(double value);
   Json statistics_of_bytes(std::size_t band) const;

@@ -101,7 +101,7 @@ struct WindowPlan {
 
 std::uint64_t scan_window_bytes(std::int64_t side, std::size_t layers) {
   const auto edge = static_cast<std::uint64_t>(side);
-  return edge * edge * sizeof(PointCell) + edge * 8 + layers * sizeof(LayerValues) + kMaxChunk +
+  return edge * edge * sizeof(ScanCell) + edge * 8 + layers * sizeof(LayerValues) + kMaxChunk +
          (std::uint64_t{1} << 20);
 }
 
@@ -323,7 +323,7 @@ class ScanRasterJob {
         inside[static_cast<std::size_t>(c)] = grid.inside(w.column + c, w.row + r, extent_.min[0],
                                                           extent_.max[0], extent_.min[1], extent_.max[1]);
       rows.put(w.column, w.row + r,
-               std::span<const PointCell>(&raster.cells()[static_cast<std::size_t>(r) * side], inside.size()),
+               std::span<const ScanCell>(&raster.cells()[static_cast<std::size_t>(r) * side], inside.size()),
                inside);
     }
     rows.finish();

@@ -9,6 +9,7 @@
 #include "stream/formats/points/las_copy.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/render/render_scene.h"
+#include "stream/render/value_picture.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 
@@ -192,8 +193,7 @@ void MeasuredInputs::require_output(const std::filesystem::path& output, const s
 }
 
 std::uint32_t measured_colour(double distance, double scale) {
-  constexpr std::uint32_t kGrey = 0xff606060u;
-  return std::isnan(distance) ? kGrey : deviation_colour(distance, scale, true);
+  return std::isnan(distance) ? kNoValueColour : deviation_colour(distance, scale, true);
 }
 
 bool measures_vertices(const std::filesystem::path& input) {

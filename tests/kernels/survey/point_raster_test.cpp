@@ -58,12 +58,12 @@ TEST_CASE("point raster: a wall below an edge gives no colour and no intensity t
   points.push_back({1, 10.0, false, kOpaque | 10u, 100});
   points.push_back({1, 10.1, false, kOpaque | 21u, 203});
   points.push_back({1, 10.05, false, 0, -1});  // neither
-  const PointCell cell = raster_of(points, 0.15).cells()[1];
+  const ScanCell cell = raster_of(points, 0.15).cells()[1];
   CHECK(cell.count == 103);
   CHECK(cell.coloured == 2);
   CHECK(cell.rgba() == (kOpaque | 16u));  // 15.5, rounded up
   CHECK(cell.intensity() == 151.5);
-  CHECK(PointCell{}.rgba() == 0);
+  CHECK(ScanCell{}.rgba() == 0);
 }
 
 TEST_CASE("point raster: the order of points changes nothing", "[property]") {
@@ -79,7 +79,7 @@ TEST_CASE("point raster: the order of points changes nothing", "[property]") {
     for (std::size_t i = points.size(); i > 1; --i) std::swap(points[i - 1], points[random.below(i)]);
     const PointRaster got = raster_of(points, 0.5);
     for (std::size_t c = 0; c < 4; ++c) {
-      const PointCell &a = want.cells()[c], &b = got.cells()[c];
+      const ScanCell &a = want.cells()[c], &b = got.cells()[c];
       CHECK(std::tie(a.top, a.ground, a.count, a.red, a.green, a.blue, a.coloured, a.intensity_sum,
                      a.measured) == std::tie(b.top, b.ground, b.count, b.red, b.green, b.blue, b.coloured,
                                              b.intensity_sum, b.measured));
