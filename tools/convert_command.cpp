@@ -1,4 +1,5 @@
 #include <array>
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -11,6 +12,7 @@
 #include "stream/files/planned_writes.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/meshes/mesh_precision.h"
+#include "stream/formats/points/projection.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
@@ -18,6 +20,7 @@
 #include "stream/runtime/stop.h"
 #include "stream/stages/scan/thin_stage.h"
 #include "stream/stages/scan/unpack_stage.h"
+#include "stream/survey/gdal_program.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
 
@@ -30,17 +33,86 @@ struct ConvertCommand {
   ConvertOptions options;
   bool floats = false;
   bool force = false;
+  ConvertTinOptions tin;
+  std::string crs, unit = "auto", overhangs = "refuse";
 };
+
+/// From here on many CAD programs become slow or take no more.
+constexpr std::uint64_t kManyCadFaces = 4'000'000;
+
+/// Metres of a unit of length to what LandXML calls it.
+TinUnit tin_unit(const ConvertCommand& command, const Crs& crs) {
+  if (command.unit == "metre") return TinUnit::kMetre;
+  if (command.unit == "foot") return TinUnit::kFoot;
+  if (command.unit == "us-foot") return TinUnit::kSurveyFoot;
+  if (crs.geographic)
+    throw UsageError(
+        command.output.string() +
+        ": the mesh is in degrees, and a TIN wants a plane; reconstruct it with --project, or name "
+        "the unit with --unit");
+  const double metres = plane_unit(crs);
+  if (metres == 0.0 || metres == 1.0) return TinUnit::kMetre;
+  if (std::abs(metres - 0.3048) < 1e-9) return TinUnit::kFoot;
+  if (std::abs(metres - 1200.0 / 3937.0) < 1e-9) return TinUnit::kSurveyFoot;
+  throw UsageError(fmt::format(
+      "{}: the unit of its coordinate system is {:.10g} m, for which LandXML has no word; name one "
+      "that coordinates shall count as with --unit",
+      command.output.string(), metres));
+}
+
+/// What an output for CAD programs is told; options of these are refused for other outputs.
+ConvertTinOptions tin_options(const ConvertCommand& command, const std::filesystem::path& mesh) {
+  ConvertTinOptions tin = command.tin;
+  if (!is_tin_file(command.output)) {
+    if (tin.breaklines > 0.0 || tin.max_faces > 0 || !command.crs.empty() || command.unit != "auto" ||
+        command.overhangs != "refuse")
+      throw UsageError(
+          "--breaklines, --max-faces, --overhangs, --unit and --crs are of outputs for CAD programs, .xml "
+          "and .dxf");
+    return tin;
+  }
+  const std::string text = surveyed_crs(mesh, command.crs);
+  if (!text.empty()) tin.crs = user_crs(text, "the coordinate system of " + mesh.string());
+  tin.unit = tin_unit(command, tin.crs);
+  tin.overhangs = command.overhangs == "drop"   ? TinOverhangs::kDrop
+                  : command.overhangs == "keep" ? TinOverhangs::kKeep
+                                                : TinOverhangs::kRefuse;
+  return tin;
+}
+
+void tell_of_tin(const ConvertCommand& command, const ConvertMeshReport& report, const Crs& crs) {
+  if (!is_tin_file(command.output)) return;
+  if (command.tin.breaklines > 0.0)
+    fmt::print("breaklines: {}, of {} edges\n", report.breaklines, report.break_edges);
+  const std::uint64_t overhangs = report.tin.downward + report.tin.upright;
+  if (overhangs > 0)
+    fmt::print(stderr,
+               "note: {} faces show down and {} stand upright: they are {} the TIN, which has one height "
+               "everywhere\n",
+               report.tin.downward, report.tin.upright, command.overhangs == "drop" ? "not in" : "kept in");
+  if (!crs.known() && command.unit == "auto" && command.output.extension() != ".dxf")
+    fmt::print(
+        stderr,
+        "note: no coordinate system is known (--crs), so lengths count as metres; --unit says otherwise\n");
+  if (report.faces > kManyCadFaces)
+    fmt::print(
+        stderr,
+        "note: {} faces are more than many CAD programs take, some {} million; tessera decimate makes fewer "
+        "of them, --max-faces refuses more\n",
+        report.faces, kManyCadFaces / 1'000'000);
+}
 
 void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const ConvertCommand& command) {
   ConvertMeshOptions options;
   options.floats = command.floats;
   options.check_stop = throw_if_stopped;
+  const std::filesystem::path mesh = cli::one_input(inputs, "converted");
+  options.tin = tin_options(command, mesh);
   // What other programs are told of the coordinates of an STL.
   const PlannedWrite shift{stl_shift_path(command.output), "the origin beside -o",
                            existing_by(command.force)};
   check_writes(inputs, std::array{shift});
-  const ConvertMeshReport report = convert_mesh(cli::one_input(inputs, "converted"), command.output, options);
+  const ConvertMeshReport report = convert_mesh(mesh, command.output, options);
   fmt::print("{}: {} vertices, {} faces, {} bytes{}\n", command.output.string(), report.vertices,
              report.faces, report.bytes, report.welded ? " (vertices merged by position)" : "");
   for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
@@ -51,6 +123,7 @@ void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const Co
   if (shifted) fmt::print(stderr, "note: {}\n", stl_shift_notice(command.output, report.origin));
   for (const std::string& notice : rounding_notices(report.rounding))
     fmt::print(stderr, "note: {}\n", notice);
+  tell_of_tin(command, report, options.tin.crs);
 }
 
 /// Runs the passes that deal points to cubes and keep one of each.
@@ -114,9 +187,10 @@ cli::Command convert_command() {
   ConvertCommand& c = *shared;
   OptionTable t;
   cli::add_inputs(t, c.inputs);
-  cli::add_output(
-      t, c.output,
-      "file to write: scans .ply (binary), .las (1.4), .laz, .xyz; meshes .ply, .obj, .stl, .glb");
+  cli::add_output(t, c.output,
+                  "file to write: scans .ply (binary), .las (1.4), .laz, .xyz; meshes .ply, .obj, .stl, "
+                  ".glb, and for CAD "
+                  "programs .xml (LandXML 1.2) and .dxf (R12)");
   add_columns(t, c.options.columns);
   ReconstructOptions& w = c.options.wanted;
   t.add("classes", &w.classes, "scans: classes of points to keep, e.g. 2,6 (LAS, LAZ); default: all").split();
@@ -144,10 +218,31 @@ cli::Command convert_command() {
   t.add("float", &c.floats,
         "PLY, OBJ of meshes: positions as floats even where the source has doubles; what that moves is told, "
         "and refused (6) where it breaks faces");
+  t.add("breaklines", &c.tin.breaklines,
+        "CAD: edges at which two faces turn by more than this angle become breaklines, degrees, e.g. 30; 0 = "
+        "none")
+      .within(0, 180);
+  t.add("overhangs", &c.overhangs,
+        "LandXML: faces that show down or stand upright, which a TIN of one height everywhere cannot have: "
+        "refuse "
+        "the mesh (6), drop them, or keep them for programs that take them")
+      .one_of({"refuse", "drop", "keep"});
+  t.add("max-faces", &c.tin.max_faces,
+        "CAD: refuse (6) a mesh with more faces; 0 = any, and many are told of");
+  t.add("unit", &c.unit, "LandXML: unit of length; auto: that of the coordinate system, else metres")
+      .one_of({"auto", "metre", "foot", "us-foot"});
+  t.add("crs", &c.crs,
+        "CAD: coordinate system of the mesh, EPSG:n, WKT or a file with it; default: what the .prj beside "
+        "the mesh "
+        "says")
+      .shown_as("EPSG:n|FILE");
   cli::add_threads(t, c.options.threads, "threads; never changes the result");
   cli::add_force(t, c.force);
-  return {"convert", "Write scans, or one mesh, into one file of another format.", t,
-          [shared] { run_convert(*shared); }};
+  return {"convert",
+          "Write scans, or one mesh, into one file of another format. Examples: tessera convert mesh.ply -o "
+          "mesh.glb; "
+          "tessera convert site.ply -o site.xml --breaklines 30",
+          t, [shared] { run_convert(*shared); }};
 }
 
 }  // namespace tessera

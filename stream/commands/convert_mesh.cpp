@@ -7,6 +7,8 @@
 #include <memory>
 #include <string>
 
+#include "octree/error.h"
+#include "stream/commands/break_lines.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/planned_writes.h"
@@ -38,11 +40,40 @@ bool ply_has_faces(const std::filesystem::path& path) {
   });
 }
 
+/// A writer for CAD programs, and the lines that it hands on.
+struct TinOutput {
+  std::unique_ptr<BreakLines> lines;
+  std::unique_ptr<TinWriter> writer;
+
+  TinOutput(MeshReader& mesh, const MeshHeader& header, const MeshBox& box,
+            const std::filesystem::path& output, const ConvertMeshOptions& options,
+            const std::filesystem::path& temp) {
+    const ConvertTinOptions& tin = options.tin;
+    if (header.faces == 0)
+      throw EmptyError(output.string() + ": the mesh has no faces, and a TIN is nothing else");
+    if (tin.max_faces > 0 && header.faces > tin.max_faces)
+      throw ValidationError(output.string() + ": the mesh has " + std::to_string(header.faces) +
+                            " faces and --max-faces is " + std::to_string(tin.max_faces) +
+                            "; make fewer of them with tessera decimate, which proves what that costs");
+    TinSettings settings;
+    settings.crs = tin.crs, settings.unit = tin.unit, settings.overhangs = tin.overhangs;
+    settings.low = box.low, settings.high = box.high;
+    if (tin.breaklines > 0.0) {
+      lines = std::make_unique<BreakLines>(
+          mesh, BreakLineOptions{tin.breaklines, options.memory_bytes, temp, options.check_stop});
+      if (lines->lines() > 0) settings.breaklines = [this](const auto& use) { lines->for_each(use); };
+    }
+    writer = create_tin_file(output, header, settings);
+  }
+  TinOutput(const TinOutput&) = delete;
+  TinOutput& operator=(const TinOutput&) = delete;
+};
+
 }  // namespace
 
 bool converts_as_mesh(const std::filesystem::path& input, const std::filesystem::path& output) {
   const std::string to = lower_extension(output);
-  if (to == ".obj" || to == ".stl" || to == ".glb") return true;
+  if (to == ".obj" || to == ".stl" || to == ".glb" || is_tin_file(output)) return true;
   if (to != ".ply") return false;
   const std::string from = lower_extension(input);
   return from == ".obj" || from == ".stl" || from == ".glb" || from == ".off" || ply_has_faces(input);
@@ -96,7 +127,13 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
                         .origin;
   report.origin = header.origin;
   header.synthetic = mesh.has_synthetic();
-  const auto writer = create_mesh_file(output, header);
+  std::unique_ptr<TinOutput> tin;
+  std::unique_ptr<MeshWriter> other;
+  if (is_tin_file(output))
+    tin = std::make_unique<TinOutput>(mesh, header, box, output, options, temp);
+  else
+    other = create_mesh_file(output, header);
+  MeshWriter* const writer = tin ? tin->writer.get() : other.get();
   mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
     stop();
     writer->vertices(positions, rgba);
@@ -108,6 +145,8 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   writer->finish();
   report.bytes = writer->bytes_written();
   report.rounding = writer->rounding();
+  if (tin) report.tin = tin->writer->counts();
+  if (tin && tin->lines) report.breaklines = tin->lines->lines(), report.break_edges = tin->lines->edges();
   if (const std::filesystem::path shift = stl_shift_path(output); !shift.empty()) {
     if (has_origin(report.origin)) {
       write_durably(shift, stl_shift_text(report.origin));

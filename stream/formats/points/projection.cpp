@@ -123,6 +123,13 @@ bool is_same_crs(const Crs& a, const Crs& b) {
   return same_projection(a, b).value_or(false);
 }
 
+double plane_unit(const Crs& crs) {
+  if (proj().library == nullptr || !crs.known()) return 0.0;
+  const ProjContext context = proj_context();
+  const ProjHandle plane = horizontal_of(context.get(), crs);
+  return unit_of(context.get(), plane.get());
+}
+
 Crs user_crs(const std::string& text, const std::string& option) {
   // PROJ would also take parts of names for the first system that has them.
   const std::size_t colon = text.find(':');

@@ -18,6 +18,9 @@ std::optional<bool> same_projection(const Crs& a, const Crs& b);
 /// may_be_same(), and where that tells of different texts same_projection().
 bool is_same_crs(const Crs& a, const Crs& b);
 
+/// Metres of the unit of a projected system's plane; 0 for other systems, and where PROJ cannot tell.
+double plane_unit(const Crs& crs);
+
 /// What a user names: "EPSG:25832", WKT, or anything else that PROJ takes for a coordinate system; with its WKT.
 /// \throws UsageError naming `option` where it is none
 Crs user_crs(const std::string& text, const std::string& option);
