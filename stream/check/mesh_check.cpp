@@ -10,7 +10,7 @@
 #include "stream/check/mesh_shape.h"
 #include "stream/check/mesh_topology.h"
 #include "stream/files/json.h"
-#include "stream/files/vertex_store.h"
+#include "stream/formats/vertex_store.h"
 #include "stream/meshes/mesh_weld.h"
 
 namespace tessera {

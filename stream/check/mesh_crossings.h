@@ -12,8 +12,8 @@
 
 #include "kernels/mesh/face_contact.h"
 #include "stream/files/json.h"
-#include "stream/files/vertex_store.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/vertex_store.h"
 
 namespace tessera {
 

@@ -13,7 +13,7 @@
 #include "stream/check/mesh_check.h"
 #include "stream/check/mesh_shape.h"
 #include "stream/files/spill_buckets.h"
-#include "stream/files/vertex_store.h"
+#include "stream/formats/vertex_store.h"
 
 namespace tessera {
 

@@ -12,7 +12,7 @@
 #include "stream/check/truth_features.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
-#include "stream/files/vertex_store.h"
+#include "stream/formats/vertex_store.h"
 #include "stream/meshes/scene_file.h"
 #include "stream/runtime/parallel.h"
 

@@ -8,8 +8,8 @@
 #include <functional>
 #include <memory>
 
-#include "stream/files/vertex_store.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/vertex_store.h"
 
 namespace tessera {
 

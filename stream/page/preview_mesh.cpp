@@ -7,8 +7,8 @@
 
 #include "kernels/decimate/vertex_clustering.h"
 #include "octree/error.h"
-#include "stream/files/vertex_store.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/vertex_store.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 

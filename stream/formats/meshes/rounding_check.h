@@ -8,8 +8,8 @@
 #include <span>
 
 #include "stream/files/external_sort.h"
-#include "stream/files/vertex_store.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/vertex_store.h"
 
 namespace tessera {
 

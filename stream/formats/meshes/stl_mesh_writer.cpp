@@ -7,8 +7,8 @@
 
 #include "octree/error.h"
 #include "octree/vector.h"
-#include "stream/files/vertex_store.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
+#include "stream/formats/vertex_store.h"
 
 namespace tessera {
 namespace {

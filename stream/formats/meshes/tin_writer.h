@@ -9,9 +9,9 @@
 #include <span>
 #include <string>
 
-#include "stream/files/vertex_store.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
 #include "stream/formats/points/crs.h"
+#include "stream/formats/vertex_store.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "stream/files/vertex_store.h"
+#include "stream/formats/vertex_store.h"
 
 #include <algorithm>
 #include <cstring>
