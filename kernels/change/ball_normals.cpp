@@ -15,7 +15,8 @@ constexpr double kMinPlanePoints = 3.0;
 constexpr double kSure = 1e-9;
 /// Of the middle eigenvalue to the largest: below it points lie on a line.
 constexpr double kLine = 1e-12;
-constexpr double kUpright = 1e-9;  ///< length of what is left of a unit normal without z
+constexpr double kAcrossDirection = 1e-9;  ///< cosine below which rounding alone would choose the side
+constexpr double kUpright = 1e-9;          ///< length of what is left of a unit normal without z
 
 /// Sums over points relative to p: of lanes, and of whole cells.
 struct BallSums {
@@ -99,7 +100,9 @@ std::optional<Double3> ruled_normal(const Double3& normal, const Double3& p, con
     if (!(length > kUpright)) return std::nullopt;
     n = n * (1.0 / length);
   }
-  const double side = dot(n, rule.viewpoint ? *rule.viewpoint - p : rule.direction);
+  const Double3 towards = rule.viewpoint ? *rule.viewpoint - p : rule.direction;
+  double side = dot(n, towards);
+  if (std::abs(side) <= kAcrossDirection * norm(towards)) side = 0.0;
   const bool first_negative = n[0] != 0.0 ? n[0] < 0.0 : n[1] != 0.0 ? n[1] < 0.0 : n[2] < 0.0;
   if (side < 0.0 || (side == 0.0 && first_negative)) n = -n;
   return n + Double3{};  // no negative zeros

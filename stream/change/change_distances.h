@@ -14,9 +14,9 @@
 #include "stream/change/change_cells.h"
 #include "stream/change/change_tiles.h"
 #include "stream/change/cloud_points.h"
-#include "stream/files/indexed_records.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
+#include "stream/survey/indexed_records.h"
 
 namespace tessera {
 

@@ -9,11 +9,11 @@
 #include <optional>
 #include <vector>
 
-#include "stream/files/indexed_records.h"
 #include "stream/files/spill_buckets.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 #include "stream/survey/distance_cells.h"
+#include "stream/survey/indexed_records.h"
 
 namespace tessera {
 

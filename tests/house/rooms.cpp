@@ -30,6 +30,7 @@ const std::map<std::string, std::set<std::string>> kKernelFolders = {
     {"edit", {"mesh", "maps", "remesh"}},
     {"scene", {"field", "mesh"}},
     {"survey", {"mesh"}},
+    {"change", {}},
 };
 
 /// Rooms of stream/ by height: an include goes down or stays level, and the rooms of one height form no cycle.
@@ -47,6 +48,7 @@ const std::map<std::string, int> kStreamHeights = {
     {"formats/points", 2}, {"formats/e57", 2},  {"formats/laz", 2}, {"points", 3},   {"meshes", 3},
     {"import", 4},         {"check", 4},        {"render", 4},      {"commands", 4}, {"page", 4},
     {"survey", 4},         {"survey/pages", 4},
+    {"survey", 4},         {"change", 4},
 };
 constexpr int kStageHeight = 5;  // stages/<job>
 

@@ -99,6 +99,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/resample_command.cpp", "tools/commands.h"},
       {"tools/resurface_command.cpp", "tools/commands.h"},
       {"tools/smooth_command.cpp", "tools/commands.h"},
+      {"tools/survey/change_command.cpp", "tools/commands.h"},
       {"tools/survey/classify_command.cpp", "tools/commands.h"},
       {"tools/survey/contours_command.cpp", "tools/commands.h"},
       {"tools/survey/deviate_command.cpp", "tools/commands.h"},

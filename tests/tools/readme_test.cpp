@@ -14,8 +14,9 @@ using namespace tessera::test;
 TEST_CASE("pages: their options are those of the commands, word for word", "[pipeline]") {
   std::set<std::string> known;
   for (const char* command :
-       {"reconstruct", "smooth", "decimate", "remesh", "resurface", "csg", "field", "deform", "merge", "plan",
-        "resample", "tiles", "submit", "volume", "raster", "contours", "section", "classify", "deviate"}) {
+       {"reconstruct", "smooth",   "decimate", "remesh",   "resurface", "csg",    "field",
+        "deform",      "merge",    "plan",     "resample", "tiles",     "submit", "volume",
+        "raster",      "contours", "section",  "classify", "deviate",   "change"}) {
     const Outcome r = shell(std::string(TESSERA_BINARY " ") + command + " --markdown");
     REQUIRE(r.code == 0);
     std::istringstream rows(r.said);

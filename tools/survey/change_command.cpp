@@ -180,7 +180,7 @@ cli::Command change_command() {
   t.add("histogram", &c.histogram, "also write a histogram of distances to this file (CSV)");
   t.add("report,json", &c.report, "also write the figures to this file");
   add_columns(t, o.columns);
-  t.add("progress", &o.progress, "bar, plain, json, none or auto")
+  t.add("progress", &o.progress, "progress on stderr; auto: bar on a terminal, else plain")
       .one_of({"auto", "bar", "plain", "json", "none"});
   cli::add_force(t, c.force);
   cli::add_threads(t, o.threads, "threads; never changes the result");

@@ -111,16 +111,17 @@ TEST_CASE("core change: normals, means and spreads are those of brute force over
           const std::vector<double>& v = at[k];
           wrong += c.clouds[k].count == v.size() ? 0 : 1;
           if (v.empty()) continue;
+          const double n = static_cast<double>(v.size());
           double sum = 0.0, square = 0.0;
           for (const double x : v) sum += x;
-          for (const double x : v) square += (x - sum / v.size()) * (x - sum / v.size());
-          mean[k] = median ? quartile(v, 0.5) : sum / v.size();
+          for (const double x : v) square += (x - sum / n) * (x - sum / n);
+          mean[k] = median ? quartile(v, 0.5) : sum / n;
           const double spread = median          ? quartile(v, 0.75) - quartile(v, 0.25)
                                 : v.size() == 1 ? 0.0
-                                                : std::sqrt(square / (v.size() - 1.0));
+                                                : std::sqrt(square / (n - 1.0));
           wrong += std::abs(c.clouds[k].mean - mean[k]) < 1e-6 * depth ? 0 : 1;
           wrong += std::abs(c.clouds[k].spread - spread) < 1e-6 * depth ? 0 : 1;
-          variance[k] = spread * spread / v.size();
+          variance[k] = spread * spread / n;
         }
         if (at[0].empty() || at[1].empty()) {
           wrong += std::isnan(c.distance) && std::isnan(c.uncertainty) && !c.significant ? 0 : 1;
