@@ -15,7 +15,8 @@ constexpr double kUnits = 20.0;                        ///< of the drawing in a 
 constexpr double kWidthMm = 150.0, kHeightMm = 110.0;  ///< of the field, which fits A4 with margins
 constexpr std::int64_t kLeft = 360, kTop = 60, kRight = 80, kBottom = 180;  ///< units around it
 constexpr double kMinFieldMm = 6.0;
-constexpr double kGridMm = 22.0;  ///< lines of the grid are about so far apart
+/// Lines of the grid are at least so far apart; those of heights may be nearer, so that there are some.
+constexpr double kGridMm = 12.0, kNearGridMm = 4.0, kGridLines = 3.0;
 constexpr std::int64_t kFarthest = 1 << 20;
 
 /// 1, 2 or 5 times a power of ten, at least x > 0.
@@ -24,6 +25,10 @@ double round_step(double x) {
   for (const double step : {1.0, 2.0, 5.0})
     if (x <= step * power * (1.0 + 1e-12)) return step * power;
   return 10.0 * power;
+}
+
+bool same_spot(const std::array<std::int32_t, 2>& a, const std::array<std::int32_t, 2>& b, int bits) {
+  return a[0] >> bits == b[0] >> bits && a[1] >> bits == b[1] >> bits;
 }
 
 const char* class_of(DrawnLine look) {
@@ -63,32 +68,29 @@ std::int64_t PlanDrawing::down(double y) const {
 
 void PlanDrawing::add(std::span<const Double2> points, bool closed, DrawnLine look) {
   lines_.push_back({{}, closed, look});
-  const auto spot = [&](std::int64_t at) {
-    return static_cast<std::int32_t>(std::clamp<std::int64_t>(at, 0, kFarthest) / spot_);
+  const auto unit = [](std::int64_t at) {
+    return static_cast<std::int32_t>(std::clamp<std::int64_t>(at, 0, kFarthest));
   };
   for (const Double2& p : points) {
-    std::vector<std::array<std::int32_t, 2>>& spots = lines_.back().points;
-    const std::array<std::int32_t, 2> at = {spot(across(p[0]) - kLeft), spot(down(p[1]) - kTop)};
-    if (!spots.empty() && spots.back() == at) continue;
-    spots.push_back(at);
+    std::vector<std::array<std::int32_t, 2>>& kept = lines_.back().points;
+    const std::array<std::int32_t, 2> at = {unit(across(p[0])), unit(down(p[1]))};
+    if (!kept.empty() && same_spot(kept.back(), at, spot_bits_)) continue;
+    kept.push_back(at);
     if (++points_ > max_points_) coarsen();
   }
 }
 
 void PlanDrawing::coarsen() {
   while (points_ > max_points_ / 2) {
-    spot_ *= 2;
+    ++spot_bits_;
     points_ = 0;
     std::vector<Line> kept;
     for (Line& line : lines_) {
-      std::size_t spots = 0;
-      for (const auto& p : line.points) {
-        const std::array<std::int32_t, 2> at = {p[0] >> 1, p[1] >> 1};
-        if (spots == 0 || line.points[spots - 1] != at) line.points[spots++] = at;
-      }
-      line.points.resize(spots);
-      if (spots < 2 && &line != &lines_.back()) continue;  // shrank to a spot; more may come of the last
-      points_ += spots;
+      const auto same = [&](const auto& a, const auto& b) { return same_spot(a, b, spot_bits_); };
+      line.points.erase(std::unique(line.points.begin(), line.points.end(), same), line.points.end());
+      const bool last = &line == &lines_.back();  // more of it may come
+      if (line.points.size() < 2 && !last) continue;
+      points_ += line.points.size();
       kept.push_back(std::move(line));
     }
     lines_ = std::move(kept);
@@ -106,18 +108,20 @@ std::string PlanDrawing::scale_text() const {
 }
 
 std::string PlanDrawing::grid() const {
-  const double step = round_step(kGridMm * kUnits * scale_);
+  const double tall_mm = (max_[1] - min_[1]) / (scale_ * kUnits);
+  const double step = round_step(kGridMm * kUnits * scale_),
+               step_up = round_step(std::clamp(tall_mm / kGridLines, kNearGridMm, kGridMm) * kUnits * scale_);
   const std::int64_t right = across(max_[0]), bottom = down(min_[1]);
   std::string text;
-  const auto number = [&](double i) { return fmt::format("{:.10g}", i == 0.0 ? 0.0 : i * step); };
+  const auto number = [](double value) { return fmt::format("{:.10g}", value == 0.0 ? 0.0 : value); };
   for (double i = std::ceil(min_[0] / step); i * step <= max_[0]; ++i)
     text +=
         fmt::format("<path d=\"M{0},{1}V{2}\"/><text x=\"{0}\" y=\"{3}\" text-anchor=\"middle\">{4}</text>\n",
-                    across(i * step), kTop, bottom, bottom + 68, number(i));
-  for (double i = std::ceil(min_[1] / step); i * step <= max_[1]; ++i)
+                    across(i * step), kTop, bottom, bottom + 68, number(i * step));
+  for (double i = std::ceil(min_[1] / step_up); i * step_up <= max_[1]; ++i)
     text +=
         fmt::format("<path d=\"M{0},{1}H{2}\"/><text x=\"{3}\" y=\"{4}\" text-anchor=\"end\">{5}</text>\n",
-                    kLeft, down(i * step), right, kLeft - 20, down(i * step) + 18, number(i));
+                    kLeft, down(i * step_up), right, kLeft - 20, down(i * step_up) + 18, number(i * step_up));
   text += fmt::format("<text class=\"name\" x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>\n", right,
                       bottom + 148, html::escape(right_));
   return text + fmt::format(
@@ -136,8 +140,7 @@ std::string PlanDrawing::svg() const {
     text += fmt::format("<path class=\"{}\" d=\"", class_of(line.look));
     std::array<std::int64_t, 2> last{};
     for (std::size_t i = 0; i < line.points.size(); ++i) {
-      const std::array<std::int64_t, 2> at = {kLeft + std::int64_t{line.points[i][0]} * spot_,
-                                              kTop + std::int64_t{line.points[i][1]} * spot_};
+      const std::array<std::int64_t, 2> at = {line.points[i][0], line.points[i][1]};
       text += fmt::format("{}{},{}", i == 0 ? "M" : i == 1 ? "l" : " ", at[0] - last[0], at[1] - last[1]);
       last = at;
     }

@@ -23,7 +23,7 @@ class PlanDrawing {
   PlanDrawing(const Double2& min, const Double2& max, std::string right, std::string up,
               std::size_t max_points = 20000);
 
-  /// Points that fall onto one spot are one. Above max_points of them spots grow to twice their size, for all lines so far.
+  /// Of points that follow each other on one spot the first stays. Above max_points of them spots grow to twice their size, for all lines so far.
   void add(std::span<const Double2> points, bool closed, DrawnLine look);
   /// \param text  plain
   void label(const Double2& at, const std::string& text);
@@ -35,7 +35,7 @@ class PlanDrawing {
 
  private:
   struct Line {
-    std::vector<std::array<std::int32_t, 2>> points;  ///< spots, from the upper left of the field
+    std::vector<std::array<std::int32_t, 2>> points;  ///< units of the drawing
     bool closed = false;
     DrawnLine look = DrawnLine::kOutline;
   };
@@ -51,8 +51,8 @@ class PlanDrawing {
   Double2 min_, max_;
   std::string right_, up_;
   std::size_t max_points_;
-  double scale_ = 1.0;     ///< scan units per unit of the drawing
-  std::int32_t spot_ = 1;  ///< edge of a spot, units of the drawing
+  double scale_ = 1.0;  ///< scan units per unit of the drawing
+  int spot_bits_ = 0;   ///< of the edge of a spot, units of the drawing
   std::vector<Line> lines_;
   std::size_t points_ = 0;
   std::vector<Label> labels_;

@@ -2,6 +2,7 @@
 /// Numbers that people read.
 #pragma once
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <string>
 
@@ -21,6 +22,13 @@ inline double round_up_2_digits(double value) {
   if (scale > 1.0) return std::ceil(value * scale) / scale;
   while (value / scale >= 100.0) scale *= 10.0;
   return std::ceil(value / scale) * scale;
+}
+
+/// 1, 2, 5, 10, 20, 50, ...: the first of these by which `count` >= 0 things make no more than `max` > 0 groups.
+inline std::int64_t round_stride(std::int64_t count, std::int64_t max) {
+  for (std::int64_t power = 1;; power *= 10)
+    for (const std::int64_t step : {1, 2, 5})
+      if (count <= max * step * power) return step * power;
 }
 
 }  // namespace tessera

@@ -243,9 +243,9 @@ std::string section_format(const std::filesystem::path& output) {
 }
 
 SectionReport write_sections(const std::filesystem::path& mesh, const SectionOptions& options,
-                             const std::filesystem::path& output) {
-  const std::string format = section_format(output);
-  const bool by_gdal = format != "CSV" && format != "SVG";
+                             const std::filesystem::path& output, SectionView* view) {
+  const std::string format = output.empty() ? "" : section_format(output);
+  const bool by_gdal = !format.empty() && format != "CSV" && format != "SVG";
   if (by_gdal) gdal_program();  // before the work
   const std::vector<AxisPiece> pieces = options.kind == SectionKind::kHorizontal
                                             ? std::vector<AxisPiece>{}
@@ -260,7 +260,7 @@ SectionReport write_sections(const std::filesystem::path& mesh, const SectionOpt
                                : plan_upright(options, store.box(), pieces);
 
   WorkerPool pool(run.threads);
-  MemoryBudget budget(options.memory_bytes, resident_bytes());
+  MemoryBudget budget(options.memory_bytes, resident_bytes() + (view != nullptr ? view->bytes() : 0));
   ChainFile file(scratch.path());
   chain_patches(store, pool, budget, section_bytes,
                 [&](std::size_t p) { section_patch(store, p, plan, file); });
@@ -270,6 +270,10 @@ SectionReport write_sections(const std::filesystem::path& mesh, const SectionOpt
   each([&](const SectionLine& line, const SectionFrame&) { survey.add(line); });
   if (survey.report.lines == 0) throw EmptyError(mesh.string() + ": " + none_met(plan, options, store.box()));
   survey.finish(options.kind);
+  if (view != nullptr) {
+    view->begin(survey.extents, pieces);
+    each([&](const SectionLine& line, const SectionFrame& frame) { view->add(line, frame); });
+  }
   if (format == "CSV") {
     SectionCsv csv(output, options.kind);
     each([&](const SectionLine& line, const SectionFrame& frame) { csv.add(line, frame); });
@@ -278,7 +282,7 @@ SectionReport write_sections(const std::filesystem::path& mesh, const SectionOpt
     SectionSvg svg(output, options.kind, std::move(survey.extents));
     each([&](const SectionLine& line, const SectionFrame&) { svg.add(line); });
     svg.finish();
-  } else {
+  } else if (by_gdal) {
     const std::filesystem::path raw = scratch.path() / "lines.raw";
     DirectFile lines(raw);
     each([&](const SectionLine& line, const SectionFrame& frame) { write_raw(lines, line, frame); });

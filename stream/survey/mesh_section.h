@@ -5,7 +5,11 @@
 #include <filesystem>
 #include <string>
 
+#include <span>
+#include <vector>
+
 #include "kernels/survey/section_frame.h"
+#include "stream/survey/section_files.h"
 
 namespace tessera {
 
@@ -29,13 +33,26 @@ struct SectionReport {
   std::string warnings;            ///< lines for the user
 };
 
+/// Is shown the lines too, for a page of them.
+class SectionView {
+ public:
+  virtual ~SectionView() = default;
+  /// That it takes at most, whatever the lines.
+  virtual std::uint64_t bytes() const = 0;
+  /// Once, before the lines. \param sections  that have lines, ascending \param axis  its pieces; none of horizontal sections
+  virtual void begin(std::span<const SectionExtent> sections, std::span<const AxisPiece> axis) = 0;
+  /// In the order of the output.
+  virtual void add(const SectionLine& line, const SectionFrame& frame) = 0;
+};
+
 /// Lines ascend by section. Each is closed or ends where the mesh does or where it is cut off. Their bytes hang on mesh, axis
 /// and options alone.
-/// \param output  .csv, .svg, .dxf, .gpkg or .geojson
+/// \param output  .csv, .svg, .dxf, .gpkg or .geojson; empty = none
+/// \param view  that sees the lines before they are written; null = none
 /// \throws InputError; UsageError for a spacing that makes too many sections; EmptyError when none meets the mesh;
 ///   ResourceError when cap or disk cannot suffice or tessera-gdal is missing and needed; StoppedError
 SectionReport write_sections(const std::filesystem::path& mesh, const SectionOptions& options,
-                             const std::filesystem::path& output);
+                             const std::filesystem::path& output, SectionView* view = nullptr);
 
 /// "CSV", "SVG", or as line_format(). \throws UsageError for another extension
 std::string section_format(const std::filesystem::path& output);

@@ -53,6 +53,30 @@ bool holds(const std::string& page, const std::string& text) {
   return page.find(text) != std::string::npos;
 }
 
+/// A box of 4 x 3 x 2 from the origin on, outward faces.
+constexpr const char* kBlock =
+    "OFF 8 12 0\n0 0 0\n4 0 0\n0 3 0\n4 3 0\n0 0 2\n4 0 2\n0 3 2\n4 3 2\n"
+    "3 0 2 1\n3 1 2 3\n3 4 5 6\n3 5 7 6\n3 0 1 4\n3 1 5 4\n3 2 6 3\n3 3 6 7\n3 0 4 2\n3 2 4 6\n3 1 3 5\n3 3 "
+    "7 5\n";
+
+std::string section_page(const TempFolder& folder, const std::vector<std::string>& more) {
+  folder.write("block & co.off", kBlock);
+  folder.write("axis.geojson", R"({"type": "LineString", "coordinates": [[-1, 1], [5, 1]]})");
+  std::vector<std::string> words = {"section", (folder / "block & co.off").string(), "--page",
+                                    (folder / "s.html").string(), "--force"};
+  words.insert(words.end(), more.begin(), more.end());
+  const CommandResult r = tessera_command(words);
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  return file_bytes(folder / "s.html");
+}
+
+std::size_t count_of(const std::string& text, const std::string& what) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++count;
+  return count;
+}
+
 }  // namespace
 
 TEST_CASE("survey page: of deviations it is well formed, loads nothing, and holds figures, verdict and names",
@@ -150,6 +174,45 @@ TEST_CASE("survey page: names that are no page, and inputs, are not written to",
   folder.write("page.html", "mine");
   CHECK(deviate(folder, "page.html", {}).code == 2);
   CHECK(file_bytes(folder / "page.html") == "mine");
+}
+
+TEST_CASE("survey page: of sections it has a drawing, chainage and length of each, and a map", "[pipeline]") {
+  const TempFolder folder;
+  const std::string axis = (folder / "axis.geojson").string();
+  const std::string page =
+      section_page(folder, {"--line", axis, "--spacing", "1", "-o", (folder / "s.csv").string()});
+  CHECK(html_fault(page) == "");
+  CHECK(holds(page, "block &amp; co.off"));
+  // The planes at 2, 3 and 4 cut through the block, those at 1 and 5 lie in its sides.
+  const auto drawn = count_of(page, "<figure class=\"drawing\">");
+  CHECK(drawn >= 4);
+  CHECK(drawn <= 6);
+  CHECK(holds(page, "Axis and sections from above"));
+  CHECK(holds(
+      page, "<th scope=\"row\">Section 3</th><td>3</td><td>1</td><td>1</td><td>10</td><td>0</td><td>2</td>"));
+  CHECK(holds(page, "chainage <b>3</b>"));
+  CHECK(fs::file_size(folder / "s.csv") > 100);
+  CHECK(section_page(folder, {"--line", axis, "--spacing", "1", "-t", "3", "--memory", "200M"}) == page);
+
+  const std::string plan = section_page(folder, {"--horizontal", "--from", "0.5"});
+  CHECK(html_fault(plan) == "");
+  CHECK(
+      holds(plan, "<th scope=\"row\">Section 0</th><td>0.5</td><td>1</td><td>1</td><td>14</td><td>12</td>"));
+  const std::string along = section_page(folder, {"--line", axis, "--along"});
+  CHECK(html_fault(along) == "");
+  CHECK(holds(along, "stations <b>1 to 5</b>"));
+}
+
+TEST_CASE("survey page: of thousands of sections a page shows some and says so", "[pipeline]") {
+  const TempFolder folder;
+  const std::string page = section_page(
+      folder, {"--line", (folder / "axis.geojson").string(), "--spacing", "0.002", "--width", "1"});
+  CHECK(html_fault(page) == "");
+  const std::size_t drawn = count_of(page, "<figure class=\"drawing\">");
+  CHECK(drawn > 100);
+  CHECK(drawn <= 201);
+  CHECK(holds(page, "This page shows one in 10 of the "));
+  CHECK(page.size() < 1000000);
 }
 
 }  // namespace survey_page_test

@@ -7,8 +7,10 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/survey/gdal_program.h"
 #include "stream/survey/mesh_section.h"
+#include "stream/survey/pages/section_page.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/survey/scan_outputs.h"
 
 namespace tessera {
 namespace {
@@ -16,7 +18,7 @@ namespace {
 constexpr double kWholeWidth = -1.0;
 
 struct SectionCommand {
-  std::filesystem::path mesh, output;
+  std::filesystem::path mesh, output, page;
   SectionOptions options;
   double width = kWholeWidth;
   bool along = false, horizontal = false, force = false;
@@ -47,19 +49,25 @@ void run_section(const SectionCommand& command) {
   if (command.mesh.empty())
     throw UsageError(
         "no mesh given; name one: tessera section mesh.ply --line axis.geojson --spacing 20 -o sections.svg");
-  cli::require_output(command.output);
-  const std::string format = section_format(command.output);
+  if (command.page.empty()) cli::require_output(command.output);
+  require_page_name(command.page);
+  const std::string format = command.output.empty() ? "CSV" : section_format(command.output);
   SectionOptions options = section_options(command);
   cli::check_line_writes({command.mesh, options.axis, options.crs},
-                         {{command.output, "-o", existing_by(command.force)}});
+                         {{command.output, "-o", existing_by(command.force)},
+                          {command.page, "--page", existing_by(command.force)}});
   if (format != "CSV" && format != "SVG") options.crs = surveyed_crs(command.mesh, options.crs);
   if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
   if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
-  const SectionReport report = write_sections(command.mesh, options, command.output);
+  SectionPage page(command.mesh, options);
+  const SectionReport report =
+      write_sections(command.mesh, options, command.output, command.page.empty() ? nullptr : &page);
+  if (!command.page.empty()) write_text_output(command.page, survey_page_text(page.finish(report)));
   if (!report.warnings.empty()) fmt::print(stderr, "{}\n", report.warnings);
   fmt::print("{}: {} sections, {} lines, {} of them closed, {} points, {} {:.10g} to {:.10g}\n",
-             command.output.string(), report.sections, report.lines, report.closed, report.points,
-             options.kind == SectionKind::kHorizontal ? "heights" : "stations", report.first, report.last);
+             (command.output.empty() ? command.page : command.output).string(), report.sections, report.lines,
+             report.closed, report.points, options.kind == SectionKind::kHorizontal ? "heights" : "stations",
+             report.first, report.last);
 }
 
 }  // namespace
@@ -72,6 +80,10 @@ cli::Command section_command() {
   cli::add_output(
       t, c.output,
       "lines to write: a table (.csv), a drawing (.svg), or lines in place (.dxf, .gpkg, .geojson)");
+  t.add("page", &c.page,
+        "also write a page to read and to print, with a drawing to scale of up to 200 sections, and a map of "
+        "their axis (.html)")
+      .shown_as("FILE.html");
   t.add("line", &c.options.axis,
         "axis: the first LineString of this GeoJSON file, in the coordinates of the mesh");
   t.add("spacing", &c.options.spacing,

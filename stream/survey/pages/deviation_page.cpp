@@ -78,13 +78,6 @@ PageRows figure_rows(const ScanDeviationReport& report, const DeviationPageFacts
   return rows;
 }
 
-/// 1, 2, 5, 10, 20, 50, ...: the first with which `count` of something makes no more than `max` groups.
-std::int64_t round_stride(std::int64_t count, std::int64_t max) {
-  for (std::int64_t power = 1;; power *= 10)
-    for (const std::int64_t step : {1, 2, 5})
-      if (count <= max * step * power) return step * power;
-}
-
 /// Bins joined to about kMaxBars, from whole multiples of their width on, with the tolerance across.
 html::Histogram histogram_of(const DeviationTable& table, double tolerance) {
   html::Histogram h;
