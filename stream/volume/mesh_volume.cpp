@@ -155,12 +155,18 @@ struct Base {
   bool is_toe() const { return !toes.empty(); }
 };
 
-void require_open(const Surfaces& base, const std::filesystem::path& path) {
-  if (base.down <= kMaxDownward * base.up) return;
-  throw UsageError(
-      fmt::format("{}: {:.3g} % of what it shows upwards it shows downwards too, so it has no one height to "
-                  "count from: give an open surface as --base",
-                  path.string(), 100.0 * base.down / std::max(base.up, 1e-300)));
+bool has_one_height(const Surfaces& mesh) {
+  return mesh.down <= kMaxDownward * mesh.up;
+}
+
+std::string shown_downwards(const Surfaces& mesh, const std::filesystem::path& path) {
+  return fmt::format("{}: {:.3g} % of what it shows upwards it shows downwards too", path.string(),
+                     100.0 * mesh.down / std::max(mesh.up, 1e-300));
+}
+
+void require_open(const Surfaces& mesh, const std::filesystem::path& path, const std::string& instead) {
+  if (!has_one_height(mesh))
+    throw UsageError(shown_downwards(mesh, path) + ", so it has no one height to count from: " + instead);
 }
 
 /// Of the base: what noise adds, and what its tolerance bounds.
@@ -272,7 +278,7 @@ MeshVolumes measure_volumes(const std::filesystem::path& mesh, const VolumeOptio
     if (options.kind == VolumeBase::kMesh) {
       base.store.emplace(import_mesh(options.base, scratch.path(), "base", run, throw_if_stopped));
       below = add_surfaces(*base.store, areas, origin, pool, budget);
-      require_open(below, options.base);
+      require_open(below, options.base, "give an open surface as --base");
       base.surface = mesh_base(*base.store, origin);
     } else if (options.kind == VolumeBase::kRaster) {
       auto raster = std::make_unique<RasterBase>(options.base, options.crs, origin, scratch.path(),
@@ -290,6 +296,10 @@ MeshVolumes measure_volumes(const std::filesystem::path& mesh, const VolumeOptio
     }
     if (base.surface) base.low = base.surface->low(), base.high = base.surface->high();
     own = add_surfaces(store, areas, origin, pool, budget);
+    if (base.is_toe()) require_open(own, mesh, "toe lines are those of an open surface");
+    if (!has_one_height(own))
+      out.warnings += shown_downwards(own, mesh) +
+                      ": fill and cut count every layer of it; the net of a closed body is its volume\n";
   }
 
   MemoryBudget budget(options.memory_bytes, resident_bytes());  // toes are held

@@ -215,4 +215,31 @@ TEST_CASE("survey page: of thousands of sections a page shows some and says so",
   CHECK(page.size() < 1000000);
 }
 
+TEST_CASE("survey page: of volumes it has figures by polygon, what they may be off, and the polygons",
+          "[pipeline]") {
+  const TempFolder folder;
+  folder.write("square.off", kSquare);
+  folder.write("lots.geojson",
+               R"({"type": "MultiPolygon", "coordinates": [[[[0, 0], [5, 0], [5, 10], [0, 10], [0, 0]],
+                [[1, 1], [2, 1], [2, 2], [1, 2], [1, 1]]], [[[6, 0], [8, 0], [8, 2], [6, 0]]]]})");
+  std::vector<std::string> words = {"volume",      (folder / "square.off").string(),
+                                    "--base",      "plane:-1.5",
+                                    "--page",      (folder / "v.html").string(),
+                                    "--within",    (folder / "lots.geojson").string(),
+                                    "--tolerance", "0.01"};
+  REQUIRE(tessera_command(words).code == 0);
+  const std::string page = file_bytes(folder / "v.html");
+  CHECK(html_fault(page) == "");
+  CHECK(holds(
+      page, "<th scope=\"row\">1</th><td>49</td><td>49</td><td>73.5</td><td>0</td><td>73.5</td><td>1</td>"));
+  CHECK(holds(page, "<th scope=\"row\">2</th><td>2</td><td>2</td><td>3</td><td>0</td><td>3</td><td>1</td>"));
+  CHECK(count_of(page, "<path class=\"area\"") == 2);
+  CHECK(count_of(page, "<path class=\"outline\"") == 1);
+  CHECK(holds(page, "square.off over plane:-1.5"));
+  words[1] = (folder / "none.off").string();
+  words[5] = (folder / "none.html").string();
+  CHECK(tessera_command(words).code == 3);
+  CHECK_FALSE(fs::exists(folder / "none.html"));
+}
+
 }  // namespace survey_page_test

@@ -11,6 +11,7 @@
 #include "stream/files/planned_writes.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/survey/gdal_program.h"
+#include "stream/survey/pages/volume_page.h"
 #include "stream/volume/mesh_volume.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -24,7 +25,7 @@ struct VolumeCommand {
   std::string base;
   VolumeOptions options;
   double tolerance = -1.0, base_tolerance = -1.0;
-  std::filesystem::path csv, json;
+  std::filesystem::path csv, json, page;
   bool force = false;
 };
 
@@ -96,7 +97,9 @@ void run_volume(const VolumeCommand& command) {
   cli::check_line_writes({command.mesh, options.base, options.areas, options.crs},
                          {{command.csv, "--csv", existing_by(command.force)},
                           {command.json, "--json", existing_by(command.force)},
+                          {command.page, "--page", existing_by(command.force)},
                           {options.map, "--map", existing_by(command.force)}});
+  require_page_name(command.page);
   const bool uses_gdal = options.kind == VolumeBase::kRaster || !options.map.empty();
   if (uses_gdal) {
     gdal_program();  // before the work
@@ -118,6 +121,9 @@ void run_volume(const VolumeCommand& command) {
            "--tolerance (and --base-tolerance)\n"
         << std::flush;
   write_text_output(command.csv, to_csv(volumes));
+  if (!command.page.empty())
+    write_text_output(command.page,
+                      survey_page_text(volume_page(volumes, command.mesh, command.base, options)));
   if (command.json.empty()) return;
   Json report = to_json(volumes);
   report["mesh"] = json_text(command.mesh);
@@ -182,6 +188,9 @@ cli::Command volume_command() {
         "beside the mesh says")
       .shown_as("EPSG:n|FILE");
   t.add("csv", &c.csv, "also write the rows to this file");
+  t.add("page", &c.page,
+        "also write a page to read and to print: figures, and the polygons from above (.html)")
+      .shown_as("FILE.html");
   t.add("json,report", &c.json, "also write the result to this file");
   cli::add_force(t, c.force);
   cli::add_threads(t, c.options.threads, "threads; never changes the result");

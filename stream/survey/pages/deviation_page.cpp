@@ -11,12 +11,13 @@
 #include "stream/render/render_scene.h"
 #include "stream/render/value_picture.h"
 #include "stream/runtime/numbers.h"
+#include "stream/survey/pages/area_sketch.h"
 
 namespace tessera {
 namespace {
 
-constexpr std::int64_t kMaxBars = 80, kMaxLabels = 7;  // of the histogram
-constexpr std::size_t kNamedInputs = 20;               // the others are counted
+constexpr std::int64_t kMaxBars = 80, kMaxTicks = 7;  // of the histogram
+constexpr std::size_t kNamedInputs = 20;              // the others are counted
 constexpr std::size_t kNamedAreas = 500;
 
 std::string signed_text(double value) {
@@ -99,7 +100,7 @@ html::Histogram histogram_of(const DeviationTable& table, double tolerance) {
   }
   const double width = bin * static_cast<double>(joined);
   h.edges.resize(h.counts.size() + 1);
-  const std::int64_t stride = round_stride(bars, kMaxLabels);
+  const std::int64_t stride = round_stride(bars, kMaxTicks);
   for (std::int64_t i = 0; i <= bars; ++i)
     if ((low + i) % stride == 0)
       h.edges[static_cast<std::size_t>(i) + 1] = signed_text(static_cast<double>(low + i) * width);
@@ -195,6 +196,8 @@ SurveyPage deviation_page(const ScanDeviationReport& report, const DeviationPage
   if (report.table.rows.size() > 1) {
     page.tables_title = "By polygon";
     page.tables.push_back(area_table(report.table, facts.tolerance));
+    page.drawings_title = "Where the polygons lie";
+    page.drawings.push_back(area_sketch(facts.areas));
   }
   return page;
 }
