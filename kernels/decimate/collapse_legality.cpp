@@ -12,29 +12,19 @@ namespace {
 
 constexpr double kMinSquaredCosine = 0.04;  ///< of the angle that a face may turn by
 
-/// Bits of the places in the ring that hold this vertex.
-std::uint64_t places_of(const Star& star, std::uint32_t w) {
+/// Bits of the places in the ring, of `size` vertices, that hold this vertex.
+inline std::uint64_t places_of(const Star& star, std::size_t size, std::uint32_t w) {
   constexpr std::size_t kLanes = 8;
   const __m256i wanted = _mm256_set1_epi32(static_cast<int>(w));
-  std::uint64_t places = 0;
-  for (std::size_t i = 0; i < star.ring_size(); i += kLanes) {
+  const auto equal = [&](std::size_t i) {
     const __m256i ring = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(&star.ring[i]));
-    const int equal = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(ring, wanted)));
-    places |= static_cast<std::uint64_t>(equal) << i;
-  }
-  return places & ((std::uint64_t{1} << star.ring_size()) - 1);
-}
-
-/// The worst mean ratio around the star with its centre at p; without the faces at ring[left_out].
-double min_mean_ratio_around(const CollapseMesh& mesh, const Star& star, const Double3& p,
-                             std::size_t left_out) {
-  double minimum = 1.0;
-  for (std::size_t i = 0; i < star.faces; ++i) {
-    const std::size_t j = star.following(i);
-    if (i != left_out && j != left_out)
-      minimum = std::fmin(minimum, mean_ratio(p, mesh.at(star.ring[i]), mesh.at(star.ring[j])));
-  }
-  return minimum;
+    return static_cast<std::uint64_t>(
+               _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(ring, wanted))))
+           << i;
+  };
+  std::uint64_t places = equal(0);  // most rings fit one register
+  for (std::size_t i = kLanes; i < size; i += kLanes) places |= equal(i);
+  return places & ((std::uint64_t{1} << size) - 1);
 }
 
 }  // namespace
@@ -48,16 +38,17 @@ bool follows_lines(const CollapseMesh& mesh, std::uint32_t u, const Star& star, 
 
 bool is_collapse_ok(const CollapseMesh& mesh, const Star& star, std::size_t at) {
   const std::uint32_t v = star.ring[at];
+  const std::size_t size = star.ring_size();
   std::uint64_t common = 0;
   std::size_t shared = 0;
   mesh.for_each_neighbour(v, [&](std::uint32_t w) {
-    const std::uint64_t places = places_of(star, w);
+    const std::uint64_t places = places_of(star, size, w);
     common |= places;
     shared += places != 0;
   });
   if (shared != (star.closed ? 2u : 1u)) return false;
   if (mesh.state(v) & kVertexLocked)
-    for (std::size_t i = 0; i < star.ring_size(); ++i)
+    for (std::size_t i = 0; i < size; ++i)
       if (i != at && (common >> i & 1u) == 0 && (mesh.state(star.ring[i]) & kVertexLocked)) return false;
   if (!star.closed)
     return star.faces > 1 || mesh.opposite(star.corner[0]) != kNoCorner;  // or hangs on another block
@@ -65,6 +56,17 @@ bool is_collapse_ok(const CollapseMesh& mesh, const Star& star, std::size_t at) 
   // Of a tetrahedron the last face would double.
   const std::uint32_t outer = mesh.opposite(star.corner[(at + 1) % 3]);
   return outer != kNoCorner && mesh.vertex(outer) != v;
+}
+
+double min_mean_ratio_around(const CollapseMesh& mesh, const Star& star, const Double3& p,
+                             std::size_t left_out) {
+  double minimum = 1.0;
+  for (std::size_t i = 0; i < star.faces; ++i) {
+    const std::size_t j = star.following(i);
+    if (i != left_out && j != left_out)
+      minimum = std::fmin(minimum, mean_ratio(p, mesh.at(star.ring[i]), mesh.at(star.ring[j])));
+  }
+  return minimum;
 }
 
 CollapseRefusal check_new_faces(const CollapseMesh& mesh, std::uint32_t u, const Star& star, std::size_t at,

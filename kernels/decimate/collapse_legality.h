@@ -29,6 +29,10 @@ bool follows_lines(const CollapseMesh& mesh, std::uint32_t u, const Star& star, 
 /// (Dey, Edelsbrunner, Guha, Nekhayev: "Topology Preserving Edge Contraction", 1999.)
 bool is_collapse_ok(const CollapseMesh& mesh, const Star& star, std::size_t at);
 
+/// The smallest mean ratio of the faces around the star with its centre at p; those at ring[left_out] do not count.
+double min_mean_ratio_around(const CollapseMesh& mesh, const Star& star, const Double3& p,
+                             std::size_t left_out);
+
 /// kFold where a face turns too far against what it was, kShape where one gets thinner than `min_mean_ratio` and than all were.
 CollapseRefusal check_new_faces(const CollapseMesh& mesh, std::uint32_t u, const Star& star, std::size_t at,
                                 double min_mean_ratio);

@@ -25,14 +25,14 @@ constexpr float kTouched = -1.0f, kRefused = 0x1p+100f;
 bool Decimator::sweeps() const {
   for (const CollapseFace& f : mesh_.faces())
     if (f.bound > 0.0f) return false;
-  return options_.sweep && options_.tolerance > 0.0 && min_cosine_ <= -1.0 &&
+  return options_.sweep && options_.tolerance > 0.0 && !tolerance_.asks_normals() &&
          options_.max_cost_class + 1 == kCostClasses && options_.placement == DecimatePlacement::kEndpoint &&
          options_.priority == DecimatePriority::kQuadric;
 }
 
 void Decimator::sweep_all(DecimateReport& report) {
-  double limit =
-      kFirstLimit * options_.tolerance * options_.tolerance * area_ / static_cast<double>(mesh_.vertices());
+  double limit = kFirstLimit * options_.tolerance * options_.tolerance * costs_.area() /
+                 static_cast<double>(mesh_.vertices());
   const std::size_t before = mesh_.vertices();
   std::vector<float> minimum(mesh_.vertices(), 0.0f);
   std::size_t removed = report.collapses;
@@ -43,13 +43,12 @@ void Decimator::sweep_all(DecimateReport& report) {
     removed = report.collapses;
   }
   if (mesh_.vertices() * kMinGain > before) return;
-  coarse_deviation_ = ReferenceDeviation(mesh_);
-  coarse_witness_.assign(mesh_.vertices(), kNoCorner);
+  tolerance_.set_coarse();
 }
 
 /// \param minimum  per vertex: what its best collapse costs as long as its star is as it is
 void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateReport& report) {
-  Star star;
+  CandidateStar s(options_);
   for (std::uint32_t u = 0; u < mesh_.vertices(); ++u) {
     if (minimum[u] == kTouched) {
       minimum[u] = 0.0f;
@@ -58,33 +57,34 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
     // Creases are held to half the tolerance, by tests of their own.
     if (static_cast<double>(minimum[u]) >= max_cost || (mesh_.state(u) & (kVertexKept | kVertexCrease)))
       continue;
-    if (!gather(u, star)) continue;
-    const StarLanes::Cheapest best = find_cheapest(u, star);
+    if (!costs_.gather(u, s)) continue;
+    const StarLanes::Cheapest best = costs_.cheapest(s, static_cast<double>(kRefused));
     minimum[u] = static_cast<float>(best.cost);
     if (!(best.cost < max_cost)) continue;
     ++report.candidates;
-    if (!check_cheap(u, star, best.at) || (!trusts(u, star) && adds_crossing(star, best.at))) {
+    const Verdict verdict = check_cheap(s, best.at);
+    if (verdict.refusal != CollapseRefusal::kNone || (!trusts(s) && adds_crossing(s.star, best.at, false))) {
       minimum[u] = kRefused;
       continue;
     }
-    remove(u, star, best.at);
+    remove(s, best.at, verdict);
     ++report.collapses;
-    report.cost_histogram[cost_class(best.cost, kCostClasses)] += star.closed ? 2 : 1;
-    for (std::size_t i = 0; i < star.ring_size(); ++i)
-      minimum[star.ring[i]] = star.ring[i] > u ? kTouched : 0.0f;
+    report.cost_histogram[cost_class(best.cost, kCostClasses)] += s.star.closed ? 2 : 1;
+    for (std::size_t i = 0; i < s.star.ring_size(); ++i)
+      minimum[s.star.ring[i]] = s.star.ring[i] > u ? kTouched : 0.0f;
   }
 }
 
 /// Sweeps move the surface by little: faces hardly come to cross others but where it bends or another sheet lies against it. The
 /// first is seen here, which spares most collapses the search, the second in the result.
-bool Decimator::trusts(std::uint32_t u, const Star& star) {
+bool Decimator::trusts(const CandidateStar& s) {
   if (guard_all_) return false;
-  const Double3& centre = mesh_.at(u);
+  const Double3& centre = mesh_.at(s.centre);
   Double3 first{};
   double first_square = 0.0;
-  for (std::size_t i = 0; i < star.faces; ++i) {
-    const std::size_t j = i + 1 < star.ring_size() ? i + 1 : 0;
-    const Double3 n = cross(mesh_.at(star.ring[i]) - centre, mesh_.at(star.ring[j]) - centre);
+  for (std::size_t i = 0; i < s.star.faces; ++i) {
+    const Double3 n =
+        triangle_normal(centre, mesh_.at(s.star.ring[i]), mesh_.at(s.star.ring[s.star.following(i)]));
     if (i == 0) {
       first = n, first_square = dot(n, n);
       continue;
@@ -97,50 +97,34 @@ bool Decimator::trusts(std::uint32_t u, const Star& star) {
   return true;
 }
 
-/// The cheapest collapse that lines allow; one of kRefused where there is none.
-StarLanes::Cheapest Decimator::find_cheapest(std::uint32_t u, const Star& star) {
-  if (in_lanes_) {
-    const StarLanes::Cheapest best = lanes_.cheapest(quadric_[u], mesh_.at(u));
-    if (follows_lines(mesh_, u, star, best.at)) return best;
-  }
-  StarLanes::Cheapest best{static_cast<double>(kRefused), 0};
-  const Quadric q = quadric_[u];
-  const Double3 from = mesh_.at(u);
-  for (std::size_t i = 0; i < star.ring_size(); ++i) {
-    if (!follows_lines(mesh_, u, star, i)) continue;
-    const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);
-    if (c < best.cost) best = {c, i};
-  }
-  return best;
-}
-
-bool Decimator::check_cheap(std::uint32_t u, const Star& star, std::size_t at_ring) {
-  moves_ = false;
-  if (!is_collapse_ok(mesh_, star, at_ring)) return false;
-  const double maximum = kMaxBound * options_.tolerance;
-  if (in_lanes_) {
+/// Legal where the sum of bounds stays far within the tolerance: nothing else is asked.
+Decimator::Verdict Decimator::check_cheap(const CandidateStar& s, std::size_t at) {
+  if (!is_collapse_ok(mesh_, s.star, at)) return {CollapseRefusal::kLink};
+  const auto within = [&](float bound) {
+    const bool good = static_cast<double>(bound) <= kMaxBound * options_.tolerance;
+    return Verdict{good ? CollapseRefusal::kNone : CollapseRefusal::kTolerance, bound};
+  };
+  if (s.in_lanes) {
     double deviation = 0.0;
-    const StarLanes::Answer answer = lanes_.judge(at_ring, deviation);
-    if (answer == StarLanes::Answer::kRefused) return false;
-    if (answer == StarLanes::Answer::kGood) {
-      new_bound_ = rounded_up(largest_bound(star) + deviation);
-      return static_cast<double>(new_bound_) <= maximum;
-    }
+    const StarLanes::Answer answer = s.lanes.judge(at, deviation);
+    if (answer == StarLanes::Answer::kRefused) return {CollapseRefusal::kFold};
+    if (answer == StarLanes::Answer::kGood)
+      return within(rounded_up(max_face_bound(mesh_, s.star) + deviation));
   }
-  return check_new_faces(mesh_, u, star, at_ring, options_.min_mean_ratio) == Refusal::kNone &&
-         bound_by_sum(u, star, at_ring) && static_cast<double>(new_bound_) <= maximum;
+  const CollapseRefusal faces = check_new_faces(mesh_, s.centre, s.star, at, options_.min_mean_ratio);
+  if (faces != CollapseRefusal::kNone) return {faces};
+  const auto sum = bound_by_sum(mesh_, s.centre, s.star, at, sides_);
+  return sum ? within(sum->bound) : Verdict{CollapseRefusal::kFold};
 }
 
 void Decimator::compact(std::vector<float>& minimum) {
   std::vector<std::uint32_t> kept;
   mesh_.compact(kept);
-  for (std::size_t i = 0; i < kept.size(); ++i) {
-    quadric_[i] = quadric_[kept[i]];
-    minimum[i] = minimum[kept[i]];
-    reference_vertex_[i] = reference_vertex_[kept[i]];
-  }
+  for (std::size_t i = 0; i < kept.size(); ++i) minimum[i] = minimum[kept[i]];
+  minimum.resize(kept.size());
+  costs_.compact(kept);
+  tolerance_.compact(kept);
   if (!options_.allow_crossings) guard_.build(FaceBoxes::Order::kGiven);
-  quadric_.resize(kept.size()), minimum.resize(kept.size()), reference_vertex_.resize(kept.size());
 }
 
 }  // namespace tessera

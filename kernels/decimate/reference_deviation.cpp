@@ -60,6 +60,20 @@ std::span<const std::uint32_t> side_at_edge(const ReferenceMesh& mesh, const Lin
   return best;
 }
 
+/// The deviation of a point where it is inside or, at a line of the rim, beyond that; else 0.
+float measure_point(const LinkPolygon& polygon, std::uint64_t lines, PolygonPoint& p) {
+  classify(polygon, p);
+  if (p.inside) {
+    const std::size_t i = p.sector;
+    p.deviation = std::fabs(p.z - polygon.slope_x[i] * p.x - polygon.slope_y[i] * p.y);
+  } else if ((lines & ~p.rim) != 0) {
+    const float distance = distance_beyond_lines(polygon, lines, p);
+    p.inside = distance >= 0.0f;
+    if (p.inside) p.deviation = distance;
+  }
+  return p.deviation;
+}
+
 }  // namespace
 
 /// What is asked of a walk, in floats, and the largest deviation that it has found.
@@ -78,6 +92,17 @@ struct ReferenceDeviation::Walk {
   bool add(float found) {
     deviation = std::max(deviation, found);
     return deviation <= limit;
+  }
+
+  /// The ends of a line of the reference, where the walk ends. Where it leaves the polygon, its crossing of the rim has been
+  /// measured. \return false above the limit
+  bool add_line(const LinkPolygon& polygon, const PolygonPoint& a, const PolygonPoint& b, float own) {
+    const bool through = !a.inside && !b.inside;
+    const float far2 = limit * limit * 4.0f + 1.0f;
+    for (const PolygonPoint* p : {&a, &b})
+      if ((p->inside || through) && !add(distance_to_lines(polygon, lines, ends, *p, far2) + own))
+        return false;
+    return true;
   }
 
   Double3 origin;
@@ -140,36 +165,14 @@ ReferenceDeviation::Answer ReferenceDeviation::begin_walk(const Query& query, Wa
 /// The slot of the point of a vertex, measured when it is met first. \return false above the limit
 inline bool ReferenceDeviation::add_point(std::uint32_t vertex, Walk& walk, std::uint32_t& slot) {
   ReferenceMesh::Vertex& v = mesh_.vertices[vertex];
-  if (v.stamp == stamp_) {
-    slot = v.slot;
-    return true;
+  const bool fresh = v.stamp != stamp_;
+  if (fresh) {
+    v.stamp = stamp_;
+    v.slot = static_cast<std::uint32_t>(points_.size());
+    points_.push_back(framed(v, walk.origin, polygon_));
   }
-  v.stamp = stamp_;
-  slot = v.slot = static_cast<std::uint32_t>(points_.size());
-  PolygonPoint& p = points_.emplace_back(framed(v, walk.origin, polygon_));
-  classify(polygon_, p);
-  if (p.inside) {
-    const std::size_t i = p.sector;
-    p.deviation = std::fabs(p.z - polygon_.slope_x[i] * p.x - polygon_.slope_y[i] * p.y);
-  } else if ((walk.lines & ~p.rim) != 0) {
-    const float distance = distance_beyond_lines(polygon_, walk.lines, p);
-    p.inside = distance >= 0.0f;
-    if (p.inside) p.deviation = distance;
-  }
-  return walk.add(p.deviation);
-}
-
-/// The slots of the corners of a triangle, from that of the step on. \return false above the limit
-inline bool ReferenceDeviation::add_triangle(const Step& step, Walk& walk, std::uint32_t* slot) {
-  slot[1] = step.next, slot[2] = step.prev;
-  const std::uint32_t corner[3] = {step.corner, next_corner(step.corner), prev_corner(step.corner)};
-  for (std::size_t i = 0; i < (step.next == kNoCorner ? 3 : 1); ++i) {
-    const std::uint32_t vertex = mesh_.vertex(corner[i]);
-    if (add_point(vertex, walk, slot[i])) continue;
-    walk.witness = vertex;
-    return false;
-  }
-  return true;
+  slot = v.slot;
+  return !fresh || walk.add(measure_point(polygon_, walk.lines, points_.back()));
 }
 
 /// Looks at one triangle, and adds those across its edges to the steps.
@@ -177,8 +180,16 @@ ReferenceDeviation::Answer ReferenceDeviation::visit(const Step& step, Walk& wal
   ReferenceMesh::Face& face = mesh_.faces[step.corner >> 2];
   face.stamp = stamp_ + 1;
   ++walked_;
-  std::uint32_t slot[3];
-  if (!add_triangle(step, walk, slot)) return Answer::kBeyond;
+  // From the corner of the step on; the edge opposite it is the one across which the walk came.
+  const bool seed = step.next == kNoCorner;
+  const std::uint32_t corner[3] = {step.corner, next_corner(step.corner), prev_corner(step.corner)};
+  std::uint32_t slot[3] = {0, step.next, step.prev};
+  for (std::size_t i = 0; i < (seed ? 3 : 1); ++i) {
+    const std::uint32_t vertex = face.vertex[corner[i] & 3u];
+    if (add_point(vertex, walk, slot[i])) continue;
+    walk.witness = vertex;
+    return Answer::kBeyond;
+  }
   const PolygonTriangle p = {&points_[slot[0]], &points_[slot[1]], &points_[slot[2]]};
   if (is_folded(polygon_, p)) return Answer::kFolded;
   if (const float own = face.bound();
@@ -190,11 +201,9 @@ ReferenceDeviation::Answer ReferenceDeviation::visit(const Step& step, Walk& wal
     if (!walk.add(above.deviation)) return Answer::kBeyond;
   }
   if (walk.min_cosine > -1.0f && normal_deviates(face, p, walk)) return Answer::kNormalDeviates;
-  const std::uint32_t c = step.corner, n = next_corner(c), b = prev_corner(c);
-  if (step.next == kNoCorner && !leave(c, slot[1], slot[2], walk))
-    return Answer::kBeyond;  // else where it came from
-  return leave(n, slot[2], slot[0], walk) && leave(b, slot[0], slot[1], walk) ? Answer::kWithin
-                                                                              : Answer::kBeyond;
+  for (std::size_t i = seed ? 0 : 1; i < 3; ++i)
+    if (!leave(corner[i], slot[i == 2 ? 0 : i + 1], slot[i == 0 ? 2 : i - 1], walk)) return Answer::kBeyond;
+  return Answer::kWithin;
 }
 
 /// Measures the edge opposite a corner of a triangle, and goes across it if it meets the polygon.
@@ -205,24 +214,15 @@ inline bool ReferenceDeviation::leave(std::uint32_t corner, std::uint32_t next, 
   const ReferenceMesh::Face& face = mesh_.face_of(corner);
   const std::uint32_t o = mesh_.opposite(corner);
   if (o != kNoCorner && mesh_.face_of(o).stamp == stamp_ + 1) return true;  // seen from there
-  const PolygonPoint *a = &points_[next], *b = &points_[prev];
-  if (b->x < a->x) std::swap(a, b);  // the same bits from either side
-  const float own = face.bound();
-  if (a->sector != b->sector || a->sector == 0) {
-    if (!a->inside && !b->inside && !meets_polygon(polygon_, *a, *b)) return true;
-    const float beside = o == kNoCorner ? own : std::max(own, mesh_.face_of(o).bound());
-    if (!walk.add(crossing_deviation(polygon_, *a, *b, beside))) return false;
+  const PolygonPoint &a = points_[next], &b = points_[prev];
+  if (a.sector != b.sector || a.sector == 0) {
+    // The same bits from either side of the edge.
+    const PolygonPoint &left = b.x < a.x ? b : a, &right = b.x < a.x ? a : b;
+    if (!a.inside && !b.inside && !meets_polygon(polygon_, left, right)) return true;
+    const float own = std::max(face.bound(), o == kNoCorner ? 0.0f : mesh_.face_of(o).bound());
+    if (!walk.add(crossing_deviation(polygon_, left, right, own))) return false;
   }
-  if (face.lines >> (corner & 3u) & walk.walls) {
-    // Where the line leaves the polygon, its crossing of the rim has been measured.
-    const bool through = !a->inside && !b->inside;
-    const float far2 = walk.limit * walk.limit * 4.0f + 1.0f;
-    for (const PolygonPoint* p : {a, b})
-      if ((p->inside || through) &&
-          !walk.add(distance_to_lines(polygon_, walk.lines, walk.ends, *p, far2) + own))
-        return false;
-    return true;
-  }
+  if (face.lines >> (corner & 3u) & walk.walls) return walk.add_line(polygon_, a, b, face.bound());
   if (o == kNoCorner) return false;
   if (mesh_.face_of(o).stamp != stamp_) add_step({o, prev, next});
   return true;

@@ -73,7 +73,6 @@ class ReferenceDeviation {
   bool leave(std::uint32_t corner, std::uint32_t next, std::uint32_t prev, Walk& walk);
   void add_step(const Step& step);
   bool add_point(std::uint32_t vertex, Walk& walk, std::uint32_t& slot);
-  bool add_triangle(const Step& step, Walk& walk, std::uint32_t* slot);
   bool normal_deviates(const ReferenceMesh::Face& face, const PolygonTriangle& p, const Walk& walk) const;
 
   ReferenceMesh mesh_;

@@ -153,7 +153,7 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& deviation) const {
   const Lanes3 v = {permuted(a.x, first), permuted(a.y, first), permuted(a.z, first)};
   const __m256 zero = _mm256_setzero_ps();
 
-  // Faces before and after, as Decimator::check_faces() judges them.
+  // Faces before and after, as check_new_faces() judges them.
   const Lanes3 link_edge = minus(b, a), to_v = minus(v, a), last = minus(v, b);
   const Lanes3 before = cross(a, b), after = cross(link_edge, to_v);
   const __m256 along = dot(before, after), before2 = dot(before, before), after2 = dot(after, after);

@@ -34,7 +34,7 @@ class StarLanes {
   /// \return false where the star is open or has too few or too many faces, or its size is out of proportion to the unit
   bool load(const CollapseMesh& mesh, std::uint32_t u, const Star& star);
 
-  /// What the collapse into each vertex of the ring costs by endpoint quadrics (decimator.h).
+  /// What the collapse into each vertex of the ring costs by endpoint quadrics (collapse_costs.h).
   /// \param q  quadric of the centre, which lies at `from`
   void costs(const Quadric& q, const Double3& from, std::array<double, 8>& cost) const;
   /// The cheapest of them, the first of the ring among equals.

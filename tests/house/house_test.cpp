@@ -141,14 +141,14 @@ TEST_CASE("gate of sizes: long files, stages, contracts and nameless headers are
 
 TEST_CASE("gate of headers: sources without one, and stale lines of the table, are found", "[unit]") {
   const Source decimator = header("kernels/decimate/decimator.h");
-  const Source cost =
-      source("kernels/decimate/decimator_cost.cpp", {"#include \"kernels/decimate/decimator.h\""});
-  const std::map<std::string, std::string> part = {{cost.path, decimator.path}};
-  check_clean(check_headers({decimator, source("kernels/decimate/decimator.cpp"), cost}, part));
+  const Source sweep =
+      source("kernels/decimate/decimator_sweep.cpp", {"#include \"kernels/decimate/decimator.h\""});
+  const std::map<std::string, std::string> part = {{sweep.path, decimator.path}};
+  check_clean(check_headers({decimator, source("kernels/decimate/decimator.cpp"), sweep}, part));
   check_clean(check_headers({source("tools/tessera.cpp", {"int main(int, char**) { return 0; }"})}, {}));
-  check_only(check_headers({decimator, cost}, {}), "no header of its stem");
+  check_only(check_headers({decimator, sweep}, {}), "no header of its stem");
   check_only(check_headers({decimator}, part), "not both are there");
-  check_only(check_headers({decimator, source(cost.path)}, part), "does not include");
+  check_only(check_headers({decimator, source(sweep.path)}, part), "does not include");
 }
 
 TEST_CASE("gate of tests: kernels and stages without one, and stale lines of the table, are found",

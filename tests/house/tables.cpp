@@ -7,9 +7,6 @@ namespace tessera::house {
 const std::map<std::string, std::string>& parts_of_headers() {
   static const std::map<std::string, std::string> parts = {
       {"kernels/closing/closing_growth.cpp", "kernels/closing/closing.h"},
-      {"kernels/decimate/decimator_bound.cpp", "kernels/decimate/decimator.h"},
-      {"kernels/decimate/decimator_cost.cpp", "kernels/decimate/decimator.h"},
-      {"kernels/decimate/decimator_optimal.cpp", "kernels/decimate/decimator.h"},
       {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_finish.cpp", "kernels/remesh/remesher.h"},
@@ -146,8 +143,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"convex_piece", "overlay_outline", "overlay_proof"});
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
     by("kernels/decimate/decimate", "kernels/decimate",
-       {"collapse_deviation", "collapse_mesh", "decimator", "decimator_bound", "decimator_cost",
-        "decimator_optimal", "decimator_sweep", "feature_edges", "quadric"});
+       {"collapse_deviation", "collapse_mesh", "decimator", "decimator_sweep", "feature_edges", "quadric"});
     by("kernels/extract/extended_marching_cubes", "kernels/extract",
        {"brick_band", "cell_loops", "feature_sample", "loop_triangulation", "tangent_planes"});
     by("kernels/extract/level_cells", "kernels/extract", {"brick_levels", "level_faces"});

@@ -2,38 +2,22 @@
 
 #include <catch2/catch.hpp>
 
-#include "tests/helpers/block_meshes.h"
+#include "octree/portable_math.h"
+#include "tests/helpers/collapse_fixture.h"
 
 namespace tessera::collapse_legality_test {
 namespace {
 
-/// A mesh whose vertices are found by their place in `position`.
-struct Mesh {
-  Mesh(const std::vector<Double3>& position, const std::vector<std::array<std::uint32_t, 3>>& faces)
-      : Mesh(test::make_block(position, faces)) {}
-  explicit Mesh(const MeshBlock& block) : mesh(block, Double3{}) {
-    vertex.resize(block.position.size());
-    for (std::uint32_t v = 0; v < mesh.vertices(); ++v) vertex[mesh.block_vertex(v)] = v;
-  }
-  /// The star of u, and where v is in its ring.
-  std::size_t gather(std::uint32_t u, std::uint32_t v) {
-    REQUIRE(mesh.gather(vertex[u], star));
-    std::size_t at = 0;
-    while (at < star.ring_size() && star.ring[at] != vertex[v]) ++at;
-    REQUIRE(at < star.ring_size());
-    return at;
-  }
-  bool ok(std::uint32_t u, std::uint32_t v) {
-    const std::size_t at = gather(u, v);
-    return is_collapse_ok(mesh, star, at);
-  }
-  CollapseMesh mesh;
-  std::vector<std::uint32_t> vertex;
-  Star star;
-};
+using test::CollapseFixture;
+using test::sheet;
+
+bool is_ok(CollapseFixture& m, std::uint32_t u, std::uint32_t v) {
+  const std::size_t at = m.gather(u, v);
+  return is_collapse_ok(m.mesh, m.star, at);
+}
 
 /// A pyramid of n sides with its base: apex 0, foot 1.
-Mesh double_pyramid(std::uint32_t n) {
+CollapseFixture double_pyramid(std::uint32_t n) {
   std::vector<Double3> position = {{0, 0, 1}, {0, 0, -1}};
   std::vector<std::array<std::uint32_t, 3>> faces;
   for (std::uint32_t i = 0; i < n; ++i) {
@@ -46,47 +30,44 @@ Mesh double_pyramid(std::uint32_t n) {
   return {position, faces};
 }
 
-/// 4 x 4 squares; vertex 5 j + i at (i, j).
-Mesh sheet() {
-  return Mesh(test::grid_block(4, 4, [](double, double) { return 0.0; }));
-}
-
 }  // namespace
 
 TEST_CASE("collapse legality: a third common neighbour refuses, whatever the size of the ring", "[unit]") {
-  CHECK(double_pyramid(4).ok(0, 2));
-  CHECK_FALSE(double_pyramid(3).ok(2, 3));  // 0 and 1 are at the edge, 4 is common too
-  for (const std::uint32_t n : {8u, 9u, 20u, 40u}) {
-    Mesh m = double_pyramid(n);
-    CHECK(m.ok(0, 2));
-    CHECK(m.ok(2, 0));
-    CHECK(m.ok(2, 3));
+  CollapseFixture three = double_pyramid(3);
+  CHECK_FALSE(is_ok(three, 2, 3));  // 0 and 1 are at the edge, 4 is common too
+  for (const std::uint32_t n : {4u, 8u, 9u, 20u, 40u}) {
+    CollapseFixture m = double_pyramid(n);
+    CHECK(is_ok(m, 0, 2));
+    CHECK(is_ok(m, 2, 0));
+    CHECK(is_ok(m, 2, 3));
   }
 }
 
 TEST_CASE("collapse legality: a tetrahedron stays", "[unit]") {
-  Mesh m({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}});
+  CollapseFixture m({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                    {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}});
   for (std::uint32_t u = 0; u < 4; ++u)
     for (std::uint32_t v = 0; v < 4; ++v)
-      if (u != v) CHECK_FALSE(m.ok(u, v));
+      if (u != v) CHECK_FALSE(is_ok(m, u, v));
 }
 
 TEST_CASE("collapse legality: between borders only along the border, and the last face stays", "[unit]") {
-  Mesh m = sheet();
-  CHECK(m.ok(6, 7));
-  CHECK(m.ok(1, 2));
+  CollapseFixture m = sheet();
+  CHECK(is_ok(m, 6, 7));
+  CHECK(is_ok(m, 1, 2));
   const std::size_t inwards = m.gather(1, 6);
   CHECK_FALSE(follows_lines(m.mesh, m.vertex[1], m.star, inwards));
   const std::size_t along = m.gather(1, 2);
   CHECK(follows_lines(m.mesh, m.vertex[1], m.star, along));
-  Mesh strip({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {2, 0, 0}}, {{0, 1, 3}, {1, 2, 3}, {1, 4, 2}});
-  CHECK_FALSE(strip.ok(1, 3));  // from border to border through the inside
-  Mesh lone({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}});
-  CHECK_FALSE(lone.ok(0, 1));
+  CollapseFixture strip({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {2, 0, 0}},
+                        {{0, 1, 3}, {1, 2, 3}, {1, 4, 2}});
+  CHECK_FALSE(is_ok(strip, 1, 3));  // from border to border through the inside
+  CollapseFixture lone({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}});
+  CHECK_FALSE(is_ok(lone, 0, 1));
 }
 
 TEST_CASE("collapse legality: creases are followed, pinched vertices entered by none", "[unit]") {
-  Mesh m = sheet();
+  CollapseFixture m = sheet();
   const std::uint32_t u = m.vertex[11];
   m.gather(11, 12);
   for (const std::uint32_t v : {10u, 12u}) m.mesh.mark_crease(prev_corner(m.star.corner[m.gather(11, v)]));
@@ -99,15 +80,15 @@ TEST_CASE("collapse legality: creases are followed, pinched vertices entered by 
 }
 
 TEST_CASE("collapse legality: no edge between locked vertices is made", "[unit]") {
-  Mesh m = sheet();
+  CollapseFixture m = sheet();
   m.mesh.add_state(m.vertex[7], kVertexLocked);
-  CHECK(m.ok(6, 7));
+  CHECK(is_ok(m, 6, 7));
   m.mesh.add_state(m.vertex[5], kVertexLocked);  // in the ring of 6, not of 7
-  CHECK_FALSE(m.ok(6, 7));
+  CHECK_FALSE(is_ok(m, 6, 7));
 }
 
 TEST_CASE("collapse legality: faces that fold or get thin are refused, unless all were thin", "[unit]") {
-  Mesh m = sheet();
+  CollapseFixture m = sheet();
   const std::uint32_t u = m.vertex[6];
   std::size_t at = m.gather(6, 7);
   CHECK(check_new_faces(m.mesh, u, m.star, at, 0.0) == CollapseRefusal::kNone);

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
+#include "kernels/decimate/collapse_costs.h"
 #include "kernels/decimate/collapse_deviation.h"
-#include "kernels/decimate/decimator.h"
 #include "octree/portable_math.h"
 
 namespace tessera::star_lanes_test {
