@@ -59,14 +59,6 @@ class PointCells {
     const std::size_t column = column_of(x, y);
     return column_begin_[column] == column_begin_[column + 1];
   }
-  /// Cells that lie together, two along each axis, share a key; keys of others differ.
-  std::uint64_t block_key(std::size_t cell) const {
-    const Double3& c = cells_[cell].centre;
-    std::uint64_t key = 0;
-    for (std::size_t a = 0; a < 3; ++a)
-      key = key << 21 | (static_cast<std::uint64_t>(cell_of(c[a]) >> 1) & 0x1fffff);
-    return key;
-  }
   /// Calls use(k) for the cells k of a column whose z lies in [z_low, z_high], ascending. \pre there is such a column
   template <class Use>
   void for_column_cells(std::int32_t x, std::int32_t y, std::int32_t z_low, std::int32_t z_high,

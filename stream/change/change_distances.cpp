@@ -32,20 +32,14 @@ struct CoreGroups {
 };
 
 CoreGroups group_cores(const PointCells& cells, const std::vector<char>& core) {
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> blocks;
-  for (std::uint32_t k = 0; k < cells.cells().size(); ++k) blocks.emplace_back(cells.block_key(k), k);
-  std::sort(blocks.begin(), blocks.end());
   CoreGroups out;
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
-    const auto first = static_cast<std::uint32_t>(out.point.size());
-    if (b == 0 || blocks[b].first != blocks[b - 1].first)
-      if (out.begin.empty() || out.begin.back() != first) out.begin.push_back(first);
-    const PointCell& cell = cells.cells()[blocks[b].second];
+  for (const PointCell& cell : cells.cells()) {
+    const std::size_t first = out.point.size();
     for (std::uint32_t i = cell.begin; i < cell.end; ++i)
       if (core[cells.source(i)] != 0) out.point.push_back(i);
+    if (out.point.size() > first) out.begin.push_back(static_cast<std::uint32_t>(first));
   }
-  if (out.begin.empty() || out.begin.back() != out.point.size())
-    out.begin.push_back(static_cast<std::uint32_t>(out.point.size()));
+  out.begin.push_back(static_cast<std::uint32_t>(out.point.size()));
   return out;
 }
 
