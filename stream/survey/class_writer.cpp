@@ -25,7 +25,7 @@ std::uint8_t ClassWriter::class_of(const LasRecords& scan, const char* record) {
   const GroundTiles::Below below =
       ground_.below(ground_.place(cells_.place(p[0], scan.header()), cells_.place(p[1], scan.header())));
   return class_by_height(p[2] / cells_.step() - below.ground.height, below.ground.tolerance, below.kind,
-                         below.roof, heights_);
+                         below.roof, below.water, heights_);
 }
 
 ClassifiedScan ClassWriter::write(const LasRecords& scan, const std::filesystem::path& to, std::size_t slots,

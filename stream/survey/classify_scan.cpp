@@ -26,6 +26,9 @@ constexpr std::int32_t kMaxFactor = 8;
 constexpr double kMaxWindowCells = 256.0;
 /// Of roofs, metres.
 constexpr double kRoofHeight = 2.0, kRoofResidual = 0.15;
+/// Of water: cells of its square, points of its cells to those of the middle one of all, steps of height.
+constexpr int kMinWaterCells = 5;
+constexpr double kMaxWaterCells = 64.0, kSparseShare = 0.5, kMaxWaterRelief = 0x1p28;
 constexpr double kMaxPitSlope = 1e5;  ///< steeper than anything
 /// Tiles in memory at least, of either pass.
 constexpr std::uint64_t kMinCache = std::uint64_t{8} << 20;
@@ -36,6 +39,7 @@ ClassifyOptions with_defaults(ClassifyOptions o, double metre) {
     if (length == 0.0) length = in_metres * metre;
   };
   set(o.window, 18.0), set(o.threshold, 0.5), set(o.scalar, 1.25), set(o.noise, 200.0);
+  set(o.water_width, 10.0), set(o.water_relief, 0.3);
   if (o.threads == 0) o.threads = core_count();
   return o;
 }
@@ -53,6 +57,23 @@ GroundRules ground_rules(const ClassifyOptions& o, double cell, std::int32_t fac
   rules.tolerance = o.threshold / wide;
   rules.slope_tolerance = o.scalar / wide;
   rules.low_slope = std::min(o.pit_slope, kMaxPitSlope);
+  return rules;
+}
+
+/// The widest that water of so many points to a cell could need is told before these are counted.
+/// \param typical  points of a cell, 0 = not known yet
+WaterRules water_rules(const ClassifyOptions& o, double cell, std::int32_t factor, std::uint32_t typical) {
+  WaterRules rules;
+  if (!o.water || o.ground_only) return rules;
+  const double wide = cell * factor, width = std::ceil(o.water_width / wide);
+  if (!(width <= kMaxWaterCells))
+    throw UsageError(fmt::format("--water-width {:g}: is {:.0f} cells of {:g}, at most {:.0f} are possible",
+                                 o.water_width, width, wide, kMaxWaterCells));
+  rules.width = std::max(kMinWaterCells, static_cast<int>(width));
+  rules.max_count = kSparseShare * typical;
+  rules.density = o.water_density;
+  rules.relief = static_cast<std::int32_t>(
+      std::min(std::ceil(o.water_relief / cell * ScanCells::kSteps), kMaxWaterRelief));
   return rules;
 }
 
@@ -75,8 +96,9 @@ class ScanJob {
     LowestHeights lowest(cells_, scratch.path() / "lowest");
     gather(lowest, pool);
     const std::int32_t factor = options_.cell > 0.0 ? 1 : factor_for(lowest.density());
+    const std::uint32_t typical = options_.water ? lowest.median_count(factor) : 0;
     GroundTiles ground(lowest, factor, ground_rules(options_, cells_.cell, factor), roof_rules(),
-                       scratch.path() / "ground");
+                       water_rules(options_, cells_.cell, factor, typical), scratch.path() / "ground");
     require_disk(std::array{DiskNeed{scratch.path(),
                                      2 * lowest.tiles().size() * GroundTiles::tile_bytes() /
                                          static_cast<std::uint64_t>(factor * factor),
@@ -128,6 +150,7 @@ class ScanJob {
     constexpr double kUnbounded = 1e9;
     const auto cells = [&](double length) { return length > 0.0 ? length / cells_.cell + 2.0 : kUnbounded; };
     const std::uint64_t block = GroundTiles::block_bytes(ground_rules(options_, cells_.cell, 1),
+                                                         water_rules(options_, cells_.cell, 1, 0),
                                                          cells(set_.width), cells(set_.height));
     budget.require(std::max(block, need(1)), fmt::format("classify with cells of {:g} and a window of {:g}",
                                                          cells_.cell, options_.window));

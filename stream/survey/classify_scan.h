@@ -20,6 +20,10 @@ struct ClassifyOptions {
   double scalar = 0.0;     ///< ... and 1.25 m times its slope more
   double pit_slope = 5.0;  ///< what lies deeper below the cells around it than this times a cell is noise
   double noise = 0.0;      ///< 200 m: what is higher over the ground is noise
+  bool water = false;      ///< look for it (kernels/points/water_cells.h): class 9 in place of ground
+  double water_density = 0.25;  ///< of its points to those of the land beside it, at most
+  double water_width = 0.0;     ///< 10 m, of a square that water must hold, at least five cells
+  double water_relief = 0.0;    ///< 0.3 m, of level water
   bool ground_only = false;
   bool all_points = false;  ///< withheld and synthetic points and those of noise take part too
   std::uint64_t memory_bytes = 0;

@@ -23,15 +23,17 @@ constexpr std::int32_t kHaloStep = 64;
 constexpr std::int32_t kRoofReach = 6;  ///< of find_roofs()
 /// Of find_ground(), with its input.
 constexpr std::uint64_t kBytesPerCell = 28;
+/// Beside those, of water, which is looked for before the ground.
+constexpr std::uint64_t kWaterBytesPerCell = 6;
 
 struct StoredGround {
   std::int32_t ground[kMargin * kMargin];
-  std::uint8_t kind[kSide * kSide];  ///< GroundCell, and whether it is a roof
+  std::uint8_t kind[kSide * kSide];  ///< GroundCell, and whether it is a roof or water
 };
-constexpr std::uint8_t kRoofBit = 8;
+constexpr std::uint8_t kRoofBit = 8, kWaterBit = 16;
 
-std::int32_t halo(const GroundRules& rules) {
-  const int reach = rules.max_window * (rules.max_window + 1) + 2 + kRoofReach + 1;
+std::int32_t halo(const GroundRules& rules, const WaterRules& water) {
+  const int reach = std::max(rules.max_window * (rules.max_window + 1) + 2 + kRoofReach + 1, water.halo());
   return (reach + kHaloStep - 1) / kHaloStep * kHaloStep;
 }
 
@@ -44,10 +46,11 @@ CellWindow coarse_window(const CellWindow& fine, std::int32_t factor) {
 }  // namespace
 
 GroundTiles::GroundTiles(const LowestHeights& lowest, std::int32_t factor, const GroundRules& rules,
-                         const RoofRules& roofs, const std::filesystem::path& file)
+                         const RoofRules& roofs, const WaterRules& water, const std::filesystem::path& file)
     : factor_(factor),
       rules_(rules),
       roofs_(roofs),
+      water_(water),
       window_(coarse_window(lowest.window(), factor)),
       tiles_(file, sizeof(StoredGround)) {
   rules_.cell = ScanCells::kSteps * factor;
@@ -57,10 +60,12 @@ std::uint64_t GroundTiles::tile_bytes() {
   return sizeof(StoredGround);
 }
 
-std::uint64_t GroundTiles::block_bytes(const GroundRules& rules, double width, double height) {
-  const double side = kCore + 2.0 * halo(rules);
+std::uint64_t GroundTiles::block_bytes(const GroundRules& rules, const WaterRules& water, double width,
+                                       double height) {
+  const double side = kCore + 2.0 * halo(rules, water);
   const double cells = std::min(side, std::max(1.0, width)) * std::min(side, std::max(1.0, height));
-  return static_cast<std::uint64_t>(cells) * kBytesPerCell + sizeof(StoredGround) + LowestHeights::kTileBytes;
+  const std::uint64_t each = kBytesPerCell + (water.width > 0 ? kWaterBytesPerCell : 0);
+  return static_cast<std::uint64_t>(cells) * each + sizeof(StoredGround) + LowestHeights::kTileBytes;
 }
 
 GroundTiles::Block GroundTiles::block(TileKey key) const {
@@ -73,7 +78,7 @@ GroundTiles::Block GroundTiles::block(TileKey key) const {
     const auto [v, height] = cut(key.v, window_.height, reach);
     return CellWindow{u, v, width, height};
   };
-  return {window(0), window(halo(rules_))};
+  return {window(0), window(halo(rules_, water_))};
 }
 
 void GroundTiles::find(const LowestHeights& lowest, WorkerPool& pool, MemoryBudget& budget) {
@@ -92,15 +97,18 @@ void GroundTiles::find(const LowestHeights& lowest, WorkerPool& pool, MemoryBudg
   for (const TileKey key : keys) blocks.push_back(block(key));
   pool.run_tasks(
       blocks.size(),
-      [&](std::size_t k) { return block_bytes(rules_, blocks[k].all.width, blocks[k].all.height); }, budget,
-      [&](std::size_t k) { find_block(lowest, blocks[k]); });
+      [&](std::size_t k) { return block_bytes(rules_, water_, blocks[k].all.width, blocks[k].all.height); },
+      budget, [&](std::size_t k) { find_block(lowest, blocks[k]); });
   trim_allocator();
 }
 
 void GroundTiles::find_block(const LowestHeights& lowest, const Block& block) {
   const CellWindow& all = block.all;
-  std::vector<std::int32_t> heights =
-      lowest.read({window_.u + all.u, window_.v + all.v, all.width, all.height}, factor_);
+  const CellWindow cells_of_scan = {window_.u + all.u, window_.v + all.v, all.width, all.height};
+  std::vector<std::int32_t> heights = lowest.read(cells_of_scan, factor_);
+  std::vector<std::uint8_t> water;
+  if (water_.width > 0)
+    water = find_water(heights, lowest.read_counts(cells_of_scan, factor_), all.width, all.height, water_);
   const GroundSurface found = find_ground(heights, all.width, all.height, rules_);
   std::vector<std::uint8_t> roofs;
   if (roofs_.min_height > 0.0) roofs = find_roofs(heights, found, roofs_);
@@ -122,8 +130,9 @@ void GroundTiles::find_block(const LowestHeights& lowest, const Block& block) {
           tile->ground[v * kMargin + u] = found.ground[from];
           if (u < 1 || v < 1 || u > kSide || v > kSide) continue;
           const bool roof = !roofs.empty() && roofs[from] != 0;
+          const bool wet = !water.empty() && water[from] != 0;
           tile->kind[(v - 1) * kSide + u - 1] =
-              static_cast<std::uint8_t>(found.kind[from] | (roof ? kRoofBit : 0));
+              static_cast<std::uint8_t>(found.kind[from] | (roof ? kRoofBit : 0) | (wet ? kWaterBit : 0));
           if (x >= window_.width || y >= window_.height) continue;
           ++cells;
           if (found.kind[from] == kGroundEmpty)
@@ -169,8 +178,9 @@ GroundTiles::Below GroundTiles::below(const Place& place) {
   const std::uint8_t kind =
       surface_
           .kind[static_cast<std::size_t>(cell(place.v)) * kSide + static_cast<std::size_t>(cell(place.u))];
-  return {ground_at(surface_, rules_, place.u, place.v), static_cast<std::uint8_t>(kind & ~kRoofBit),
-          (kind & kRoofBit) != 0};
+  return {ground_at(surface_, rules_, place.u, place.v),
+          static_cast<std::uint8_t>(kind & ~(kRoofBit | kWaterBit)), (kind & kRoofBit) != 0,
+          (kind & kWaterBit) != 0};
 }
 
 }  // namespace tessera

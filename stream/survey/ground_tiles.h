@@ -8,6 +8,7 @@
 
 #include "kernels/points/ground_filter.h"
 #include "kernels/points/roof_cells.h"
+#include "kernels/points/water_cells.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 #include "stream/survey/lowest_heights.h"
@@ -19,12 +20,14 @@ class GroundTiles {
  public:
   /// \param factor  cells are so many times as wide as those of `lowest`
   /// \param roofs   in steps of heights; without a height none are looked for
+  /// \param water   without a width none is looked for
   /// \param rules   its cell is set by this \pre lowest.finish(), lowest.points() > 0
   GroundTiles(const LowestHeights& lowest, std::int32_t factor, const GroundRules& rules,
-              const RoofRules& roofs, const std::filesystem::path& file);
+              const RoofRules& roofs, const WaterRules& water, const std::filesystem::path& file);
 
   /// Memory of a block of a raster of such a size, cells.
-  static std::uint64_t block_bytes(const GroundRules& rules, double width, double height);
+  static std::uint64_t block_bytes(const GroundRules& rules, const WaterRules& water, double width,
+                                   double height);
   /// Finds the ground, block by block. \throws ResourceError when the budget cannot hold a block
   void find(const LowestHeights& lowest, WorkerPool& pool, MemoryBudget& budget);
 
@@ -46,7 +49,7 @@ class GroundTiles {
   struct Below {
     GroundAt ground;
     std::uint8_t kind = kGroundMeasured;
-    bool roof = false;
+    bool roof = false, water = false;
   };
   /// One thread; fast where places of one tile follow each other. \pre a point of the scan lies there
   Below below(const Place& place);
@@ -61,6 +64,7 @@ class GroundTiles {
   std::int32_t factor_;
   GroundRules rules_;
   RoofRules roofs_;
+  WaterRules water_;
   CellWindow window_;
   ScratchTiles tiles_;
   std::uint64_t cells_ = 0, empty_ = 0;

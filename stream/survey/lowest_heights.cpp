@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <memory>
 
 #include <fmt/format.h>
 
@@ -19,12 +21,20 @@ constexpr double kMaxCell = 0x1p29;
 constexpr double kMaxHeight = 0x1p29 - 1.0;  ///< of find_ground()
 constexpr std::int32_t kGroup = 8;
 
-void clear_tile(char* tile) {
-  std::int32_t* cells = reinterpret_cast<std::int32_t*>(tile);
-  std::fill(cells, cells + LowestHeights::kTileBytes / sizeof(std::int32_t), kNoGround);
-}
+constexpr std::uint16_t kMostCounted = std::numeric_limits<std::uint16_t>::max();
 
 }  // namespace
+
+struct LowestHeights::Tile {
+  std::int32_t lowest[kTile * kTile];
+  std::uint16_t count[kTile * kTile];
+
+  static void clear(char* bytes) {
+    Tile& tile = *reinterpret_cast<Tile*>(bytes);
+    std::fill(std::begin(tile.lowest), std::end(tile.lowest), kNoGround);
+    std::fill(std::begin(tile.count), std::end(tile.count), std::uint16_t{0});
+  }
+};
 
 double ScanCells::place(double coordinate, const LasHeader& header) const {
   const double at = coordinate / cell;
@@ -74,13 +84,15 @@ void LowestHeights::place(const LasRecords& scan, const LasBatch& batch, bool al
 }
 
 void LowestHeights::add(std::span<const Sample> samples) {
-  std::int32_t* tile = nullptr;
+  static_assert(sizeof(Tile) == kTileBytes);
+  Tile* tile = nullptr;
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const Sample& s = samples[i];
     if (tile == nullptr || !(samples[i - 1].tile == s.tile))
-      tile = reinterpret_cast<std::int32_t*>(tiles_.change(s.tile, clear_tile));
-    std::int32_t& lowest = tile[s.cell];
+      tile = reinterpret_cast<Tile*>(tiles_.change(s.tile, Tile::clear));
+    std::int32_t& lowest = tile->lowest[s.cell];
     if (lowest == kNoGround || s.height < lowest) lowest = s.height;
+    if (tile->count[s.cell] < kMostCounted) ++tile->count[s.cell];
   }
   points_ += samples.size();
 }
@@ -89,14 +101,14 @@ void LowestHeights::finish() {
   tiles_.flush();
   std::int32_t min_u = std::numeric_limits<std::int32_t>::max(), min_v = min_u;
   std::int32_t max_u = std::numeric_limits<std::int32_t>::min(), max_v = max_u;
-  std::vector<std::int32_t> cells(kTileBytes / sizeof(std::int32_t));
+  const auto tile = std::make_unique<Tile>();
   groups_ = 0;
   for (const TileKey key : tiles_.keys()) {
-    tiles_.read(key, reinterpret_cast<char*>(cells.data()));
+    tiles_.read(key, reinterpret_cast<char*>(tile.get()));
     std::vector<std::uint8_t> groups(static_cast<std::size_t>(kTile / kGroup * (kTile / kGroup)), 0);
     for (std::int32_t v = 0; v < kTile; ++v)
       for (std::int32_t u = 0; u < kTile; ++u) {
-        if (cells[static_cast<std::size_t>(v * kTile + u)] == kNoGround) continue;
+        if (tile->lowest[v * kTile + u] == kNoGround) continue;
         groups[static_cast<std::size_t>(v / kGroup * (kTile / kGroup) + u / kGroup)] = 1;
         min_u = std::min(min_u, key.u * kTile + u), max_u = std::max(max_u, key.u * kTile + u);
         min_v = std::min(min_v, key.v * kTile + v), max_v = std::max(max_v, key.v * kTile + v);
@@ -110,27 +122,66 @@ double LowestHeights::density() const {
   return static_cast<double>(points_) / (static_cast<double>(groups_) * kGroup * kGroup);
 }
 
-std::vector<std::int32_t> LowestHeights::read(const CellWindow& window, std::int32_t factor) const {
-  std::vector<std::int32_t> lowest(
-      static_cast<std::size_t>(window.width) * static_cast<std::size_t>(window.height), kNoGround);
-  std::vector<std::int32_t> cells(kTileBytes / sizeof(std::int32_t));
+std::uint32_t LowestHeights::median_count(std::int32_t factor) const {
+  // Squares within tiles stand for all.
+  std::vector<std::uint64_t> squares(std::size_t{kMostCounted} + 1, 0);
+  const auto tile = std::make_unique<Tile>();
+  std::uint64_t all = 0;
+  for (const TileKey key : tiles_.keys()) {
+    tiles_.read(key, reinterpret_cast<char*>(tile.get()));
+    for (std::int32_t v = 0; v + factor <= kTile; v += factor)
+      for (std::int32_t u = 0; u + factor <= kTile; u += factor) {
+        std::uint64_t points = 0;
+        for (std::int32_t y = v; y < v + factor; ++y)
+          for (std::int32_t x = u; x < u + factor; ++x) points += tile->count[y * kTile + x];
+        if (points == 0) continue;
+        ++squares[static_cast<std::size_t>(std::min<std::uint64_t>(points, kMostCounted))];
+        ++all;
+      }
+  }
+  std::uint64_t below = 0;
+  for (std::size_t points = 0; points < squares.size(); ++points) {
+    below += squares[points];
+    if (2 * below > all) return static_cast<std::uint32_t>(points);
+  }
+  return 0;
+}
+
+/// Calls use(cell of the window, tile, cell of the tile) for all cells that a window of wider ones is made of.
+template <class Use>
+void LowestHeights::for_each_cell(const CellWindow& window, std::int32_t factor, const Use& use) const {
+  const auto tile = std::make_unique<Tile>();
   const std::int32_t u0 = window.u * factor, u1 = (window.u + window.width) * factor - 1;
   const std::int32_t v0 = window.v * factor, v1 = (window.v + window.height) * factor - 1;
   for (std::int32_t tv = floor_ratio(v0, kTile); tv <= floor_ratio(v1, kTile); ++tv)
     for (std::int32_t tu = floor_ratio(u0, kTile); tu <= floor_ratio(u1, kTile); ++tu) {
-      if (!tiles_.read({tu, tv}, reinterpret_cast<char*>(cells.data()))) continue;
+      if (!tiles_.read({tu, tv}, reinterpret_cast<char*>(tile.get()))) continue;
       for (std::int32_t v = std::max(v0, tv * kTile); v <= std::min(v1, tv * kTile + kTile - 1); ++v) {
-        const std::int32_t* row = cells.data() + static_cast<std::ptrdiff_t>(v - tv * kTile) * kTile;
-        std::int32_t* to =
-            lowest.data() + static_cast<std::ptrdiff_t>(floor_ratio(v, factor) - window.v) * window.width;
-        for (std::int32_t u = std::max(u0, tu * kTile); u <= std::min(u1, tu * kTile + kTile - 1); ++u) {
-          const std::int32_t height = row[u - tu * kTile];
-          std::int32_t& least = to[floor_ratio(u, factor) - window.u];
-          if (height != kNoGround && (least == kNoGround || height < least)) least = height;
-        }
+        const std::ptrdiff_t row =
+            static_cast<std::ptrdiff_t>(floor_ratio(v, factor) - window.v) * window.width - window.u;
+        for (std::int32_t u = std::max(u0, tu * kTile); u <= std::min(u1, tu * kTile + kTile - 1); ++u)
+          use(static_cast<std::size_t>(row + floor_ratio(u, factor)), *tile,
+              static_cast<std::size_t>((v - tv * kTile) * kTile + u - tu * kTile));
       }
     }
+}
+
+std::vector<std::int32_t> LowestHeights::read(const CellWindow& window, std::int32_t factor) const {
+  std::vector<std::int32_t> lowest(
+      static_cast<std::size_t>(window.width) * static_cast<std::size_t>(window.height), kNoGround);
+  for_each_cell(window, factor, [&](std::size_t to, const Tile& tile, std::size_t from) {
+    const std::int32_t height = tile.lowest[from];
+    if (height != kNoGround && (lowest[to] == kNoGround || height < lowest[to])) lowest[to] = height;
+  });
   return lowest;
+}
+
+std::vector<std::uint32_t> LowestHeights::read_counts(const CellWindow& window, std::int32_t factor) const {
+  std::vector<std::uint32_t> counts(
+      static_cast<std::size_t>(window.width) * static_cast<std::size_t>(window.height), 0);
+  for_each_cell(window, factor,
+                [&](std::size_t to, const Tile& tile, std::size_t from) { counts[to] += tile.count[from]; });
+  return counts;
 }
 
 }  // namespace tessera

@@ -1,6 +1,6 @@
 /// \file lowest_heights.h
-/// The lowest height of every cell of a scan of any size, as a sparse raster of integers. Cells lie at whole multiples of
-/// their edge, so files that border on each other share them, and no order of points or files matters.
+/// The lowest height of every cell of a scan of any size and the number of its points, as a sparse raster of integers. Cells
+/// lie at whole multiples of their edge, so files that border on each other share them, and no order of points or files matters.
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -60,7 +60,7 @@ void gather_by_tile(std::vector<Placed>& placed) {
 class LowestHeights {
  public:
   static constexpr std::int32_t kTile = 256;  ///< cells on a side
-  static constexpr std::size_t kTileBytes = sizeof(std::int32_t) * kTile * kTile;
+  static constexpr std::size_t kTileBytes = (sizeof(std::int32_t) + sizeof(std::uint16_t)) * kTile * kTile;
   struct Sample {
     TileKey tile;
     std::uint32_t cell = 0;
@@ -86,8 +86,16 @@ class LowestHeights {
   std::vector<TileKey> tiles() const { return tiles_.keys(); }
   /// Lowest heights of cells `factor` times as wide, kNoGround without; any thread. \pre finish()
   std::vector<std::int32_t> read(const CellWindow& window, std::int32_t factor) const;
+  /// Points of such cells, of each of those that they are made of 65,535 at most; any thread. \pre finish()
+  std::vector<std::uint32_t> read_counts(const CellWindow& window, std::int32_t factor) const;
+  /// Points of the middle one of all cells of that width that have any. \pre as window()
+  std::uint32_t median_count(std::int32_t factor) const;
 
  private:
+  struct Tile;
+  template <class Use>
+  void for_each_cell(const CellWindow& window, std::int32_t factor, const Use& use) const;
+
   ScanCells cells_;
   ScratchTiles tiles_;
   std::uint64_t points_ = 0, groups_ = 0;

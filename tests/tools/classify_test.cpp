@@ -2,7 +2,9 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -142,6 +144,62 @@ TEST_CASE("classify: files that border on each other get the classes of one file
   CHECK(differ == 0);
 }
 
+TEST_CASE("classify: a pond with few returns is water where that is asked for, and nothing else is",
+          "[pipeline]") {
+  const TempFolder folder;
+  // Level land, eight points to a square metre; a pond in it, a car park, a house with a void behind it.
+  std::mt19937 random(3);
+  const auto uniform = [&] { return static_cast<double>(random()) / 4294967296.0; };
+  std::vector<ScenePoint> points;
+  const auto within = [](double x, double y, double x0, double y0, double x1, double y1) {
+    return x >= x0 && x < x1 && y >= y0 && y < y1;
+  };
+  for (int k = 0; k < 8 * 120 * 100; ++k) {
+    const double x = 120.0 * uniform(), y = 100.0 * uniform();
+    const bool pond = within(x, y, 15, 20, 45, 60);
+    ScenePoint p{x, y, 10.0 + 0.3 * std::sin(x / 9.0) * std::cos(y / 7.0), 2, 1};
+    if (within(x, y, 60, 10, 95, 40)) p.z = 9.8;
+    if (within(x, y, 60, 55, 80, 75)) p.z = 18.0, p.truth = 6;
+    if (within(x, y, 80, 55, 95, 75)) continue;
+    if (pond) {
+      if (uniform() > 0.04) continue;
+      p.z = 9.5 + 0.06 * (uniform() - 0.5), p.truth = 9;
+    }
+    points.push_back(p);
+  }
+  const fs::path in = folder.write("in.las", las_of(points, {}));
+  const auto run = [&](const std::vector<std::string>& how) {
+    const std::string out = (folder / "out.las").string();
+    std::vector<std::string> words = {in.string(), "-o", out, "--force"};
+    words.insert(words.end(), how.begin(), how.end());
+    must_classify(words);
+    return file_bytes(out);
+  };
+  const std::string with = run({"--water", "on", "--memory", "2G", "-t", "2"}), without = run({});
+  CHECK((run({"--water", "on", "--memory", "64M", "-t", "1"}) == with));
+  CHECK((run({"--water", "off"}) == without));
+  CHECK((run({"--water", "on", "--water-width", "35"}) == without));
+  CHECK((run({"--water", "on", "--water-density", "0.01"}) == without));
+  const std::vector<int> classes = las_classes(with), before = las_classes(without);
+  std::size_t wet = 0, found = 0, at_rim = 0, wrong = 0, others = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (points[i].truth == 9) ++wet, found += classes[i] == 9 ? 1 : 0;
+    // A cell of land that has few points by chance goes with the pond that it touches.
+    if (points[i].truth != 9 && classes[i] == 9)
+      ++(within(points[i].x, points[i].y, 14, 19, 46, 61) ? at_rim : wrong);
+    if (classes[i] != 9 && classes[i] != before[i]) ++others;
+    if (before[i] == 9) ++others;
+  }
+  CHECK(wet > 300);
+  CHECK(10 * found > 9 * wet);
+  CHECK(wrong == 0);
+  CHECK(at_rim < 60);  // of some 1,100
+  CHECK(others == 0);
+  // With ground alone asked for there is no other class.
+  const std::vector<int> two = las_classes(run({"--water", "on", "--classes", "ground"}));
+  CHECK(std::all_of(two.begin(), two.end(), [](int c) { return c == 1 || c == 2; }));
+}
+
 TEST_CASE("classify: what cannot be classified is refused in one sentence", "[pipeline]") {
   const TempFolder folder;
   const std::string bytes = las_of(aerial_scene(), {});
@@ -163,6 +221,7 @@ TEST_CASE("classify: what cannot be classified is refused in one sentence", "[pi
   refused({in, path("other.las"), "-o", path("out.las")}, 2, "name a folder");
   refused({in, "-o", path("out.las"), "--memory", "30M"}, 4, "--memory");
   refused({in, "-o", path("out.las"), "--cell", "0.01"}, 2, "--window");
+  refused({in, "-o", path("out.las"), "--water", "on", "--water-width", "500"}, 2, "--water-width");
   folder.write("scan.ply", "ply\nformat ascii 1.0\nelement vertex 0\nend_header\n");
   refused({path("scan.ply"), "-o", path("out.las")}, 3, "neither LAS nor LAZ");
   SceneFile degrees;

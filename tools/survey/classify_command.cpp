@@ -23,7 +23,7 @@ namespace {
 struct ClassifyCommand {
   std::vector<std::string> inputs;
   std::filesystem::path output, report;
-  std::string classes = "all";
+  std::string classes = "all", water = "off";
   ClassifyOptions options;
   bool force = false;
 };
@@ -56,6 +56,7 @@ std::string class_counts(const ClassifiedScan& scan) {
   add(scan.classes[kClassMediumVegetation], "medium");
   add(scan.classes[kClassHighVegetation], "high vegetation");
   add(scan.classes[kClassBuilding], "building");
+  add(scan.classes[kClassWater], "water");
   add(scan.classes[kClassNoise], "noise");
   add(scan.classes[kClassUnassigned], "unassigned");
   add(scan.kept, "left as they were");
@@ -78,6 +79,7 @@ void run_classify(const ClassifyCommand& command) {
   cli::check_line_writes(reads, writes);
   ClassifyOptions options = command.options;
   options.ground_only = command.classes == "ground";
+  options.water = command.water == "on";
   if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
   if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
   const ClassifyReport report = classify_scans(scans, options);
@@ -126,6 +128,19 @@ cli::Command classify_command() {
         "the lowest point of a cell is noise where those around it lie higher by more than this many cells")
       .at_least(0);
   t.add("noise-height", &o.noise, "what is higher over the ground is noise, scan units; 0 = 200 m")
+      .at_least(0);
+  t.add("water", &c.water,
+        "on: what would be ground is water 9 where few points came back, level and below its banks; off: it "
+        "is ground")
+      .one_of({"on", "off"});
+  t.add("water-density", &o.water_density,
+        "water: it has no more than this share of the points to an area that the land beside it has")
+      .within(0.01, 1);
+  t.add("water-width", &o.water_width,
+        "water: it must hold a square so wide, scan units, and of five cells at least; 0 = 10 m")
+      .at_least(0);
+  t.add("water-relief", &o.water_relief,
+        "water: nine tenths of its heights in such a square lie within this, scan units; 0 = 0.3 m")
       .at_least(0);
   t.add("all-points", &o.all_points,
         "points marked withheld or synthetic, and those of classes 7 and 18, take part too; else they keep "

@@ -11,9 +11,13 @@ TEST_CASE("height classes: each class has its range of heights", "[unit]") {
   HeightClasses classes;
   classes.noise = 100.0;
   const auto at = [&](double above, std::uint8_t kind = kGroundMeasured, double tolerance = 0.2,
-                      bool roof = false) { return class_by_height(above, tolerance, kind, roof, classes); };
+                      bool roof = false, bool water = false) {
+    return class_by_height(above, tolerance, kind, roof, water, classes);
+  };
   CHECK(at(0.2) == kClassGround);
   CHECK(at(-0.2) == kClassGround);
+  CHECK(at(0.2, kGroundMeasured, 0.2, false, true) == kClassWater);
+  CHECK(at(0.21, kGroundMeasured, 0.2, false, true) == kClassLowVegetation);
   CHECK(at(0.21) == kClassLowVegetation);
   CHECK(at(0.5) == kClassMediumVegetation);
   CHECK(at(2.0) == kClassHighVegetation);

@@ -54,7 +54,7 @@ TEST_CASE("ground tiles: blocks with their halo give what the whole raster gives
   GroundRules rules;
   rules.max_window = 6;
   const RoofRules roofs = {2000.0, 150.0};
-  GroundTiles ground(lowest, factor, rules, roofs, folder / "ground");
+  GroundTiles ground(lowest, factor, rules, roofs, {}, folder / "ground");
   WorkerPool pool(2);
   MemoryBudget budget(std::uint64_t{1} << 30, 0);
   ground.find(lowest, pool, budget);
@@ -79,6 +79,53 @@ TEST_CASE("ground tiles: blocks with their halo give what the whole raster gives
   CHECK(differ == 0);
   CHECK(objects > 400);
   if (factor == 1) CHECK(under_roofs > 400);
+}
+
+TEST_CASE("ground tiles: water is that of the whole raster, with points counted by cells", "[unit]") {
+  const TempFolder folder;
+  // Four points a cell; a canal with one in four cells, across the border of two blocks.
+  std::vector<ScenePoint> points;
+  for (int v = 0; v < 60; ++v)
+    for (int u = 0; u < 1200; ++u) {
+      const bool canal = u > 900 && u < 1150 && v > 20 && v < 40;
+      const int shown = canal ? ((u * 7 + v * 3) % 4 == 0 ? 1 : 0) : 8;
+      for (int k = 0; k < shown; ++k)
+        points.push_back({u + 0.1 + 0.1 * k, v + 0.5, canal ? 5.0 : 5.5 + 0.001 * v, 2, 1});
+    }
+  const LasRecords scan(folder.write("canal.las", las_of(points, {})));
+  const ScanCells cells{1.0};
+  LowestHeights lowest(cells, folder / "lowest");
+  lowest.hold(LowestHeights::kTileBytes * 2);
+  std::vector<LowestHeights::Sample> samples;
+  scan.read(
+      1, [&](LasBatch& b) { lowest.place(scan, b, false, samples); },
+      [&](LasBatch&) { lowest.add(samples); });
+  lowest.finish();
+  CHECK(lowest.median_count(1) == 8);
+  CHECK(lowest.median_count(2) == 32);
+  GroundRules rules;
+  rules.max_window = 2;
+  WaterRules water;
+  water.max_count = 4, water.width = 6, water.relief = 300, water.reach = 24;
+  GroundTiles ground(lowest, 1, rules, {}, water, folder / "ground");
+  WorkerPool pool(2);
+  MemoryBudget budget(std::uint64_t{1} << 30, 0);
+  ground.find(lowest, pool, budget);
+  ground.hold(GroundTiles::tile_bytes());
+  const CellWindow& all = ground.window();
+  const std::vector<std::uint32_t> counts = lowest.read_counts(all, 1);
+  const std::vector<std::uint8_t> want =
+      find_water(lowest.read(all, 1), counts, all.width, all.height, water);
+  std::size_t differ = 0, wet = 0;
+  for (std::int32_t v = 0; v < all.height; ++v)
+    for (std::int32_t u = 0; u < all.width; ++u) {
+      const auto i = static_cast<std::size_t>(v * all.width + u);
+      const bool found = ground.below(ground.place(all.u + u + 0.5, all.v + v + 0.5)).water;
+      differ += found == (want[i] != 0) ? 0 : 1;
+      wet += found ? 1 : 0;
+    }
+  CHECK(differ == 0);
+  CHECK(wet > 3500);  // of 4731
 }
 
 }  // namespace ground_tiles_test
