@@ -10,7 +10,9 @@ namespace tessera {
 struct ContourOptions {
   double interval = 0.0;  ///< between levels, which are whole multiples of it
   int index = 5;          ///< every so many levels a line is an index line; 0 = none
-  std::string crs;        ///< WKT, or EPSG:n; empty = none is known
+  /// Lines may leave the mesh by so much in plan to be smooth (line_smoothing.h); 0 = they lie on its faces.
+  double smooth = 0.0;
+  std::string crs;  ///< WKT, or EPSG:n; empty = none is known
   std::uint64_t memory_bytes = 0;
   int threads = 0;
   std::filesystem::path temp;  ///< folder for scratch files
@@ -19,6 +21,7 @@ struct ContourOptions {
 struct ContourReport {
   std::uint64_t lines = 0, closed = 0, points = 0;
   double lowest = 0.0, highest = 0.0;  ///< levels that have lines
+  std::uint64_t smoothed = 0;          ///< lines that changed
   std::string warnings;                ///< lines for the user
 };
 

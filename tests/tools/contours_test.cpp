@@ -7,9 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "kernels/survey/line_smoothing.h"
 #include "stream/files/json.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/height_sheet.h"
+#include "tests/helpers/map_lines.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -116,6 +118,84 @@ TEST_CASE("contours: over many patches every line is closed or ends at the borde
   CHECK(ascends);
   CHECK(closed > 20);
   CHECK(open > 20);
+}
+
+TEST_CASE("contours: lines are smooth within a tolerance, meet nothing and end where they did",
+          "[pipeline]") {
+  const TempFolder folder;
+  // Flat benches with steep steps between, rough all over: lines run close along the steps.
+  const fs::path mesh = folder.write(
+      "steps.off", heights(150, 300.0, [](double x, double y) {
+        const double ramp = 0.05 * (x + 0.4 * y) + std::sin(0.07 * x) * std::cos(0.05 * y);
+        return ramp + 0.45 * std::sin(2.0 * M_PI * ramp) / M_PI + 0.06 * std::sin(7.1 * x + 3.3 * y);
+      }));
+  const std::string raw = (folder / "raw.geojson").string(), smooth = (folder / "smooth.geojson").string();
+  make({mesh.string(), "-o", raw, "--interval", "0.25"});
+  make({mesh.string(), "-o", smooth, "--interval", "0.25", "--smooth", "0.8", "-t", "2"});
+  const std::vector<MapLine> before = read_map_lines(raw), after = read_map_lines(smooth);
+  REQUIRE(before.size() == after.size());
+  REQUIRE(before.size() > 100);
+  std::uint64_t touches = 0, smooth_touches = 0;
+  CHECK(crossing_pairs(before, touches) == 0);
+  CHECK(crossing_pairs(after, smooth_touches) == 0);
+  CHECK(smooth_touches <= touches);
+  double turned = 0.0, smooth_turned = 0.0, farthest = 0.0;
+  const auto turning = [](const MapLine& line) {
+    double sum = 0.0;
+    const auto& p = line.points;
+    for (std::size_t k = 1; k + 1 < p.size(); ++k)
+      sum += std::abs(std::remainder(std::atan2(p[k + 1][1] - p[k][1], p[k + 1][0] - p[k][0]) -
+                                         std::atan2(p[k][1] - p[k - 1][1], p[k][0] - p[k - 1][0]),
+                                     2.0 * M_PI));
+    return sum;
+  };
+  bool ends = true;
+  for (std::size_t l = 0; l < before.size(); ++l) {
+    const MapLine &a = before[l], &b = after[l];
+    REQUIRE(a.level == b.level);
+    REQUIRE(a.closed == b.closed);
+    if (!a.closed) ends = ends && a.points.front() == b.points.front() && a.points.back() == b.points.back();
+    turned += turning(a), smooth_turned += turning(b);
+    if (l % 7 != 0) continue;
+    for (const auto& p : b.points) {
+      double nearest = 1e300;
+      for (std::size_t k = 0; k + (a.closed ? 0 : 1) < a.points.size(); ++k)
+        nearest = std::min(nearest,
+                           tessera::segment_distance(p, p, a.points[k], a.points[(k + 1) % a.points.size()]));
+      farthest = std::max(farthest, nearest);
+    }
+  }
+  CHECK(ends);
+  CHECK(farthest <= 0.8);
+  CHECK(farthest > 0.1);
+  CHECK(smooth_turned < 0.6 * turned);
+  // The same bytes by any way.
+  const std::string again = (folder / "again.geojson").string();
+  make({mesh.string(), "-o", again, "--interval", "0.25", "--smooth", "0.8", "-t", "1", "--memory", "128M"});
+  CHECK((file_bytes(again) == file_bytes(smooth)));
+}
+
+TEST_CASE("contours: of ten million faces none cross, none dangle, smoothed or not", "[pipeline][.large]") {
+  const TempFolder folder;
+  const std::string scan = (folder / "scan.ply").string(), mesh = (folder / "mesh.ply").string(),
+                    lines = (folder / "lines.geojson").string();
+  REQUIRE(tessera_command(
+              {"synth", "--scene", "terrain", "--points", "8M", "--normals", "--noise", "0.02", "-o", scan})
+              .code == 0);
+  REQUIRE(tessera_command({"reconstruct", scan, "-o", mesh, "-q"}).code == 0);
+  for (const char* smooth : {"0", "0.3"}) {
+    make({mesh, "-o", lines, "--interval", "0.5", "--smooth", smooth, "--force"});
+    const std::vector<MapLine> all = read_map_lines(lines);
+    std::uint64_t touches = 0;
+    CAPTURE(smooth, all.size());
+    CHECK(all.size() > 100);
+    CHECK(crossing_pairs(all, touches) == 0);
+    std::size_t dangling = 0;
+    for (const MapLine& line : all)
+      for (const auto& p : {line.points.front(), line.points.back()})
+        if (!line.closed && p[0] > 5.0 && p[1] > 5.0 && p[0] < 995.0 && p[1] < 995.0) ++dangling;
+    CHECK(dangling == 0);
+  }
 }
 
 TEST_CASE("contours: what cannot be is refused in a sentence", "[pipeline]") {

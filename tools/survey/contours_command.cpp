@@ -36,6 +36,9 @@ void run_contours(const ContoursCommand& command) {
   fmt::print("{}: {} lines, {} of them closed, {} points, heights {:.10g} to {:.10g}\n",
              command.output.string(), report.lines, report.closed, report.points, report.lowest,
              report.highest);
+  if (options.smooth > 0.0)
+    fmt::print("{} lines are smooth, no point farther than {:g} from where the mesh has it\n",
+               report.smoothed, options.smooth);
 }
 
 }  // namespace
@@ -50,6 +53,11 @@ cli::Command contours_command() {
         "height between two lines, units of the mesh; lines lie at whole multiples of it")
       .at_least(0);
   t.add("index", &c.options.index, "every so many levels the line is an index line; 0 = none").at_least(0);
+  t.add("smooth", &c.options.smooth,
+        "how far lines may leave the mesh in plan to be smooth, units of the mesh; no line meets another one "
+        "or itself by "
+        "that; 0 = they lie on its faces")
+      .at_least(0);
   t.add(
        "crs", &c.options.crs,
        "coordinate system of the mesh, EPSG:n, WKT or a file with it; default: what the .prj beside the mesh "
@@ -62,7 +70,7 @@ cli::Command contours_command() {
   return {
       "contours",
       "Contour lines of a mesh, exact on its faces, closed or ending where the mesh does. Example: tessera "
-      "contours site.ply -o lines.gpkg --interval 0.5",
+      "contours site.ply -o lines.gpkg --interval 0.5 --smooth 0.2",
       t, [shared] { run_contours(*shared); }};
 }
 
