@@ -117,6 +117,37 @@ TEST_CASE("classify: one result whatever the cap, the threads and the way the po
   CHECK(file_bytes(folder / "f.laz") == file_bytes(folder / "c.laz"));
 }
 
+TEST_CASE("classify: cells are wide where few points get through leaves, not where points are few",
+          "[pipeline]") {
+  // Undulating land, under a forest or bare, with houses.
+  const TempFolder folder;
+  std::mt19937 random(5);
+  const auto uniform = [&] { return static_cast<double>(random()) / 4294967296.0; };
+  const auto run = [&](double density, double canopy) {
+    std::vector<ScenePoint> points;
+    for (int k = 0; k < static_cast<int>(density * 240.0 * 240.0); ++k) {
+      const double x = 240.0 * uniform(), y = 240.0 * uniform();
+      ScenePoint p{x, y, 3.0 * std::sin(x / 40.0) * std::cos(y / 30.0), 2, 1};
+      const bool house = std::fmod(x, 60.0) < 12.0 && std::fmod(y, 60.0) < 15.0;
+      if (canopy == 0.0 && house) p.z += 7.0, p.truth = 6;
+      if (uniform() < canopy) p.z += 8.0 + 6.0 * uniform(), p.truth = 5;
+      points.push_back(p);
+    }
+    const fs::path in = folder.write("in.las", las_of(points, {}));
+    const std::string out = (folder / "out.las").string(), report = (folder / "out.json").string();
+    must_classify({in.string(), "-o", out, "--report", report, "--force"});
+    const Errors errors = errors_of(points, las_classes(file_bytes(out)));
+    CAPTURE(density, canopy, errors.ground_lost, errors.objects_taken);
+    CHECK(errors.ground_lost < 0.05);
+    CHECK(errors.objects_taken < 0.05);
+    return tessera::parse_json(file_bytes(report)).at("cell").get<double>();
+  };
+  CHECK(run(0.7, 0.0) == 1.0);
+  CHECK(run(0.15, 0.0) == 1.0);
+  CHECK(run(0.7, 0.75) >= 3.0);
+  CHECK(run(12.0, 0.75) == 1.0);
+}
+
 TEST_CASE("classify: files that border on each other get the classes of one file", "[pipeline]") {
   const TempFolder folder;
   const std::vector<ScenePoint> points = aerial_scene(2);

@@ -112,9 +112,10 @@ cli::Command classify_command() {
         "all: ground 2, vegetation 3, 4, 5 by height, planar roofs 6, noise 7, else 1; ground: 2, all else 1")
       .one_of({"all", "ground"});
   ClassifyOptions& o = c.options;
-  t.add("cell", &o.cell,
-        "edge of a cell whose lowest point counts, scan units; 0 = 1 m, or up to 8 m so that cells hold 6 "
-        "points")
+  t.add(
+       "cell", &o.cell,
+       "edge of a cell whose lowest point counts, scan units; 0 = 1 m, more where vegetation lets few points "
+       "through")
       .at_least(0);
   t.add("slope", &o.slope, "steepest ground, rise over run: steeper steps are objects").at_least(0);
   t.add("window", &o.window, "half the width of the widest object to take away, scan units; 0 = 18 m")

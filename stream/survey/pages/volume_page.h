@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <string>
 
-#include "stream/check/mesh_volume.h"
 #include "stream/page/survey_page.h"
+#include "stream/volume/mesh_volume.h"
 
 namespace tessera {
 
