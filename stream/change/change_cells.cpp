@@ -45,6 +45,12 @@ void ChangeCells::add(std::span<const PlacedChange> points) {
     for (; i < parts.size() && parts[i].x == joined.x && parts[i].y == joined.y; ++i)
       joined.count += parts[i].count, joined.significant += parts[i].significant,
           joined.sum.add(parts[i].sum);
+    const std::array<std::int64_t, 2> at = {joined.x, joined.y};
+    for (std::size_t a = 0; a < 2; ++a) {
+      low_[a] = any_ ? std::min(low_[a], at[a]) : at[a];
+      high_[a] = any_ ? std::max(high_[a], at[a]) : at[a];
+    }
+    any_ = true;
     sort_.add(joined);
   }
 }
@@ -68,12 +74,13 @@ void ChangeCells::drain(const std::function<void(const ChangeCell&)>& sink) {
   close();
 }
 
-ChangeArea change_area(ChangeCells& cells) {
+ChangeArea change_area(ChangeCells& cells, const std::function<void(const ChangeCell&)>& each) {
   ChangeArea out;
   out.cell = cells.size();
   std::uint64_t compared = 0, significant = 0;
   cells.drain([&](const ChangeCell& c) {
     ++compared;
+    if (each) each(c);
     if (2 * c.significant <= c.count) return;
     ++significant;
     if (out.worst.size() == kWorst && !is_worse(c, out.worst.back())) return;

@@ -1,6 +1,7 @@
 /// \file change_cells.h
 /// Change as seen from above, in cells of a lattice through zero: how much area was compared and changed, and where most.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -34,19 +35,24 @@ class ChangeCells {
               std::uint64_t memory_bytes);
   /// Core points, any number at a time: their sums wait, a record for every cell that they lie in. One thread at a time.
   void add(std::span<const PlacedChange> points);
-  /// All cells by y, then x, once.
+  /// All cells from the north down, then by x, once.
   void drain(const std::function<void(const ChangeCell&)>& sink);
   double size() const { return size_; }
+  /// The outermost columns and rows that hold something. \pre some do
+  const std::array<std::int64_t, 2>& low() const { return low_; }
+  const std::array<std::int64_t, 2>& high() const { return high_; }
 
  private:
   struct Part {
     std::int64_t x = 0, y = 0;
     std::uint64_t count = 0, significant = 0;
     FixedSum sum;
-    bool operator<(const Part& o) const { return y != o.y ? y < o.y : x < o.x; }
+    bool operator<(const Part& o) const { return y != o.y ? y > o.y : x < o.x; }
   };
 
   double size_, max_distance_;
+  bool any_ = false;
+  std::array<std::int64_t, 2> low_{}, high_{};
   ExternalSort<Part> sort_;
 };
 
@@ -58,6 +64,7 @@ struct ChangeArea {
   /// Of these the cells of largest mean distance, either way, the largest first.
   std::vector<ChangeCell> worst;
 };
-ChangeArea change_area(ChangeCells& cells);
+/// \param each  gets every cell, in the order of drain(); may be empty
+ChangeArea change_area(ChangeCells& cells, const std::function<void(const ChangeCell&)>& each = {});
 
 }  // namespace tessera

@@ -9,11 +9,13 @@
 
 #include "octree/error.h"
 #include "stream/change/change_distances.h"
+#include "stream/change/change_raster.h"
 #include "stream/change/cloud_points.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
+#include "stream/survey/gdal_program.h"
 #include "stream/survey/measured_inputs.h"
 
 namespace tessera {
@@ -88,13 +90,14 @@ class ChangeJob {
     progress_.end_stage();
     const double most = 2.0 * settings_.rule.max_depth;
     const std::uint64_t sorts = std::max<std::uint64_t>(work / 4, kMinSortBytes);
-    ChangeCells cells(settings_.rule.projection_scale, most, scratch_.path(), sorts);
+    ChangeCells cells(options_.cell > 0.0 ? options_.cell : settings_.rule.projection_scale, most,
+                      scratch_.path(), sorts);
     progress_.begin_stage("measure", 2, 4, "core points", report_.points[0], 0);
     distances.measure(pool, budget, cells, [&](std::uint64_t points) { progress_.advance(points); });
     progress_.end_stage();
     trim_allocator();
     require_overlap(distances);
-    report_.area = change_area(cells);
+    measure_area(cells, most);
     DeviationStatistics statistics(most, -1.0, options_.areas, scratch_.path(), sorts);
     progress_.begin_stage("write", 3, 4, "points", report_.points[0], 0);
     pool.run_here([&] { write(distances, statistics); });
@@ -109,6 +112,7 @@ class ChangeJob {
  private:
   /// What the inputs are refused for they shall be refused for before the work.
   void open_inputs() {
+    if (!options_.raster.empty()) gdal_program();
     if (!options_.areas.empty()) ClipPolygon::text_of_file(options_.areas);
     for (const std::vector<std::filesystem::path>& some : paths_)
       for (const std::filesystem::path& path : some)
@@ -214,6 +218,21 @@ class ChangeJob {
         paths_[0].front().string()));
   }
 
+  void measure_area(ChangeCells& cells, double max_distance) {
+    if (options_.raster.empty()) {
+      report_.area = change_area(cells);
+      return;
+    }
+    ChangeRaster raster(cells, max_distance, scratch_.path());
+    report_.area = change_area(cells, [&](const ChangeCell& c) { raster.add(c); });
+    const Crs& own = inputs_->points().crs;
+    const std::string crs = !own.wkt.empty()      ? own.wkt
+                            : own.horizontal != 0 ? fmt::format("EPSG:{}", own.horizontal)
+                                                  : std::string();
+    const std::string warnings = raster.finish(crs, options_.memory_bytes / 2, options_.raster);
+    if (!warnings.empty()) report_.notices.push_back(warnings);
+  }
+
   /// The second pass: every core point with its change.
   void write(ChangeDistances& distances, DeviationStatistics& statistics) {
     std::uint64_t told = 0;
@@ -237,7 +256,7 @@ class ChangeJob {
   }
 
   void add_notices() {
-    report_.notices = inputs_->points().notices();
+    for (const std::string& line : inputs_->points().notices()) report_.notices.push_back(line);
     for (const std::string& line : after_->notices()) report_.notices.push_back(line);
     const double count = static_cast<double>(report_.core_points);
     constexpr double kMany = 0.5;

@@ -26,6 +26,8 @@ struct ScanChangeOptions {
   bool all_fields = false;  ///< counts, spreads and normals too
   double colour_scale =
       0.0;  ///< points get colours by distance, this one's at the ends; 0 = they keep theirs
+  std::filesystem::path raster;      ///< GeoTIFF of mean distances; empty = none
+  double cell = 0.0;                 ///< of figures by area and of the raster; 0 = the projection scale
   std::filesystem::path areas;       ///< GeoJSON polygons in the coordinates of the scans; empty = none
   std::vector<std::string> columns;  ///< of text scans
   std::uint64_t memory_bytes = 0;

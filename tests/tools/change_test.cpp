@@ -14,6 +14,8 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
+#include "tests/helpers/shell.h"
+#include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace change_test {
@@ -202,6 +204,37 @@ TEST_CASE("change: LAS gets extra bytes and keeps every other one, PLY names wit
   CHECK(ply.find("property double scalar_M3C2_distance\nproperty double scalar_distance_uncertainty\n"
                  "property double scalar_significant_change\n") != std::string::npos);
   CHECK(ply.find("property uchar red") != std::string::npos);
+}
+
+TEST_CASE("change: a raster has the mean distance of every cell", "[pipeline]") {
+  const TempFolder folder;
+  const auto before = folder.write("old.xyz", text_of(sheet(20000, 1, 0.0)));
+  const auto after = folder.write("new.xyz", text_of(sheet(20000, 2, 0.5)));
+  const auto out = folder / "out.tif";
+  REQUIRE(change({before.string(), after.string(), "--raster", out.string(), "--cell", "4", "-o",
+                  (folder / "out.csv").string()}) == 0);
+  REQUIRE(std::filesystem::file_size(out) > 0);
+  if (shell("gdalinfo --version").code != 0) return skip("there is no gdalinfo (gdal-bin)");
+  const Outcome r = shell("gdalinfo -json " + out.string());
+  REQUIRE(r.code == 0);
+  const Json info = parse_json(r.said);
+  const std::vector<int> size = info.at("size").get<std::vector<int>>();
+  CHECK((size[0] == 11 && size[1] == 10));  // a point lies on the eastern border
+  CHECK(info.at("geoTransform")[0].get<double>() == 500000.0);
+  CHECK(info.at("geoTransform")[3].get<double>() == 5200040.0);
+  // Column 1 from west, row 1 from north, and so on: means of the distances in the cell.
+  const std::vector<Row> rows = rows_of(folder / "out.csv");
+  for (const auto& [column, row] : {std::pair{1, 1}, std::pair{8, 2}, std::pair{5, 9}}) {
+    double sum = 0.0, count = 0.0;
+    for (const Row& p : rows)
+      if (std::floor((p.values[0] - 500000.0) / 4.0) == column &&
+          std::floor((p.values[1] - 5200000.0) / 4.0) == 9 - row && !std::isnan(p.values[3]))
+        sum += p.values[3], ++count;
+    const Outcome value = shell("gdallocationinfo -valonly " + out.string() + " " + std::to_string(column) +
+                                " " + std::to_string(row));
+    REQUIRE(value.code == 0);
+    CHECK(std::stod(value.said) == Approx(sum / count).margin(1e-6));
+  }
 }
 
 TEST_CASE("change: core points are one in a cell, whatever the order of the scan", "[pipeline]") {

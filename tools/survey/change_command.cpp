@@ -73,8 +73,10 @@ void run_change(ChangeCommand command) {
   const auto start = std::chrono::steady_clock::now();
   cli::require_inputs(command.inputs);
   divide_inputs(command);
-  if (command.output.empty() && command.report.empty() && command.csv.empty() && command.histogram.empty())
-    throw UsageError("no output: give -o FILE (.las, .laz, .ply, .csv), --report, --csv or --histogram");
+  if (command.output.empty() && command.report.empty() && command.csv.empty() && command.histogram.empty() &&
+      command.options.raster.empty())
+    throw UsageError(
+        "no output: give -o FILE (.las, .laz, .ply, .csv), --raster, --report, --csv or --histogram");
   if (!command.output.empty() && !names_folder(command.output))
     MeasuredInputs::require_output(command.output, "changes");
   ScanChangeOptions options = command.options;
@@ -93,7 +95,8 @@ void run_change(ChangeCommand command) {
   if (names_folder(command.output) && !outputs.empty()) make_output_folder(command.output);
   std::vector<PlannedWrite> writes = {{command.report, "--report", existing},
                                       {command.csv, "--csv", existing},
-                                      {command.histogram, "--histogram", existing}};
+                                      {command.histogram, "--histogram", existing},
+                                      {command.options.raster, "--raster", existing}};
   for (const std::filesystem::path& output : outputs) writes.push_back({output, "-o", existing});
   cli::check_line_writes(reads, writes);
   if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
@@ -176,6 +179,12 @@ cli::Command change_command() {
         "colours by distance instead of those there were: red where the new scan lies in front, blue behind, "
         "full at this distance, magenta beyond; 0 = those there were")
       .at_least(0);
+  t.add("raster", &o.raster,
+        "also write mean distances by cell, seen from above, to this GeoTIFF; needs tessera-gdal");
+  t.add("cell", &o.cell,
+        "edge of a cell of the raster and of figures by area, scan units; auto = --projection-scale")
+      .at_least(0)
+      .or_word("auto", 0.0);
   t.add("csv", &c.csv, "also write the rows of figures to this file");
   t.add("histogram", &c.histogram, "also write a histogram of distances to this file (CSV)");
   t.add("report,json", &c.report, "also write the figures to this file");
