@@ -31,7 +31,7 @@ struct CollapseBound {
 /// The largest bound of the faces of a star.
 double max_face_bound(const CollapseMesh& mesh, const Star& star);
 
-/// The rim of a closed star as the only loop, from ring[at] on.
+/// The link of a closed star as the only loop, from ring[at] on.
 void lay_link(const CollapseMesh& mesh, const Star& star, std::size_t at, LinkSides& sides);
 
 /// The bound after the collapse of u into star.ring[at]; nothing where it folds. \param[out] sides  the link

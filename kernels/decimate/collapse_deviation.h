@@ -1,6 +1,6 @@
 /// \file collapse_deviation.h
 /// How far a halfedge collapse moves the surface: a bound of the distance between the star before and after,
-/// both ways. Both stars are fans over the same rim, so they are graphs over one polygon; their difference
+/// both ways. Both stars are fans over the same link, so they are graphs over one polygon; their difference
 /// along its normal is linear on the overlay of the two fans and largest at an overlay vertex.
 #pragma once
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace tessera {
 
-/// The rim of one side of a star as a closed loop, counter-clockwise, from the vertex that takes over.
+/// The link of one side of a star as a closed loop, counter-clockwise, from the vertex that takes over.
 struct LinkLoop {
   std::size_t size = 0;
   std::uint64_t borders = 0, creases = 0;  ///< bit i: what the edge from at[i] to at[i + 1] is
@@ -37,9 +37,9 @@ bool fan_deviation(const LinkLoop& loop, const Double3& apex, std::size_t flat_e
                    FanFoot* foot = nullptr);
 
 /// The same for two neighbouring stars that become one fan around a new place.
-/// \param loop   at[0] = 0 the new place, then the rim of both stars, counter-clockwise
+/// \param loop   at[0] = 0 the new place, then the link of both stars, counter-clockwise
 /// \param u, v   the old centres, relative to the new place
-/// \param first  u has the faces at the rim edges 1 .. first, v those after it; at[1] and at[first + 1] see both
+/// \param first  u has the faces at the link edges 1 .. first, v those after it; at[1] and at[first + 1] see both
 bool edge_deviation(const LinkLoop& loop, const Double3& u, const Double3& v, std::size_t first,
                     double& deviation);
 

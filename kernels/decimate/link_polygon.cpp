@@ -53,7 +53,7 @@ bool set_frame(const LinkLoop& loop, LinkPolygon& g, FramedLoop& at) {
   return true;
 }
 
-void set_rim(const FramedLoop& at, LinkPolygon& g) {
+void set_link(const FramedLoop& at, LinkPolygon& g) {
   for (std::size_t i = 0; i < g.size; ++i) {
     const std::size_t j = g.following(i);
     const double dx = at.x[j] - at.x[i], dy = at.y[j] - at.y[i];
@@ -61,7 +61,7 @@ void set_rim(const FramedLoop& at, LinkPolygon& g) {
     g.z[i] = static_cast<float>(at.z[i]);
     g.edge_x[i] = static_cast<float>(dx), g.edge_y[i] = static_cast<float>(dy);
     g.edge_z[i] = static_cast<float>(at.z[j] - at.z[i]);
-    // A point on the rim is outside: what only touches the polygon does not count.
+    // A point on the link is outside: what only touches the polygon does not count.
     g.edge_c[i] = static_cast<float>(cross_xy(dx, dy, at.x[i], at.y[i])) +
                   8.0f * 0x1p-24f * g.radius * (std::fabs(g.edge_x[i]) + std::fabs(g.edge_y[i]));
   }
@@ -98,7 +98,7 @@ bool make_polygon(const LinkLoop& loop, bool inner_centre, LinkPolygon& polygon)
   if (loop.size < 3 + polygon.first || loop.size >= LinkPolygon::kPadded) return false;
   FramedLoop at;
   if (!set_frame(loop, polygon, at)) return false;
-  set_rim(at, polygon);
+  set_link(at, polygon);
   return set_sectors(at, polygon);
 }
 
@@ -110,7 +110,7 @@ bool is_folded(const LinkPolygon& polygon, const PolygonTriangle& p) {
 
 bool meets_polygon(const LinkPolygon& g, const PolygonPoint& a, const PolygonPoint& b) {
   bool crosses = false;
-  for_each_bit(a.rim ^ b.rim, [&](std::size_t j) {
+  for_each_bit(a.link ^ b.link, [&](std::size_t j) {
     const std::size_t k = g.following(j);
     const float sj = cross_xy(b.x - a.x, b.y - a.y, g.x[j] - a.x, g.y[j] - a.y);
     const float sk = cross_xy(b.x - a.x, b.y - a.y, g.x[k] - a.x, g.y[k] - a.y);
@@ -134,7 +134,7 @@ float crossing_deviation(const LinkPolygon& g, const PolygonPoint& a, const Poly
       deviation = std::max(deviation, std::fabs(from[2] + t * d[2] - p[2] - s * u[2]) + own);
   };
   for_each_bit((a.spokes ^ b.spokes) & g.inner_spokes, [&](std::size_t j) { cross_edge({}, g.corner(j)); });
-  for_each_bit(a.rim ^ b.rim, [&](std::size_t j) { cross_edge(g.corner(j), g.edge(j)); });
+  for_each_bit(a.link ^ b.link, [&](std::size_t j) { cross_edge(g.corner(j), g.edge(j)); });
   return deviation;
 }
 
@@ -176,7 +176,7 @@ std::uint64_t overlapped_sectors(const LinkPolygon& g, const PolygonTriangle& p)
 
 float distance_beyond_lines(const LinkPolygon& g, std::uint64_t lines, const PolygonPoint& p) {
   float nearest = -1.0f;
-  for_each_bit(lines & ~p.rim, [&](std::size_t j) {
+  for_each_bit(lines & ~p.link, [&](std::size_t j) {
     const Float3 d = position_of(p) - g.corner(j), edge = g.edge(j);
     const float length2 = edge[0] * edge[0] + edge[1] * edge[1];
     const float t = (d[0] * edge[0] + d[1] * edge[1]) / length2;

@@ -28,7 +28,7 @@ PolygonPoint framed(const ReferenceMesh::Vertex& v, const Double3& origin, const
   return {.x = at[0], .y = at[1], .z = at[2]};
 }
 
-/// How far left of a rim edge the other corners of a side of a fan lie, on the mean, times the edge.
+/// How far left of a link edge the other corners of a side of a fan lie, on the mean, times the edge.
 float mean_left_of(const ReferenceMesh& mesh, const LinkPolygon& polygon, const Double3& origin,
                    std::size_t edge, std::span<const std::uint32_t> side) {
   float sum = 0.0f, count = 0.0f;
@@ -43,7 +43,7 @@ float mean_left_of(const ReferenceMesh& mesh, const LinkPolygon& polygon, const 
   return sum / count;
 }
 
-/// Of the sides between lines that a fan consists of, the one that lies most to the left of the rim edge.
+/// Of the sides between lines that a fan consists of, the one that lies most to the left of the link edge.
 /// \pre a line runs before the fan's first corner
 std::span<const std::uint32_t> side_at_edge(const ReferenceMesh& mesh, const LinkPolygon& polygon,
                                             const Double3& origin, std::size_t edge,
@@ -60,13 +60,13 @@ std::span<const std::uint32_t> side_at_edge(const ReferenceMesh& mesh, const Lin
   return best;
 }
 
-/// The deviation of a point where it is inside or, at a line of the rim, beyond that; else 0.
+/// The deviation of a point where it is inside or, at a line of the link, beyond that; else 0.
 float measure_point(const LinkPolygon& polygon, std::uint64_t lines, PolygonPoint& p) {
   classify(polygon, p);
   if (p.inside) {
     const std::size_t i = p.sector;
     p.deviation = std::fabs(p.z - polygon.slope_x[i] * p.x - polygon.slope_y[i] * p.y);
-  } else if ((lines & ~p.rim) != 0) {
+  } else if ((lines & ~p.link) != 0) {
     const float distance = distance_beyond_lines(polygon, lines, p);
     p.inside = distance >= 0.0f;
     if (p.inside) p.deviation = distance;
@@ -94,7 +94,7 @@ struct ReferenceDeviation::Walk {
     return deviation <= limit;
   }
 
-  /// The ends of a line of the reference, where the walk ends. Where it leaves the polygon, its crossing of the rim has been
+  /// The ends of a line of the reference, where the walk ends. Where it leaves the polygon, its crossing of the link has been
   /// measured. \return false above the limit
   bool add_line(const LinkPolygon& polygon, const PolygonPoint& a, const PolygonPoint& b, float own) {
     const bool through = !a.inside && !b.inside;
@@ -107,7 +107,7 @@ struct ReferenceDeviation::Walk {
 
   Double3 origin;
   float limit, min_cosine;
-  std::uint64_t lines, ends;  ///< bits of the rim's edges and corners that are such
+  std::uint64_t lines, ends;  ///< bits of the link's edges and corners that are such
   std::uint64_t covered;      ///< bits of corners found over the reference; vertices of lines do not move
   unsigned walls;             ///< states of edges that the walk does not cross
   bool free_corners;

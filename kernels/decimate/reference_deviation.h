@@ -1,7 +1,7 @@
 /// \file reference_deviation.h
 /// The distance between the new star of a collapse and the reference below it, both ways.
 ///
-/// Seen along the normal of the rim's polygon, the new star is a graph over the polygon. The reference is
+/// Seen along the normal of the link's polygon, the new star is a graph over the polygon. The reference is
 /// walked from the removed vertex across every edge that meets the polygon; if all triangles on the way face
 /// the same side, the reference is a graph over the polygon too and covers it (its image is open and closed
 /// in the polygon). The difference of two graphs that are linear on the overlay of their triangulations is
@@ -12,8 +12,8 @@
 /// bound of a triangle is added to the distances at its corners and edges, also to those of lines.
 ///
 /// Lines. Creases and borders end a side of the surface, in the reference as in the block. The walk does not
-/// cross them; what is left between a line of the rim and the line of the reference is as far as the vertices
-/// of either line and of the reference beyond the rim are from the rim's line.
+/// cross them; what is left between a line of the link and the line of the reference is as far as the vertices
+/// of either line and of the reference beyond the link are from the link's line.
 ///
 /// Rounding. ReferenceDeviation adds LinkPolygon::rounding() to what it finds.
 #pragma once
@@ -39,7 +39,7 @@ class ReferenceDeviation {
     std::size_t flat_edge = kNoFlatEdge;  ///< as fan_deviation()
     double limit = 0.0;                   ///< give up above it
     bool cross_creases = false;           ///< walk across creases of the reference as across any edge
-    bool inner_centre = false;            ///< at[0] is no part of the rim but the centre of a closed fan
+    bool inner_centre = false;            ///< at[0] is no part of the link but the centre of a closed fan
     bool free_corners = false;            ///< corners of the star need not lie on the reference
     /// Give up where a new face turns more against a reference triangle over it. Not where moving one corner of that
     /// by half the limit and a 32nd of the largest height of the triangles around its corners explains the turn.
@@ -56,7 +56,7 @@ class ReferenceDeviation {
     std::uint32_t witness = kNoCorner;  ///< kBeyond: the reference vertex that is so, if it was a vertex
   };
 
-  /// \param loop  closed rim of the star or of a side of it, relative to the vertex that takes over (at[0] = 0)
+  /// \param loop  closed link of the star or of a side of it, relative to the vertex that takes over (at[0] = 0)
   /// \return kBeyond where the deviation exceeds the limit, kFolded where the reference is no graph over the polygon
   Result measure(const LinkLoop& loop, const Query& query);
 

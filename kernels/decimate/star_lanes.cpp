@@ -167,7 +167,7 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& deviation) const {
   const __m256 thin = _mm256_mul_ps(_mm256_set1_ps(min_), _mm256_mul_ps(edges, edges));
   if ((bits_of(_mm256_cmp_ps(after2, thin, _CMP_LT_OQ)) & fresh) != 0) return Answer::kDoubt;
 
-  // The plane of the rim's polygon.
+  // The plane of the link's polygon.
   const __m256 used = _mm256_castsi256_ps(
       _mm256_cmpgt_epi32(_mm256_set1_epi32(static_cast<int>(k)), _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0)));
   float nx = sum_of(_mm256_and_ps(before.x, used)), ny = sum_of(_mm256_and_ps(before.y, used)),

@@ -24,7 +24,7 @@ PolygonPoint seen(const LinkPolygon& g, const Double3& p) {
 
 }  // namespace
 
-TEST_CASE("link polygon: points inside know their sector, those on the rim are outside", "[unit]") {
+TEST_CASE("link polygon: points inside know their sector, those on the link are outside", "[unit]") {
   LinkPolygon g;
   REQUIRE(make_polygon(square(0.0), false, g));
   CHECK(seen(g, {0.7, 0.2, 0.0}).sector == 1);
@@ -33,7 +33,7 @@ TEST_CASE("link polygon: points inside know their sector, those on the rim are o
     CHECK_FALSE(seen(g, p).inside);
 }
 
-TEST_CASE("link polygon: a closed fan needs a centre that sees its whole rim", "[unit]") {
+TEST_CASE("link polygon: a closed fan needs a centre that sees its whole link", "[unit]") {
   LinkLoop loop;
   for (const Double3& p : {Double3{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}})
     loop.at[loop.size++] = p;
@@ -53,13 +53,14 @@ TEST_CASE("link polygon: a loop without area is none", "[unit]") {
   CHECK_FALSE(make_polygon(loop, false, g));
 }
 
-TEST_CASE("link polygon: a segment deviates most where it crosses a spoke or leaves over the rim", "[unit]") {
+TEST_CASE("link polygon: a segment deviates most where it crosses a spoke or leaves over the link",
+          "[unit]") {
   LinkPolygon g;
   REQUIRE(make_polygon(square(0.0), false, g));
   // Level over the only inner spoke, from corner to corner.
   const float level = crossing_deviation(g, seen(g, {0.7, 0.3, 0.25}), seen(g, {0.3, 0.7, 0.25}), 0.5f);
   CHECK(level == Approx(0.75));
-  // Rises from 0 inside to 0.4 beyond the rim, which it crosses half way.
+  // Rises from 0 inside to 0.4 beyond the link, which it crosses half way.
   const float rising = crossing_deviation(g, seen(g, {0.8, 0.2, 0.0}), seen(g, {1.2, 0.2, 0.4}), 0.0f);
   CHECK(rising == Approx(0.2));
   CHECK(crossing_deviation(g, seen(g, {0.8, 0.2, 0.0}), seen(g, {0.6, 0.2, 0.4}), 1.0f) == 0.0f);
@@ -88,7 +89,7 @@ TEST_CASE("link polygon: a triangle above knows corners, sectors and whether it 
   CHECK(overlapped_sectors(g, {&a, &c, &d}) == 6u);
 }
 
-TEST_CASE("link polygon: beyond a line of the rim the distance to it counts", "[unit]") {
+TEST_CASE("link polygon: beyond a line of the link the distance to it counts", "[unit]") {
   LinkPolygon g;
   REQUIRE(make_polygon(square(0.0), false, g));
   const std::uint64_t right = 2u;  // from (1, 0) to (1, 1)
