@@ -11,7 +11,7 @@
 #include <span>
 #include <utility>
 
-#include "octree/compress_lanes.h"
+#include "octree/lanes.h"
 #include "octree/lattice.h"
 #include "octree/multipole.h"
 

@@ -14,31 +14,37 @@ using Double2 = std::array<double, 2>;
 using Double3 = std::array<double, 3>;
 using Float3 = std::array<float, 3>;
 
-template <std::floating_point T>
+/// Whether a type holds several numbers that are worked on side by side (lanes.h).
+template <class T>
+inline constexpr bool kIsLanes = false;
+template <class T>
+concept Coordinate = std::floating_point<T> || kIsLanes<T>;
+
+template <Coordinate T>
 constexpr std::array<T, 3> operator+(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
 }
-template <std::floating_point T>
+template <Coordinate T>
 constexpr std::array<T, 3> operator-(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
 }
-template <std::floating_point T>
+template <Coordinate T>
 constexpr std::array<T, 3> operator-(const std::array<T, 3>& a) {
   return {-a[0], -a[1], -a[2]};
 }
-template <std::floating_point T>
+template <Coordinate T>
 constexpr std::array<T, 3> operator*(const std::array<T, 3>& a, std::type_identity_t<T> s) {
   return {a[0] * s, a[1] * s, a[2] * s};
 }
-template <std::floating_point T>
+template <Coordinate T>
 constexpr std::array<T, 3> operator/(const std::array<T, 3>& a, std::type_identity_t<T> s) {
   return {a[0] / s, a[1] / s, a[2] / s};
 }
-template <std::floating_point T>
+template <Coordinate T>
 constexpr T dot(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
-template <std::floating_point T>
+template <Coordinate T>
 constexpr std::array<T, 3> cross(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }

@@ -8,14 +8,13 @@
 /// Rounding. With R the largest coordinate of the star relative to its centre and u = 2^-24, a height over the polygon
 /// is off by less than 16 u R, as in link_polygon.h; judge() adds that.
 #pragma once
-#include <immintrin.h>
-
 #include <array>
 #include <cstddef>
 #include <cstdint>
 
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/decimate/quadric.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 
@@ -45,14 +44,15 @@ class StarLanes {
   Answer judge(std::size_t at, double& deviation) const;
 
  private:
-  __m256 cost_lanes(const Quadric& q, const Double3& from) const;
+  Float8 cost_lanes(const Quadric& q, const Double3& from) const;
 
   const double unit_;
   const float per_unit_, min_;
   const double unit4_;
   std::size_t size_ = 0;
   float largest_ = 0.0f;
-  __m256 x_, y_, z_, error_;
+  Float8x3 ring_;  ///< relative to the centre
+  Float8 error_;
 };
 
 }  // namespace tessera

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "octree/lanes.h"
 #include "octree/lists.h"
 
 namespace tessera {
@@ -20,55 +21,20 @@ constexpr double kOneSided = 0.5;  ///< of volumes: what must be left of them wh
 constexpr double kMaxScale = 0.2;  ///< of heights, at once
 constexpr double kMin = 0.02;      ///< of the longest displacement: ratios of shorter ones say nothing
 
-constexpr std::size_t kLanes = 4;
 constexpr std::size_t kOpen = 16;  ///< groups of prisms that are being filled
 constexpr std::uint32_t kNone = 0xffffffffu;
-using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
 
 /// A vector of a vertex, and a fourth number.
 struct alignas(32) Row {
   double at[4] = {0, 0, 0, 0};
 };
 
-Lanes load(const double* from) {
-  Lanes out;
-  std::memcpy(&out, from, sizeof out);
-  return out;
-}
-void store(double* to, Lanes value) {
-  std::memcpy(to, &value, sizeof value);
-}
-
-struct Lanes3 {
-  Lanes x, y, z;
-};
-Lanes3 operator+(const Lanes3& a, const Lanes3& b) {
-  return {a.x + b.x, a.y + b.y, a.z + b.z};
-}
-Lanes3 operator-(const Lanes3& a, const Lanes3& b) {
-  return {a.x - b.x, a.y - b.y, a.z - b.z};
-}
-Lanes3 operator*(const Lanes3& a, Lanes s) {
-  return {a.x * s, a.y * s, a.z * s};
-}
-Lanes3 operator*(const Lanes3& a, double s) {
-  return {a.x * s, a.y * s, a.z * s};
-}
-Lanes dot(const Lanes3& a, const Lanes3& b) {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-Lanes3 cross(const Lanes3& a, const Lanes3& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-Lanes square_root(Lanes v) {
-  for (std::size_t l = 0; l < kLanes; ++l) v[l] = std::sqrt(v[l]);
-  return v;
-}
-
 /// Four rows to four lanes of each number, and back.
-void transpose(Lanes& a, Lanes& b, Lanes& c, Lanes& d) {
-  const Lanes ab = __builtin_shufflevector(a, b, 0, 4, 2, 6), ba = __builtin_shufflevector(a, b, 1, 5, 3, 7),
-              cd = __builtin_shufflevector(c, d, 0, 4, 2, 6), dc = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+void transpose(Double4& a, Double4& b, Double4& c, Double4& d) {
+  const Double4 ab = __builtin_shufflevector(a, b, 0, 4, 2, 6),
+                ba = __builtin_shufflevector(a, b, 1, 5, 3, 7),
+                cd = __builtin_shufflevector(c, d, 0, 4, 2, 6),
+                dc = __builtin_shufflevector(c, d, 1, 5, 3, 7);
   a = __builtin_shufflevector(ab, cd, 0, 1, 4, 5);
   b = __builtin_shufflevector(ba, dc, 0, 1, 4, 5);
   c = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
@@ -77,50 +43,51 @@ void transpose(Lanes& a, Lanes& b, Lanes& c, Lanes& d) {
 
 /// The same corner of four prisms; `fourth` is the fourth number of its row.
 struct Corner {
-  Lanes3 at;
-  Lanes fourth;
+  Double4x3 at;
+  Double4 fourth;
 };
 Corner gather(const Row* rows, const std::uint32_t* vertex) {
-  Corner c{{load(rows[vertex[0]].at), load(rows[vertex[1]].at), load(rows[vertex[2]].at)},
-           load(rows[vertex[3]].at)};
-  transpose(c.at.x, c.at.y, c.at.z, c.fourth);
+  Corner c{{load4(rows[vertex[0]].at), load4(rows[vertex[1]].at), load4(rows[vertex[2]].at)},
+           load4(rows[vertex[3]].at)};
+  transpose(c.at[0], c.at[1], c.at[2], c.fourth);
   return c;
 }
 void scatter(Corner c, Row* rows, const std::uint32_t* vertex) {
-  transpose(c.at.x, c.at.y, c.at.z, c.fourth);
-  store(rows[vertex[0]].at, c.at.x);
-  store(rows[vertex[1]].at, c.at.y);
-  store(rows[vertex[2]].at, c.at.z);
-  store(rows[vertex[3]].at, c.fourth);
+  transpose(c.at[0], c.at[1], c.at[2], c.fourth);
+  store4(rows[vertex[0]].at, c.at[0]);
+  store4(rows[vertex[1]].at, c.at[1]);
+  store4(rows[vertex[2]].at, c.at[2]);
+  store4(rows[vertex[3]].at, c.fourth);
 }
 
 /// Prisms by their base triangles (sides e, f from corner 0) and the displacements of their corners. Over the share s of the way
 /// from base to top the triangle is linear, so the volume is the mean displacement times the mean of its area vector.
 struct PrismLanes {
-  Lanes3 e, f, g, k, mean, area;
-  PrismLanes(const Lanes3& e_, const Lanes3& f_, const Lanes3& d0, const Lanes3& d1, const Lanes3& d2)
+  Double4x3 e, f, g, k, mean, area;
+  PrismLanes(const Double4x3& e_, const Double4x3& f_, const Double4x3& d0, const Double4x3& d1,
+             const Double4x3& d2)
       : e(e_), f(f_), g(d1 - d0), k(d2 - d0), mean((d0 + d1 + d2) * (1.0 / 3.0)) {
     area = cross(e, f) * 0.5 + (cross(e, k) + cross(g, f)) * 0.25 + cross(g, k) * (1.0 / 6.0);
   }
-  Lanes volume() const { return dot(mean, area); }
+  Double4 volume() const { return dot(mean, area); }
   /// By the displacements of the corners.
-  std::array<Lanes3, 3> gradient() const {
-    const Lanes3 by_g = cross(f * 0.25 + k * (1.0 / 6.0), mean),
-                 by_k = cross(mean, e * 0.25 + g * (1.0 / 6.0)), third = area * (1.0 / 3.0);
+  std::array<Double4x3, 3> gradient() const {
+    const Double4x3 by_g = cross(f * 0.25 + k * (1.0 / 6.0), mean),
+                    by_k = cross(mean, e * 0.25 + g * (1.0 / 6.0)), third = area * (1.0 / 3.0);
     return {third - by_g - by_k, third + by_g, third + by_k};
   }
 };
 
 /// Four of them; lanes without a prism have the vertex behind the last one at all corners.
 struct alignas(32) Prisms {
-  double e[3][kLanes] = {}, f[3][kLanes] = {};
-  double volume[kLanes] = {}, gained[kLanes] = {};
-  double maximum[kLanes] = {};  ///< that a projection may move
-  std::uint32_t corner[3][kLanes] = {};
-  std::uint32_t face[kLanes] = {kNone, kNone, kNone, kNone};
+  double e[3][kDoubleLanes] = {}, f[3][kDoubleLanes] = {};
+  double volume[kDoubleLanes] = {}, gained[kDoubleLanes] = {};
+  double maximum[kDoubleLanes] = {};  ///< that a projection may move
+  std::uint32_t corner[3][kDoubleLanes] = {};
+  std::uint32_t face[kDoubleLanes] = {kNone, kNone, kNone, kNone};
 
-  Lanes3 side_e() const { return {load(e[0]), load(e[1]), load(e[2])}; }
-  Lanes3 side_f() const { return {load(f[0]), load(f[1]), load(f[2])}; }
+  Double4x3 side_e() const { return {load4(e[0]), load4(e[1]), load4(e[2])}; }
+  Double4x3 side_f() const { return {load4(f[0]), load4(f[1]), load4(f[2])}; }
 };
 
 std::vector<Row> rows_of(std::span<const Double3> of) {
@@ -187,7 +154,7 @@ struct LayerRelaxation::Impl {
         open[o].corner[k][l] = f[k];
         if (is_free[f[k]]) in[f[k]] = static_cast<std::uint16_t>(in[f[k]] | 1u << o);
       }
-      if (filled[o] == kLanes) close(o);
+      if (filled[o] == kDoubleLanes) close(o);
     }
     for (std::size_t o = 0; o < kOpen; ++o) close(o);
   }
@@ -228,14 +195,14 @@ struct LayerRelaxation::Impl {
     for (Prisms& p : prisms) {
       const Corner a = gather(base.data(), p.corner[0]), b = gather(base.data(), p.corner[1]),
                    c = gather(base.data(), p.corner[2]);
-      const Lanes3 e = b.at - a.at, f = c.at - a.at;
-      store(p.e[0], e.x), store(p.e[1], e.y), store(p.e[2], e.z);
-      store(p.f[0], f.x), store(p.f[1], f.y), store(p.f[2], f.z);
-      store(p.maximum, kMaxStep * (square_root(dot(e, e)) + square_root(dot(f, f))));
+      const Double4x3 e = b.at - a.at, f = c.at - a.at;
+      store4(p.e[0], e[0]), store4(p.e[1], e[1]), store4(p.e[2], e[2]);
+      store4(p.f[0], f[0]), store4(p.f[1], f[1]), store4(p.f[2], f[2]);
+      store4(p.maximum, kMaxStep * (square_root(dot(e, e)) + square_root(dot(f, f))));
     }
   }
 
-  Lanes volume(const Prisms& p, const std::vector<Row>& displacements) const {
+  Double4 volume(const Prisms& p, const std::vector<Row>& displacements) const {
     const Row* const d = displacements.data();
     return PrismLanes(p.side_e(), p.side_f(), gather(d, p.corner[0]).at, gather(d, p.corner[1]).at,
                       gather(d, p.corner[2]).at)
@@ -277,7 +244,7 @@ LayerRelaxation::LayerRelaxation(const Layer& rest, const Layer& posed, PrismFac
   m.take_sides();
   if (widening.empty()) return;
   const std::vector<Row> wide = rows_of(widening);
-  for (Prisms& p : m.prisms) store(p.gained, m.volume(p, wide));
+  for (Prisms& p : m.prisms) store4(p.gained, m.volume(p, wide));
 }
 
 LayerRelaxation::~LayerRelaxation() = default;
@@ -303,20 +270,20 @@ void LayerRelaxation::aim(double share) {
   Impl& m = *impl_;
   std::fill(m.weight.begin(), m.weight.end(), 0.0);
   for (Prisms& p : m.prisms) {
-    std::array<Lanes3, 3> at, d;
+    std::array<Double4x3, 3> at, d;
     for (std::size_t k = 0; k < 3; ++k) {
       d[k] = gather(m.at_rest.data(), p.corner[k]).at * share;
       at[k] = gather(m.rest_base.data(), p.corner[k]).at;
     }
-    store(p.volume,
-          PrismLanes(at[1] - at[0], at[2] - at[0], d[0], d[1], d[2]).volume() + load(p.gained) * share);
+    store4(p.volume,
+           PrismLanes(at[1] - at[0], at[2] - at[0], d[0], d[1], d[2]).volume() + load4(p.gained) * share);
     for (std::size_t k = 0; k < 3; ++k) at[k] = at[k] + d[k];
-    const Lanes3 normal = cross(at[1] - at[0], at[2] - at[0]);
-    const Lanes area = square_root(dot(normal, normal));
+    const Double4x3 normal = cross(at[1] - at[0], at[2] - at[0]);
+    const Double4 area = square_root(dot(normal, normal));
     for (std::size_t k = 0; k < 3; ++k) {
       // Cotangents at rest; an obtuse corner pulls nothing.
-      const Lanes along = dot(at[(k + 1) % 3] - at[k], at[(k + 2) % 3] - at[k]);
-      for (std::size_t l = 0; l < kLanes; ++l) {
+      const Double4 along = dot(at[(k + 1) % 3] - at[k], at[(k + 2) % 3] - at[k]);
+      for (std::size_t l = 0; l < kDoubleLanes; ++l) {
         if (p.face[l] == kNone || !(area[l] > 0.0)) continue;
         const double w = std::clamp(along[l] / area[l], 0.0, kMaxWeight);
         for (const std::uint32_t slot : m.slot[3 * p.face[l] + k])
@@ -351,16 +318,16 @@ void LayerRelaxation::project(double relaxation) {
     std::array<Corner, 3> d = {gather(rows, p.corner[0]), gather(rows, p.corner[1]),
                                gather(rows, p.corner[2])};
     const PrismLanes prism(p.side_e(), p.side_f(), d[0].at, d[1].at, d[2].at);
-    const std::array<Lanes3, 3> g = prism.gradient();
-    Lanes square{};
+    const std::array<Double4x3, 3> g = prism.gradient();
+    Double4 square{};
     for (std::size_t k = 0; k < 3; ++k) square += dot(g[k], g[k]) * d[k].fourth;
-    const Lanes missing = (load(p.volume) - prism.volume()) * relaxation, maximum = load(p.maximum);
+    const Double4 missing = (load4(p.volume) - prism.volume()) * relaxation, maximum = load4(p.maximum);
     const auto some = square > 0.0;
-    Lanes step = some ? missing / square : Lanes{};
+    Double4 step = some ? missing / square : Double4{};
     // Way = step * sqrt(square): only a few are too long.
     const auto far = step * step * square > maximum * maximum;
     if ((far[0] | far[1] | far[2] | far[3]) != 0) {
-      const Lanes shorter = maximum / square_root(square);
+      const Double4 shorter = maximum / square_root(square);
       step = far ? (step > 0.0 ? shorter : -shorter) : step;
     }
     for (std::size_t k = 0; k < 3; ++k) {
@@ -374,13 +341,13 @@ void LayerRelaxation::relax_edges() {
   Impl& m = *impl_;
   for (std::size_t i = 0; i < m.free.size(); ++i) {
     const std::uint32_t v = m.free[i];
-    const Lanes here = load(m.by[v].at), pull = load(m.pull[i].at);
-    Lanes sum = pull;
+    const Double4 here = load4(m.by[v].at), pull = load4(m.pull[i].at);
+    Double4 sum = pull;
     for (std::uint32_t e = m.first[i]; e < m.first[i + 1]; ++e)
-      sum += m.weight[e] * (load(m.by[m.neighbour[e]].at) - here);
+      sum += m.weight[e] * (load4(m.by[m.neighbour[e]].at) - here);
     const double step = m.pull[i].at[3];
-    const Lanes by = {step, step, step, 0.0};
-    store(m.by[v].at, here + sum * by);
+    const Double4 by = {step, step, step, 0.0};
+    store4(m.by[v].at, here + sum * by);
   }
 }
 
@@ -410,18 +377,18 @@ void LayerRelaxation::scale_heights(int rings) {
   // Wanted and present volume, and both without signs.
   std::vector<Row> sum(m.n + 1), next;
   for (const Prisms& p : m.prisms) {
-    const Lanes volume = m.volume(p, m.by);
-    for (std::size_t l = 0; l < kLanes; ++l) {
-      const Lanes share = {p.volume[l], volume[l], std::fabs(p.volume[l]), std::fabs(volume[l])};
-      for (const auto& corners : p.corner) store(sum[corners[l]].at, load(sum[corners[l]].at) + share);
+    const Double4 volume = m.volume(p, m.by);
+    for (std::size_t l = 0; l < kDoubleLanes; ++l) {
+      const Double4 share = {p.volume[l], volume[l], std::fabs(p.volume[l]), std::fabs(volume[l])};
+      for (const auto& corners : p.corner) store4(sum[corners[l]].at, load4(sum[corners[l]].at) + share);
     }
   }
   for (int ring = 0; ring < rings; ++ring) {
     next = sum;
     for (std::size_t i = 0; i < m.free.size(); ++i) {
-      Lanes all = load(sum[m.free[i]].at);
-      for (std::uint32_t e = m.first[i]; e < m.first[i + 1]; ++e) all += load(sum[m.neighbour[e]].at);
-      store(next[m.free[i]].at, all * (1.0 / (1.0 + m.first[i + 1] - m.first[i])));
+      Double4 all = load4(sum[m.free[i]].at);
+      for (std::uint32_t e = m.first[i]; e < m.first[i + 1]; ++e) all += load4(sum[m.neighbour[e]].at);
+      store4(next[m.free[i]].at, all * (1.0 / (1.0 + m.first[i + 1] - m.first[i])));
     }
     sum.swap(next);
   }
@@ -439,8 +406,8 @@ void LayerRelaxation::measure(double& off, double& whole) const {
   const Impl& m = *impl_;
   double sum = 0.0, wrong = 0.0, now = 0.0;
   for (const Prisms& p : m.prisms) {
-    const Lanes volume = m.volume(p, m.by);
-    for (std::size_t l = 0; l < kLanes; ++l) {
+    const Double4 volume = m.volume(p, m.by);
+    for (std::size_t l = 0; l < kDoubleLanes; ++l) {
       const double missing = volume[l] - p.volume[l];
       sum += std::fabs(p.volume[l]);
       wrong += std::fabs(missing);

@@ -1,11 +1,10 @@
 #include "kernels/edit/vertex_rotations.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
+#include "octree/lanes.h"
 #include "octree/small_matrix.h"
 
 namespace tessera {
@@ -25,9 +24,7 @@ constexpr double kWellRotated = 1e-3;
 constexpr int kSweeps = 12;
 constexpr double kEnough = 1e-30;  ///< squares beside the diagonal of a matrix as large as a rotation
 
-constexpr std::size_t kRotationLanes = 4;
-using Lanes [[gnu::vector_size(kRotationLanes * sizeof(double))]] = double;
-using FloatLanes [[gnu::vector_size(kRotationLanes * sizeof(float))]] = float;
+using Float4 [[gnu::vector_size(kDoubleLanes * sizeof(float))]] = float;
 
 /// What is spread at a time: four columns' gradients, or fewer numbers and zeros.
 constexpr std::size_t kGroup = 12;
@@ -118,12 +115,7 @@ class Spread {
 };
 
 /// A matrix in each lane.
-using Matrices = std::array<Lanes, 9>;
-
-/// a b + c, rounded once: written out, since no compiler may contract.
-Lanes fused(Lanes a, Lanes b, Lanes c) {
-  return _mm256_fmadd_pd(a, b, c);
-}
+using Matrices = std::array<Double4, 9>;
 
 Matrices cofactors(const Matrices& r) {
   const auto minor = [&](std::size_t a, std::size_t b, std::size_t c, std::size_t d) {
@@ -133,43 +125,32 @@ Matrices cofactors(const Matrices& r) {
           minor(1, 6, 0, 7), minor(1, 5, 2, 4), minor(2, 3, 0, 5), minor(0, 4, 1, 3)};
 }
 
-Lanes root_of_lanes(Lanes x) {
-  return _mm256_sqrt_pd(x);
-}
-
-Lanes size_of(const Matrices& r) {
-  Lanes sum = r[0] * r[0];
+Double4 size_of(const Matrices& r) {
+  Double4 sum = r[0] * r[0];
   for (std::size_t k = 1; k < 9; ++k) sum = fused(r[k], r[k], sum);
-  return root_of_lanes(sum);
-}
-
-using LaneMask = decltype(Lanes{} > Lanes{});
-bool all(LaneMask mask) {
-  Lanes bits;
-  std::memcpy(&bits, &mask, sizeof bits);
-  return _mm256_movemask_pd(bits) == 0xf;
+  return square_root(sum);
 }
 
 /// Polar factors by Newton's steps R <- (R + R^-T) / 2 (Higham 1986).
 /// \return per lane, not zero: it was too near to turning over, or did not settle
-LaneMask polar_rotations(Matrices& r) {
-  LaneMask left{};
-  const Lanes scale = std::sqrt(3.0) / size_of(r);
-  for (Lanes& x : r) x *= scale;
+Mask4 polar_rotations(Matrices& r) {
+  Mask4 left{};
+  const Double4 scale = std::sqrt(3.0) / size_of(r);
+  for (Double4& x : r) x *= scale;
   for (int step = 0; step < kPolarSteps; ++step) {
     const Matrices cofactor = cofactors(r);
-    const Lanes determinant = fused(r[0], cofactor[0], fused(r[1], cofactor[1], r[2] * cofactor[2]));
-    const Lanes inverse = 0.5 / determinant;
-    Lanes change{};
+    const Double4 determinant = fused(r[0], cofactor[0], fused(r[1], cofactor[1], r[2] * cofactor[2]));
+    const Double4 inverse = 0.5 / determinant;
+    Double4 change{};
     for (std::size_t k = 0; k < 9; ++k) {
-      const Lanes next = fused(cofactor[k], inverse, 0.5 * r[k]);
-      const Lanes by = next - r[k];
+      const Double4 next = fused(cofactor[k], inverse, 0.5 * r[k]);
+      const Double4 by = next - r[k];
       change = fused(by, by, change);
       r[k] = next;
     }
     left |= ~(determinant > kWellRotated);
-    const LaneMask converged = change < kRotated * kRotated;
-    if (all(left | converged)) return left;
+    const Mask4 converged = change < kRotated * kRotated;
+    if (bits_of(left | converged) == 0xf) return left;
     if (step + 1 == kPolarSteps) left |= ~converged;
   }
   return left;
@@ -178,7 +159,7 @@ LaneMask polar_rotations(Matrices& r) {
 /// Gradients within a surface leave open what becomes of normals: cofactors have the same singular vectors, and of the normal the
 /// product of the other two values.
 void add_normal(Matrices& s) {
-  const Lanes scale = std::sqrt(2.0) / size_of(s);
+  const Double4 scale = std::sqrt(2.0) / size_of(s);
   const Matrices cofactor = cofactors(s);
   for (std::size_t k = 0; k < 9; ++k) s[k] += cofactor[k] * scale;
 }
@@ -207,7 +188,7 @@ Rotation nearest_rotation(const Rotation& s) {
 }
 
 /// Of one lane. \param polar, left  what polar_rotations() made of s \param[out] rotation  written in place: poses wait for this
-inline void take_rotation(const Matrices& s, const Matrices& polar, LaneMask left, std::size_t lane,
+inline void take_rotation(const Matrices& s, const Matrices& polar, Mask4 left, std::size_t lane,
                           Rotation& rotation) {
   for (std::size_t k = 0; k < 9; ++k) rotation[k] = left[lane] != 0 ? s[k][lane] : polar[k][lane];
   if (left[lane] != 0) rotation = nearest_rotation(rotation);
@@ -220,16 +201,14 @@ std::vector<float> rotation_columns(std::span<const Double3> rest, std::span<con
   const std::size_t handles = (columns.width - columns.first) / 4,
                     width = rotation_width(columns.targets, handles);
   const Around around = faces_around(rest, faces, active);
-  std::vector<float> out((active.size() + kRotationLanes - 1) / kRotationLanes * kRotationLanes * width,
-                         0.0f);
+  std::vector<float> out((active.size() + kDoubleLanes - 1) / kDoubleLanes * kDoubleLanes * width, 0.0f);
   std::vector<double> area(around.vertex.size(), 0.0);
   const auto keep = [&](const std::vector<Group>& sum, std::size_t from, std::size_t count) {
     for (std::size_t k = 0; k < active.size(); ++k) {
       const std::uint32_t v = around.active[k];
       const double share = area[v] > 0.0 ? 1.0 / area[v] : 0.0;
-      float* const to =
-          out.data() + (k / kRotationLanes * width + from) * kRotationLanes + k % kRotationLanes;
-      for (std::size_t c = 0; c < count; ++c) to[c * kRotationLanes] = static_cast<float>(sum[v][c] * share);
+      float* const to = out.data() + (k / kDoubleLanes * width + from) * kDoubleLanes + k % kDoubleLanes;
+      for (std::size_t c = 0; c < count; ++c) to[c * kDoubleLanes] = static_cast<float>(sum[v][c] * share);
     }
   };
   Spread<kGroup> spread(around.vertex.size(), around.faces, kSpreadRounds);
@@ -282,12 +261,12 @@ std::vector<Rotation> vertex_rotations(std::span<const float> columns, std::size
                                        std::span<const FrameMotion> motion) {
   const std::size_t width = rotation_width(targets, motion.size());
   std::vector<Rotation> out(count);
-  for (std::size_t first = 0; first < count; first += kRotationLanes) {
+  for (std::size_t first = 0; first < count; first += kDoubleLanes) {
     const float* const from = columns.data() + first * width;
     const auto column = [&](std::size_t c) {
-      FloatLanes few;
-      std::memcpy(&few, from + c * kRotationLanes, sizeof few);
-      return __builtin_convertvector(few, Lanes);
+      Float4 few;
+      std::memcpy(&few, from + c * kDoubleLanes, sizeof few);
+      return __builtin_convertvector(few, Double4);
     };
     Matrices by{};
     std::size_t c = 6;
@@ -295,25 +274,25 @@ std::vector<Rotation> vertex_rotations(std::span<const float> columns, std::size
       for (std::size_t k = 0; k < 9; ++k, ++c) by[k] = column(c);
     for (const FrameMotion& frame : motion)
       for (const Double3& axis : frame) {
-        const Lanes x = column(c), y = column(c + 1), z = column(c + 2);
+        const Double4 x = column(c), y = column(c + 1), z = column(c + 2);
         c += 3;
         for (std::size_t r = 0; r < 3; ++r) {
-          const Lanes along = _mm256_set1_pd(axis[r]);
+          const Double4 along = _mm256_set1_pd(axis[r]);
           by[3 * r] = fused(along, x, by[3 * r]);
           by[3 * r + 1] = fused(along, y, by[3 * r + 1]);
           by[3 * r + 2] = fused(along, z, by[3 * r + 2]);
         }
       }
-    const Lanes xx = column(0), xy = column(1), xz = column(2), yy = column(3), yz = column(4),
-                zz = column(5);
+    const Double4 xx = column(0), xy = column(1), xz = column(2), yy = column(3), yz = column(4),
+                  zz = column(5);
     Matrices s = {xx + by[0], xy + by[1], xz + by[2], xy + by[3], yy + by[4],
                   yz + by[5], xz + by[6], yz + by[7], zz + by[8]};
     add_normal(s);
     auto moves = by[0] != 0.0;
     for (std::size_t k = 1; k < 9; ++k) moves |= by[k] != 0.0;
     Matrices r = s;
-    const LaneMask left = polar_rotations(r);
-    for (std::size_t l = 0; l < kRotationLanes && first + l < count; ++l) {
+    const Mask4 left = polar_rotations(r);
+    for (std::size_t l = 0; l < kDoubleLanes && first + l < count; ++l) {
       if (moves[l] == 0)
         out[first + l] = kIdentityRotation;
       else
@@ -336,14 +315,14 @@ std::vector<Rotation> fitted_rotations(std::span<const Double3> before, std::spa
     }
     return here;
   }));
-  for (std::size_t first = 0; first < sum.size(); first += kRotationLanes) {
-    const std::size_t count = std::min(kRotationLanes, sum.size() - first);
+  for (std::size_t first = 0; first < sum.size(); first += kDoubleLanes) {
+    const std::size_t count = std::min(kDoubleLanes, sum.size() - first);
     Matrices s{};
     for (std::size_t l = 0; l < count; ++l)
       for (std::size_t i = 0; i < 9; ++i) s[i][l] = sum[first + l][i];
     add_normal(s);
     Matrices r = s;
-    const LaneMask left = polar_rotations(r);
+    const Mask4 left = polar_rotations(r);
     for (std::size_t l = 0; l < count; ++l) take_rotation(s, r, left, l, sum[first + l]);
   }
   return sum;

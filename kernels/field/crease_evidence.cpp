@@ -1,7 +1,7 @@
 #include "kernels/field/crease_evidence.h"
 
-#include "kernels/field/lanes.h"
 #include "kernels/field/sample_list.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 namespace {
@@ -27,13 +27,14 @@ struct Points {
 __m256 heights(const Sheet& s, const Points& p) {
   const auto h = [&s](std::size_t i) { return _mm256_set1_ps(s.h[i]); };
   const auto g = [&s](std::size_t i) { return _mm256_set1_ps(s.g[i]); };
-  const __m256 hx = dot(h(0), h(1), h(2), p.x, p.y, p.z), hy = dot(h(1), h(3), h(4), p.x, p.y, p.z),
-               hz = dot(h(2), h(4), h(5), p.x, p.y, p.z);
+  const __m256 hx = fused_dot(h(0), h(1), h(2), p.x, p.y, p.z),
+               hy = fused_dot(h(1), h(3), h(4), p.x, p.y, p.z),
+               hz = fused_dot(h(2), h(4), h(5), p.x, p.y, p.z);
   const __m256 f = _mm256_add_ps(_mm256_set1_ps(s.f0),
-                                 _mm256_fmadd_ps(_mm256_set1_ps(0.5f), dot(p.x, p.y, p.z, hx, hy, hz),
-                                                 dot(g(0), g(1), g(2), p.x, p.y, p.z)));
+                                 _mm256_fmadd_ps(_mm256_set1_ps(0.5f), fused_dot(p.x, p.y, p.z, hx, hy, hz),
+                                                 fused_dot(g(0), g(1), g(2), p.x, p.y, p.z)));
   const __m256 gx = _mm256_add_ps(g(0), hx), gy = _mm256_add_ps(g(1), hy), gz = _mm256_add_ps(g(2), hz);
-  const __m256 length2 = _mm256_max_ps(dot(gx, gy, gz, gx, gy, gz), _mm256_set1_ps(1e-12f));
+  const __m256 length2 = _mm256_max_ps(fused_dot(gx, gy, gz, gx, gy, gz), _mm256_set1_ps(1e-12f));
   return _mm256_div_ps(f, _mm256_sqrt_ps(length2));
 }
 
@@ -71,11 +72,11 @@ float squared_heights(const SmoothFit& fit, const LocalSamples& samples) {
   __m256 sum = _mm256_setzero_ps();
   for (std::size_t i = 0; i < samples.size; i += kLanes) {
     const Points p(samples, i);
-    const __m256 f = _mm256_fmadd_ps(half, dot(p.x, p.y, p.z, p.x, p.y, p.z),
-                                     _mm256_add_ps(u0, dot(ux, uy, uz, p.x, p.y, p.z)));
+    const __m256 f = _mm256_fmadd_ps(half, fused_dot(p.x, p.y, p.z, p.x, p.y, p.z),
+                                     _mm256_add_ps(u0, fused_dot(ux, uy, uz, p.x, p.y, p.z)));
     const __m256 gx = _mm256_fmadd_ps(p.x, twice, ux), gy = _mm256_fmadd_ps(p.y, twice, uy),
                  gz = _mm256_fmadd_ps(p.z, twice, uz);
-    const __m256 slope2 = _mm256_max_ps(dot(gx, gy, gz, gx, gy, gz), _mm256_set1_ps(1e-6f));
+    const __m256 slope2 = _mm256_max_ps(fused_dot(gx, gy, gz, gx, gy, gz), _mm256_set1_ps(1e-6f));
     sum = _mm256_fmadd_ps(_mm256_loadu_ps(&samples.w[i]), _mm256_div_ps(_mm256_mul_ps(f, f), slope2), sum);
   }
   return lane_sum(sum);

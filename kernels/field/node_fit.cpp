@@ -6,9 +6,9 @@
 #include <optional>
 
 #include "kernels/field/crease_evidence.h"
-#include "kernels/field/lanes.h"
 #include "kernels/field/node_sums.h"
 #include "kernels/field/rim_rule.h"
+#include "octree/lanes.h"
 #include "octree/vector.h"
 
 namespace tessera {
@@ -29,7 +29,7 @@ std::uint32_t layered_nodes(const NodeSums& s, float minimum, float min_normal) 
   const __m256 variance = _mm256_fmsub_ps(s.w, s.pn2, _mm256_mul_ps(s.pn, s.pn));  // times w^2
   const __m256 apart =
       _mm256_cmp_ps(variance, _mm256_mul_ps(w2, _mm256_set1_ps(minimum * minimum)), _CMP_GT_OQ);
-  const __m256 parallel = _mm256_cmp_ps(dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz),
+  const __m256 parallel = _mm256_cmp_ps(fused_dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz),
                                         _mm256_mul_ps(w2, _mm256_set1_ps(min_normal)), _CMP_GE_OQ);
   return static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_and_ps(apart, parallel)));
 }
@@ -69,7 +69,7 @@ constexpr float kFirmBoundaryFloor = 0.18f;
 /// Nodes whose samples' mean plane is near enough for a surface within their cells.
 __m256 near_plane(const NodeSums& s) {
   const __m256 farthest = _mm256_set1_ps(kGapPlane * kGapPlane);
-  const __m256 n2 = dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz);
+  const __m256 n2 = fused_dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz);
   return _mm256_and_ps(_mm256_cmp_ps(_mm256_mul_ps(s.pn, s.pn), _mm256_mul_ps(n2, farthest), _CMP_LE_OQ),
                        _mm256_cmp_ps(n2, _mm256_setzero_ps(), _CMP_GT_OQ));
 }
@@ -101,8 +101,8 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
   const __m256 inverse_w = _mm256_div_ps(one, _mm256_blendv_ps(one, s.w, enough));
   const __m256 cx = _mm256_mul_ps(s.px, inverse_w), cy = _mm256_mul_ps(s.py, inverse_w),
                cz = _mm256_mul_ps(s.pz, inverse_w);
-  const __m256 spread_w = _mm256_sub_ps(s.pp, dot(s.px, s.py, s.pz, cx, cy, cz));    // sum w |p - c|^2
-  const __m256 covariance = _mm256_sub_ps(s.pn, dot(s.nx, s.ny, s.nz, cx, cy, cz));  // sum w (p - c).n
+  const __m256 spread_w = _mm256_sub_ps(s.pp, fused_dot(s.px, s.py, s.pz, cx, cy, cz));    // sum w |p - c|^2
+  const __m256 covariance = _mm256_sub_ps(s.pn, fused_dot(s.nx, s.ny, s.nz, cx, cy, cz));  // sum w (p - c).n
   // Below this spread (samples at one spot) the sphere degenerates: take the plane.
   const __m256 wide = _mm256_cmp_ps(spread_w, _mm256_mul_ps(s.w, _mm256_set1_ps(1e-4f)), _CMP_GT_OQ);
   const __m256 u4 = _mm256_and_ps(
@@ -111,9 +111,9 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
   const __m256 ux = _mm256_mul_ps(_mm256_fnmadd_ps(twice, s.px, s.nx), inverse_w);
   const __m256 uy = _mm256_mul_ps(_mm256_fnmadd_ps(twice, s.py, s.ny), inverse_w);
   const __m256 uz = _mm256_mul_ps(_mm256_fnmadd_ps(twice, s.pz, s.nz), inverse_w);
-  const __m256 u_p = dot(ux, uy, uz, s.px, s.py, s.pz);
+  const __m256 u_p = fused_dot(ux, uy, uz, s.px, s.py, s.pz);
   const __m256 u0 = _mm256_sub_ps(zero, _mm256_mul_ps(_mm256_fmadd_ps(u4, s.pp, u_p), inverse_w));
-  const __m256 u2 = dot(ux, uy, uz, ux, uy, uz);
+  const __m256 u2 = fused_dot(ux, uy, uz, ux, uy, uz);
   const __m256 disc = _mm256_fnmadd_ps(_mm256_mul_ps(_mm256_set1_ps(4.0f), u4), u0, u2);
   // Opposite sheets cancel the normals: then the sphere says nothing.
   const __m256 sound = _mm256_and_ps(_mm256_cmp_ps(u2, _mm256_set1_ps(1e-4f), _CMP_GT_OQ),
@@ -127,7 +127,7 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
   // Foot point relative to the node: -value * gradient.
   const __m256 fx = _mm256_fmadd_ps(value, gx, cx), fy = _mm256_fmadd_ps(value, gy, cy),
                fz = _mm256_fmadd_ps(value, gz, cz);
-  const __m256 off2 = dot(fx, fy, fz, fx, fy, fz);
+  const __m256 off2 = fused_dot(fx, fy, fz, fx, fy, fz);
   const float boundary = options.firm_boundary ? kFirmBoundaryRatio : kBoundaryRatio;
   const float floor = options.firm_boundary ? kFirmBoundaryFloor : kBoundaryFloor;
   const __m256 limit2 =
@@ -138,7 +138,7 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
   const __m256 close = _mm256_cmp_ps(magnitude, _mm256_set1_ps(kLargestValue), _CMP_LE_OQ);
   const __m256 fitted = _mm256_and_ps(_mm256_and_ps(enough, sound), close);
   // Mean squared residual of the normals against the sphere's gradient u + 2 u4 p.
-  const __m256 u_n = _mm256_fmadd_ps(twice, s.pn, dot(ux, uy, uz, s.nx, s.ny, s.nz));
+  const __m256 u_n = _mm256_fmadd_ps(twice, s.pn, fused_dot(ux, uy, uz, s.nx, s.ny, s.nz));
   const __m256 g2 =
       _mm256_fmadd_ps(s.w, u2, _mm256_mul_ps(twice, _mm256_fmadd_ps(twice, s.pp, _mm256_mul_ps(two, u_p))));
   const __m256 residual = _mm256_mul_ps(_mm256_add_ps(_mm256_fnmadd_ps(two, u_n, s.w), g2), inverse_w);
@@ -206,11 +206,11 @@ std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2,
         _mm256_cmp_ps(_mm256_fmadd_ps(dx, dx, _mm256_broadcast_ss(&coarse.yz2[i])), reach2, _CMP_LT_OQ);
     const __m256 gx = _mm256_fmadd_ps(s.twice_u4, dx, s.ux), gy = _mm256_fmadd_ps(s.twice_u4, y, s.uy),
                  gz = _mm256_fmadd_ps(s.twice_u4, z, s.uz);
-    const __m256 n2 = dot(nx, ny, nz, nx, ny, nz);
-    const __m256 lengths = _mm256_sqrt_ps(_mm256_mul_ps(dot(gx, gy, gz, gx, gy, gz), n2));
+    const __m256 n2 = fused_dot(nx, ny, nz, nx, ny, nz);
+    const __m256 lengths = _mm256_sqrt_ps(_mm256_mul_ps(fused_dot(gx, gy, gz, gx, gy, gz), n2));
     const __m256 limit = _mm256_fmadd_ps(granted, _mm256_sqrt_ps(n2), minimum);
     // Squared chord 2 - 2 cos > limit^2, without dividing by the lengths.
-    const __m256 chord2 = _mm256_mul_ps(two, _mm256_sub_ps(lengths, dot(gx, gy, gz, nx, ny, nz)));
+    const __m256 chord2 = _mm256_mul_ps(two, _mm256_sub_ps(lengths, fused_dot(gx, gy, gz, nx, ny, nz)));
     const __m256 deviates =
         _mm256_cmp_ps(chord2, _mm256_mul_ps(_mm256_mul_ps(limit, limit), lengths), _CMP_GT_OQ);
     hint = _mm256_or_ps(hint, _mm256_and_ps(near, deviates));

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <bit>
 
-#include "kernels/field/lanes.h"
 #include "kernels/field/sample_list.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "kernels/field/point_leaves.h"
-#include "octree/compress_lanes.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 

@@ -1,12 +1,10 @@
 #include "kernels/merge/edge_crossings.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "kernels/mesh/triangle_foot.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 namespace {
@@ -32,7 +30,7 @@ void EdgeCrossings::load(const Double3& u, const Double3& v, const std::vector<F
   } else {
     for (const std::uint32_t at : near) near_.push_back(edges[at]);
   }
-  const std::size_t padded = (near_.size() + kLanes - 1) / kLanes * kLanes;
+  const std::size_t padded = (near_.size() + kDoubleLanes - 1) / kDoubleLanes * kDoubleLanes;
   double reach = 0.0;
   for (std::size_t k = 0; k < 3; ++k) {
     from_[k].assign(padded, 0.0), to_[k].assign(padded, 0.0);
@@ -48,25 +46,20 @@ void EdgeCrossings::load(const Double3& u, const Double3& v, const std::vector<F
 
 bool EdgeCrossings::crosses_any(std::uint32_t p, std::uint32_t q, const Double3& n) const {
   const Double3 a = position_[p] - viewpoint_, b = position_[q] - viewpoint_, across = cross(n, b - a);
-  const Lanes far = sure_area_ + Lanes{};
-  const auto lanes = [](const std::vector<double>& from, std::size_t i) {
-    Lanes out;
-    std::memcpy(&out, &from[i], sizeof out);
-    return out;
-  };
-  for (std::size_t i = 0; i < near_.size(); i += kLanes) {
-    const Lanes cx = lanes(from_[0], i), cy = lanes(from_[1], i), cz = lanes(from_[2], i);
-    const Lanes dx = lanes(to_[0], i), dy = lanes(to_[1], i), dz = lanes(to_[2], i);
+  const Double4 far = sure_area_ + Double4{};
+  for (std::size_t i = 0; i < near_.size(); i += kDoubleLanes) {
+    const Double4 cx = load4(&from_[0][i]), cy = load4(&from_[1][i]), cz = load4(&from_[2][i]);
+    const Double4 dx = load4(&to_[0][i]), dy = load4(&to_[1][i]), dz = load4(&to_[2][i]);
     // Doubled areas of (a, b, c) and (a, b, d), then of (c, d, a) and (c, d, b).
-    const Lanes abc = across[0] * (cx - a[0]) + across[1] * (cy - a[1]) + across[2] * (cz - a[2]),
-                abd = across[0] * (dx - a[0]) + across[1] * (dy - a[1]) + across[2] * (dz - a[2]);
-    const Lanes ex = dx - cx, ey = dy - cy, ez = dz - cz;
-    const Lanes x = n[1] * ez - n[2] * ey, y = n[2] * ex - n[0] * ez, z = n[0] * ey - n[1] * ex;
-    const Lanes cda = x * (a[0] - cx) + y * (a[1] - cy) + z * (a[2] - cz),
-                cdb = x * (b[0] - cx) + y * (b[1] - cy) + z * (b[2] - cz);
-    const Masks apart = ((abc > far) & (abd > far)) | ((abc < -far) & (abd < -far)) |
+    const Double4 abc = across[0] * (cx - a[0]) + across[1] * (cy - a[1]) + across[2] * (cz - a[2]),
+                  abd = across[0] * (dx - a[0]) + across[1] * (dy - a[1]) + across[2] * (dz - a[2]);
+    const Double4 ex = dx - cx, ey = dy - cy, ez = dz - cz;
+    const Double4 x = n[1] * ez - n[2] * ey, y = n[2] * ex - n[0] * ez, z = n[0] * ey - n[1] * ex;
+    const Double4 cda = x * (a[0] - cx) + y * (a[1] - cy) + z * (a[2] - cz),
+                  cdb = x * (b[0] - cx) + y * (b[1] - cy) + z * (b[2] - cz);
+    const Mask4 apart = ((abc > far) & (abd > far)) | ((abc < -far) & (abd < -far)) |
                         ((cda > far) & (cdb > far)) | ((cda < -far) & (cdb < -far));
-    const auto bits = static_cast<unsigned>(_mm256_movemask_pd(reinterpret_cast<__m256d>(apart)));
+    const unsigned bits = bits_of(apart);
     for (unsigned left = ~bits & 0xfu; left != 0; left &= left - 1) {
       const std::size_t at = i + static_cast<std::size_t>(__builtin_ctz(left));
       if (at < near_.size() && crosses(p, q, n, near_[at])) return true;

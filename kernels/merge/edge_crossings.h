@@ -30,9 +30,7 @@ class EdgeCrossings {
   bool crosses_any(std::uint32_t p, std::uint32_t q, const Double3& n) const;
 
  private:
-  static constexpr std::size_t kLanes = 4, kFirst = 32;
-  using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
-  using Masks [[gnu::vector_size(kLanes * sizeof(std::int64_t))]] = std::int64_t;
+  static constexpr std::size_t kFirst = 32;
 
   bool crosses(std::uint32_t p, std::uint32_t q, const Double3& n, const FrontEdge& e) const;
 

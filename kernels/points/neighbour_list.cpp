@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "octree/compress_lanes.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 namespace {

@@ -9,8 +9,6 @@
 namespace tessera {
 namespace {
 
-using Lanes = WindowSamples::Lanes;
-constexpr std::size_t kLanes = WindowSamples::kLanes;
 constexpr std::size_t kTerms = 6;
 /// Half width of a confidence interval in standard deviations: first window, second, all others. What a narrow one says
 /// weighs little, and an outlier there would end the choice.
@@ -29,10 +27,6 @@ Number window_weight(Number s, Number t, double per_square, Number weight) {
   return inside * inside * weight;
 }
 
-double total(const Lanes& lane) {
-  return (lane[0] + lane[1]) + (lane[2] + lane[3]);
-}
-
 std::array<double, kTerms> basis(double s, double t, double per_radius) {
   const double x = s * per_radius, y = t * per_radius;
   return {1.0, x, y, x * x, x * y, y * y};
@@ -46,33 +40,33 @@ struct Moments {
 
 Moments sum_moments(const WindowSamples& samples, double radius) {
   const double per_radius = 1.0 / radius, per_square = per_radius * per_radius;
-  Lanes a[21] = {}, b[kTerms] = {}, count = {}, square = {}, zz = {};
+  Double4 a[21] = {}, b[kTerms] = {}, count = {}, square = {}, zz = {};
   const std::size_t packs = samples.pack_count();
   for (std::size_t q = 0; q < packs; ++q) {
     const WindowSamples::Pack& pack = samples.packs()[q];
-    const Lanes x = pack.s * per_radius, y = pack.t * per_radius, z = pack.z;
-    const Lanes w = window_weight(pack.s, pack.t, per_square, pack.weight);
-    const Lanes p[kTerms] = {Lanes{} + 1.0, x, y, x * x, x * y, y * y};
+    const Double4 x = pack.s * per_radius, y = pack.t * per_radius, z = pack.z;
+    const Double4 w = window_weight(pack.s, pack.t, per_square, pack.weight);
+    const Double4 p[kTerms] = {Double4{} + 1.0, x, y, x * x, x * y, y * y};
     std::size_t at = 0;
     for (std::size_t r = 0; r < kTerms; ++r) {
-      const Lanes wp = w * p[r];
+      const Double4 wp = w * p[r];
       b[r] += wp * z;
       for (std::size_t c = 0; c <= r; ++c) a[at++] += wp * p[c];
     }
-    count += w > 0.0 ? Lanes{} + 1.0 : Lanes{};
+    count += w > 0.0 ? Double4{} + 1.0 : Double4{};
     square += w * w;
     zz += w * z * z;
   }
   Moments m;
   std::size_t at = 0;
   for (std::size_t r = 0; r < kTerms; ++r) {
-    m.b[r] = total(b[r]);
-    for (std::size_t c = 0; c <= r; ++c) m.a(r, c) = total(a[at++]);
+    m.b[r] = lane_sum(b[r]);
+    for (std::size_t c = 0; c <= r; ++c) m.a(r, c) = lane_sum(a[at++]);
   }
-  m.count = total(count);
+  m.count = lane_sum(count);
   m.weight = m.a(0, 0);
-  m.weight_square = total(square);
-  m.height_square = total(zz);
+  m.weight_square = lane_sum(square);
+  m.height_square = lane_sum(zz);
   return m;
 }
 
@@ -80,22 +74,22 @@ Moments sum_moments(const WindowSamples& samples, double radius) {
 double middle_variance(const WindowSamples& samples, double radius, const WindowFit& fit) {
   const double per_radius = 1.0 / radius, per_square = per_radius * per_radius;
   const std::array<double, kTerms>& v = fit.inverse;
-  Lanes sum = {};
+  Double4 sum = {};
   const std::size_t packs = samples.pack_count();
   for (std::size_t q = 0; q < packs; ++q) {
     const WindowSamples::Pack& pack = samples.packs()[q];
-    const Lanes x = pack.s * per_radius, y = pack.t * per_radius;
-    const Lanes w = window_weight(pack.s, pack.t, per_square, pack.weight);
-    const Lanes l = w * (v[0] + v[1] * x + v[2] * y + v[3] * (x * x) + v[4] * (x * y) + v[5] * (y * y));
+    const Double4 x = pack.s * per_radius, y = pack.t * per_radius;
+    const Double4 w = window_weight(pack.s, pack.t, per_square, pack.weight);
+    const Double4 l = w * (v[0] + v[1] * x + v[2] * y + v[3] * (x * x) + v[4] * (x * y) + v[5] * (y * y));
     sum += l * l;
   }
-  return total(sum);
+  return lane_sum(sum);
 }
 
 }  // namespace
 
 void WindowSamples::add(double s, double t, double z, double weight) {
-  const std::size_t pack = size_ / kLanes, lane = size_ % kLanes;
+  const std::size_t pack = size_ / kDoubleLanes, lane = size_ % kDoubleLanes;
   if (pack >= packs_.size()) packs_.emplace_back();
   if (lane == 0) packs_[pack] = Pack{};
   packs_[pack].s[lane] = s;
@@ -132,8 +126,9 @@ double noise_square_between(const WindowSamples& samples, double narrow, double 
   if (!a || !b) return -1.0;
   double variance = 0.0;
   for (std::size_t k = 0; k < samples.size(); ++k) {
-    const WindowSamples::Pack& pack = samples.packs()[k / kLanes];
-    const double s = pack.s[k % kLanes], t = pack.t[k % kLanes], weight = pack.weight[k % kLanes];
+    const WindowSamples::Pack& pack = samples.packs()[k / kDoubleLanes];
+    const double s = pack.s[k % kDoubleLanes], t = pack.t[k % kDoubleLanes],
+                 weight = pack.weight[k % kDoubleLanes];
     double change = 0.0;
     for (const bool second : {false, true}) {
       const double radius = second ? wide : narrow;

@@ -10,6 +10,8 @@
 #include <optional>
 #include <vector>
 
+#include "octree/lanes.h"
+
 namespace tessera {
 
 /// Heights z over the points (s, t) of a plane. The window's middle is (0, 0); one length unit for all.
@@ -20,15 +22,12 @@ class WindowSamples {
   void add(double s, double t, double z, double weight);
   std::size_t size() const { return size_; }
 
-  static constexpr std::size_t kLanes = 4;
-  /// Four numbers added and multiplied one by one: the same sums whatever the processor.
-  using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
   struct Pack {
-    Lanes s = {}, t = {}, z = {}, weight = {};
+    Double4 s = {}, t = {}, z = {}, weight = {};
   };
   /// Packs of four; the last is filled up with samples of weight zero.
   const std::vector<Pack>& packs() const { return packs_; }
-  std::size_t pack_count() const { return (size_ + kLanes - 1) / kLanes; }
+  std::size_t pack_count() const { return (size_ + kDoubleLanes - 1) / kDoubleLanes; }
 
  private:
   std::vector<Pack> packs_;

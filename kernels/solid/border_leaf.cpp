@@ -1,7 +1,5 @@
 #include "kernels/solid/border_leaf.h"
 
-#include <immintrin.h>
-
 #include <cmath>
 
 #include "kernels/solid/ribbon_angles.h"
@@ -91,7 +89,7 @@ BorderLeaf::BorderLeaf(const BorderWinding& border, const Int3& corner) : border
 
 /// Adds the form g (e_x x r) . dl with g = 1 / (s (s + r_x)) at all points, to second order about the cluster's centre.
 void BorderLeaf::add_cluster(const BorderWinding::Cluster& c) {
-  const Lanes x = points_from(c.centre[0]);
+  const Double4 x = points_from(c.centre[0]);
   const auto &sy = c.second[0], &sz = c.second[1];
   const double curl = c.moment[3 * 2 + 1] - c.moment[3 * 1 + 2];
   // Twice the second moments where the other factor is the derivative of v = (0, -z, y).
@@ -105,39 +103,39 @@ void BorderLeaf::add_cluster(const BorderWinding::Cluster& c) {
                  m2 = y * c.moment[8] - z * c.moment[5] + k2;
     const double linear = a[3] * y + a[4] * z, across = a[1] * y * y + a[2] * z * z + 2.0 * a[5] * y * z;
     const double trace = a[0] + a[1] + a[2];
-    const Lanes s = _mm256_sqrt_pd(x * x + (y * y + z * z));
+    const Double4 s = square_root(x * x + (y * y + z * z));
     // 1 / g = d = s^2 + s x has the slope r t + s e_x, t = 2 + x / s.
-    const Lanes part = s * (s + x), inverse = 1.0 / (s * part), g = inverse * s, one = inverse * part;
-    const Lanes t = 2.0 + x * one, ar = x * a[0] + linear, rar = x * (ar + linear) + across;
-    const Lanes along = (x * m0 + (y * m1 + z * m2)) * t + s * m0;
-    const Lanes quadratic = t * (t * rar + 2.0 * s * ar) + s * s * a[0];
-    const Lanes curve = t * trace + one * (2.0 * ar - x * one * one * rar);
-    const Lanes winding =
+    const Double4 part = s * (s + x), inverse = 1.0 / (s * part), g = inverse * s, one = inverse * part;
+    const Double4 t = 2.0 + x * one, ar = x * a[0] + linear, rar = x * (ar + linear) + across;
+    const Double4 along = (x * m0 + (y * m1 + z * m2)) * t + s * m0;
+    const Double4 quadratic = t * (t * rar + 2.0 * s * ar) + s * s * a[0];
+    const Double4 curve = t * trace + one * (2.0 * ar - x * one * one * rar);
+    const Double4 winding =
         g * ((y * c.sum[2] - z * c.sum[1] + curl) - g * (along + curve - 2.0 * g * quadratic));
     double* to = &smooth_[kPoints * row];
-    _mm256_storeu_pd(to, _mm256_loadu_pd(to) + winding);
+    store4(to, load4(to) + winding);
   }
 }
 
 /// The same form along one edge, by Gauss's rule of two points.
 void BorderLeaf::add_edge(const Double3& middle, const Double3& edge, double count) {
   const Double3 a = middle - edge * kGauss, b = middle + edge * kGauss;
-  const Lanes ax = points_from(a[0]), bx = points_from(b[0]);
+  const Double4 ax = points_from(a[0]), bx = points_from(b[0]);
   const double wy = 0.5 * count * edge[1], wz = 0.5 * count * edge[2];
   for (std::size_t row = 0; row < kPoints * kPoints; ++row) {
     const double ay = a[1] - row_y(row), az = a[2] - row_z(row), by = b[1] - row_y(row),
                  bz = b[2] - row_z(row);
-    const Lanes sa = _mm256_sqrt_pd(ax * ax + (ay * ay + az * az)),
-                sb = _mm256_sqrt_pd(bx * bx + (by * by + bz * bz));
-    const Lanes da = sa * (sa + ax), db = sb * (sb + bx);
-    const Lanes winding = ((ay * wz - az * wy) * db + (by * wz - bz * wy) * da) / (da * db);
+    const Double4 sa = square_root(ax * ax + (ay * ay + az * az)),
+                  sb = square_root(bx * bx + (by * by + bz * bz));
+    const Double4 da = sa * (sa + ax), db = sb * (sb + bx);
+    const Double4 winding = ((ay * wz - az * wy) * db + (by * wz - bz * wy) * da) / (da * db);
     double* to = &smooth_[kPoints * row];
-    _mm256_storeu_pd(to, _mm256_loadu_pd(to) + winding);
+    store4(to, load4(to) + winding);
   }
 }
 
-BorderLeaf::Lanes BorderLeaf::points_from(double x) const {
-  Lanes out;
+Double4 BorderLeaf::points_from(double x) const {
+  Double4 out;
   for (std::size_t p = 0; p < kPoints; ++p) out[p] = x - corner_[0] - node(p);
   return out;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "kernels/solid/border_winding.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 
@@ -27,14 +28,13 @@ class BorderLeaf {
   /// Lagrange's polynomials of the points at the eight nodes.
   static const std::array<std::array<double, kPoints>, 8>& weights();
 
-  using Lanes [[gnu::vector_size(4 * sizeof(double))]] = double;
   static constexpr double node(std::size_t point) {
     return static_cast<double>(kNodes[point]) / static_cast<double>(kSolidQuanta);
   }
   double row_y(std::size_t row) const { return corner_[1] + node(row % kPoints); }
   double row_z(std::size_t row) const { return corner_[2] + node(row / kPoints); }
   /// x seen from the points of a row.
-  Lanes points_from(double x) const;
+  Double4 points_from(double x) const;
   void add_cluster(const BorderWinding::Cluster& cluster);
   void add_edge(const Double3& middle, const Double3& edge, double count);
   void sum_row(std::size_t row);

@@ -1,7 +1,5 @@
 #include "kernels/solid/ribbon_angles.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 
 #include "octree/portable_math.h"
@@ -83,7 +81,7 @@ BoundaryStripRow<kVectors>::BoundaryStripRow(const std::array<std::int64_t, kTar
 template <std::size_t kVectors>
 void BoundaryStripRow<kVectors>::scale() {
   for (std::size_t v = 0; v < kVectors; ++v) {
-    const Lanes factor = 1.0 / _mm256_sqrt_pd(re_[v] * re_[v] + im_[v] * im_[v]);
+    const Double4 factor = 1.0 / square_root(re_[v] * re_[v] + im_[v] * im_[v]);
     re_[v] *= factor;
     im_[v] *= factor;
   }
@@ -109,19 +107,19 @@ void BoundaryStripRow<kVectors>::add(const BorderEdge& edge) {
   const double ax = static_cast<double>(edge.a[0]) * kCellsPerQuantum,
                bx = static_cast<double>(edge.b[0]) * kCellsPerQuantum;
   const double qa = ay * ay + az * az, qb = by * by + bz * bz;
-  std::array<Lanes, kVectors> along, across;
+  std::array<Double4, kVectors> along, across;
   for (std::size_t v = 0; v < kVectors; ++v) {
-    const Lanes x = ax - x_[v], y = bx - x_[v];
-    const Lanes la = _mm256_sqrt_pd(x * x + qa), lb = _mm256_sqrt_pd(y * y + qb);
+    const Double4 x = ax - x_[v], y = bx - x_[v];
+    const Double4 la = square_root(x * x + qa), lb = square_root(y * y + qb);
     along[v] = la * lb + (x * y + dot_ab) + x * lb + y * la;
-    const Lanes size = along[v] < 0.0 ? -along[v] : along[v];
-    const Lanes minimum = kMinAngle * size;
+    const Double4 size = along[v] < 0.0 ? -along[v] : along[v];
+    const Double4 minimum = kMinAngle * size;
     across[v] = sign * (minimum > width ? minimum : width + 0.0 * minimum);
   }
   for (std::int64_t n = std::abs(edge.count); n > 0; --n) {
     for (std::size_t v = 0; v < kVectors; ++v) {
-      const Lanes r = re_[v] * along[v] - im_[v] * across[v], i = re_[v] * across[v] + im_[v] * along[v];
-      const Masks was_up = im_[v] >= 0.0, now_up = i >= 0.0;  // masks are -1 where true
+      const Double4 r = re_[v] * along[v] - im_[v] * across[v], i = re_[v] * across[v] + im_[v] * along[v];
+      const Mask4 was_up = im_[v] >= 0.0, now_up = i >= 0.0;  // masks are -1 where true
       if (up) {
         windings_[v] -= was_up & ~now_up;
       } else {

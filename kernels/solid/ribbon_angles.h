@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "kernels/solid/border_winding.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 
@@ -38,16 +39,14 @@ class BoundaryStripRow {
   std::array<double, kTargets> value();
 
  private:
-  using Lanes [[gnu::vector_size(4 * sizeof(double))]] = double;
-  using Masks [[gnu::vector_size(4 * sizeof(std::int64_t))]] = std::int64_t;
   /// Products of so many factors need no scaling: each is within 2^-24 and 2^48.
   static constexpr int kFactors = 8;
   void scale();
 
   std::array<std::int64_t, kTargets> quanta_;
   std::int64_t y_, z_;
-  std::array<Lanes, kVectors> x_, re_, im_;
-  std::array<Masks, kVectors> windings_{};
+  std::array<Double4, kVectors> x_, re_, im_;
+  std::array<Mask4, kVectors> windings_{};
   int factors_ = 0;
   std::array<AngleSum, kTargets> apart_;  ///< of edges that the line of the row meets or nearly so
   bool any_apart_ = false;

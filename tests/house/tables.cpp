@@ -150,8 +150,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/field/band_vdb", "kernels/field", {"band_leaf", "vdb_leaf"});
     by("kernels/field/field", "kernels/field",
        {"band", "bodies", "border", "coarse_normals", "crease_evidence", "directed_field", "edge_roots",
-        "lanes", "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples",
-        "sample_clusters", "sample_list", "sheets"});
+        "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples", "sample_clusters",
+        "sample_list", "sheets"});
     by("kernels/field/coarser_fits", "kernels/field", {"sparse_nodes"});
     by("kernels/solid/offset_field", "kernels/field", {"sampled_field"});
     by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});
