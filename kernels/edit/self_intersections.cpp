@@ -82,27 +82,21 @@ class Crossings {
     std::vector<std::uint8_t> queried(levels_[0].size(), 0);
     for (std::size_t i = 0; i < order_.size(); ++i)
       if (is_watched(i)) queried[i / kLeaf] = 1;
-    std::vector<std::pair<std::size_t, std::size_t>> open;  // level, number
     for (std::size_t leaf = 0; leaf < queried.size(); ++leaf) {
       if (!queried[leaf]) continue;
-      open.assign(1, {levels_.size() - 1, 0});
-      while (!open.empty()) {
-        const auto [level, number] = open.back();
-        open.pop_back();
-        if (!levels_[level][number].meets(levels_[0][leaf])) continue;
-        if (level > 0) {
-          const std::size_t end = std::min((number + 1) * kLeaf, levels_[level - 1].size());
-          for (std::size_t below = number * kLeaf; below < end; ++below) open.emplace_back(level - 1, below);
-          continue;
-        }
-        if (queried[number] && number < leaf) continue;  // that one has met this one
+      const auto meet = [&](std::size_t number) {
+        if (queried[number] && number < leaf) return true;  // that one has met this one
         for (std::size_t i = leaf * kLeaf; i < std::min((leaf + 1) * kLeaf, order_.size()); ++i)
           for (std::size_t j = number == leaf ? i + 1 : number * kLeaf;
                j < std::min((number + 1) * kLeaf, order_.size()); ++j)
             if ((is_watched(i) || is_watched(j)) && box_[i].meets(box_[j]) &&
                 cross_each_other(order_[i], order_[j]))
               use(order_[i], order_[j]);
-      }
+        return true;
+      };
+      visit_boxes(
+          levels_, kLeaf, BoxOrder::kDescending, [&](const Box& box) { return box.meets(levels_[0][leaf]); },
+          meet);
     }
   }
 

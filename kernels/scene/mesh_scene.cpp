@@ -15,7 +15,6 @@ namespace {
 
 constexpr std::size_t kLeafFaces = 4;
 constexpr std::size_t kChildren = 4;
-constexpr std::size_t kStack = 128;
 constexpr double kSamePosition = 1e-12;  ///< of the scene: crossings of faces that share an edge
 
 struct BoxF {
@@ -108,7 +107,7 @@ class MeshScene final : public Scene {
   SurfacePoint closest(const Double3& p) const override {
     double best = std::numeric_limits<double>::infinity();
     SurfacePoint found;
-    visit([&](const BoxF& box) { return square_to(box, p); },
+    visit([&](const BoxF& box) { return square_to_box(box, p); },
           [&](std::size_t f) {
             const Double3 at = foot_in_triangle(p, corner(f, 0), corner(f, 1), corner(f, 2)).at;
             const double square = squared_distance(at, p);
@@ -211,45 +210,17 @@ class MeshScene final : public Scene {
     levels_ = box_levels(std::move(boxes), kChildren);
   }
 
-  static double square_to(const BoxF& box, const Double3& p) {
-    double sum = 0.0;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const double excess = std::max({0.0, double{box.low[a]} - p[a], p[a] - double{box.high[a]}});
-      sum += excess * excess;
-    }
-    return sum;
-  }
-
   /// Asks the faces of boxes in whose bound there is something to win, nearest first.
   /// \param bound  of a box  \param query  a face; returns the bound from which there is nothing to win any more
   template <class Bound, class Query>
   void visit(const Bound& bound, const Query& query,
              double maximum = std::numeric_limits<double>::infinity()) const {
-    struct Entry {
-      double bound;
-      std::size_t level, index;
-    };
-    std::array<Entry, kStack> stack;
-    std::size_t top = 0;
-    stack[top++] = {bound(levels_.back()[0]), levels_.size() - 1, 0};
-    while (top > 0) {
-      const Entry e = stack[--top];
-      if (!(e.bound <= maximum) || std::isinf(e.bound)) continue;
-      if (e.level == 0) {
-        const std::size_t end = std::min(face_.size(), (e.index + 1) * kLeafFaces);
-        for (std::size_t f = e.index * kLeafFaces; f < end; ++f) maximum = std::min(maximum, query(f));
-        continue;
-      }
-      const std::vector<BoxF>& below = levels_[e.level - 1];
-      const std::size_t first = top, end = std::min(below.size(), (e.index + 1) * kChildren);
-      for (std::size_t c = e.index * kChildren; c < end; ++c) {
-        const Entry child = {bound(below[c]), e.level - 1, c};
-        if (!(child.bound <= maximum) || std::isinf(child.bound)) continue;
-        std::size_t at = top++;
-        for (; at > first && stack[at - 1].bound < child.bound; --at) stack[at] = stack[at - 1];
-        stack[at] = child;
-      }
-    }
+    visit_nearest_boxes(
+        levels_, kChildren, bound, [&](double nearest) { return nearest <= maximum && !std::isinf(nearest); },
+        [&](std::size_t leaf) {
+          const std::size_t end = std::min(face_.size(), (leaf + 1) * kLeafFaces);
+          for (std::size_t f = leaf * kLeafFaces; f < end; ++f) maximum = std::min(maximum, query(f));
+        });
   }
 
   std::string name_;

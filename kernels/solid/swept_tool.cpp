@@ -14,7 +14,6 @@ constexpr int kMaxHalvings = 40;
 constexpr double kSegmentExactness =
     1e-9;                         ///< of the tool's radius: how exactly its place on a segment is found
 constexpr double kLevel = 1e-10;  ///< slope along a segment, per length, that counts as none
-constexpr std::size_t kStack = 128;
 constexpr int kMaxPasses = 1000, kMaxDistanceSteps = 60;
 constexpr double kExactRoot = 1e-9;  ///< of the way between two nodes
 constexpr double kArrived = 1e-3;    ///< of that: steps are over
@@ -183,40 +182,25 @@ SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, 
   return best;
 }
 
+std::size_t SweptTool::leaf_end(std::size_t leaf) const {
+  return std::min(segments_.size(), (leaf + 1) * kLeafSegments);
+}
+
 SweptTool::Nearest SweptTool::nearest(const Double3& p) const {
-  struct Entry {
-    double bound;
-    std::size_t level, index;
-  };
   Nearest best;
   best.value = std::numeric_limits<double>::infinity();
   if (segments_.empty()) return best;
   if (remembers_) best = of_segment(p, last_, best.value);
-  std::array<Entry, kStack> stack;
-  std::size_t top = 0;
-  stack[top++] = {bound(p, levels_.back()[0]), levels_.size() - 1, 0};
-  while (top > 0) {
-    const Entry e = stack[--top];
-    if (e.bound >= best.value) continue;
-    if (e.level == 0) {
-      const std::size_t end = std::min(segments_.size(), (e.index + 1) * kLeafSegments);
-      for (std::size_t s = e.index * kLeafSegments; s < end; ++s) {
-        const Nearest n = of_segment(p, s, best.value);
-        // Of two that are as near, one is chosen by what it is, not by when it came.
-        if (n.value < best.value || (n.value == best.value && n.direction < best.direction)) best = n;
-      }
-      continue;
-    }
-    const std::vector<Box>& below = levels_[e.level - 1];
-    const std::size_t first = top, end = std::min(below.size(), (e.index + 1) * kChildren);
-    for (std::size_t c = e.index * kChildren; c < end; ++c) {
-      const Entry child = {bound(p, below[c]), e.level - 1, c};
-      if (child.bound >= best.value) continue;
-      std::size_t at = top++;  // the nearest on top
-      for (; at > first && stack[at - 1].bound < child.bound; --at) stack[at] = stack[at - 1];
-      stack[at] = child;
-    }
-  }
+  visit_nearest_boxes(
+      levels_, kChildren, [&](const Box& box) { return bound(p, box); },
+      [&](double bound) { return bound < best.value; },
+      [&](std::size_t leaf) {
+        for (std::size_t s = leaf * kLeafSegments; s < leaf_end(leaf); ++s) {
+          const Nearest n = of_segment(p, s, best.value);
+          // Of two that are as near, one is chosen by what it is, not by when it came.
+          if (n.value < best.value || (n.value == best.value && n.direction < best.direction)) best = n;
+        }
+      });
   if (remembers_) last_ = best.segment;
   return best;
 }
@@ -237,25 +221,16 @@ bool SweptTool::cuts(const Double3& p, std::size_t segment, double below) const 
 std::size_t SweptTool::cutting(const Double3& p, double below) const {
   if (segments_.empty()) return kNone;
   if (remembers_ && cuts(p, last_, below)) return last_;
-  std::array<std::pair<std::size_t, std::size_t>, kStack> stack;  // level, index
-  std::size_t top = 0;
-  stack[top++] = {levels_.size() - 1, 0};
-  while (top > 0) {
-    const auto [level, index] = stack[--top];
-    if (bound(p, levels_[level][index]) >= below) continue;
-    if (level > 0) {
-      const std::size_t end = std::min(levels_[level - 1].size(), (index + 1) * kChildren);
-      for (std::size_t c = index * kChildren; c < end; ++c) stack[top++] = {level - 1, c};
-      continue;
-    }
-    const std::size_t end = std::min(segments_.size(), (index + 1) * kLeafSegments);
-    for (std::size_t s = index * kLeafSegments; s < end; ++s) {
-      if (!cuts(p, s, below)) continue;
-      if (remembers_) last_ = s;
-      return s;
-    }
-  }
-  return kNone;
+  std::size_t found = kNone;
+  visit_boxes(
+      levels_, kChildren, BoxOrder::kDescending, [&](const Box& box) { return bound(p, box) < below; },
+      [&](std::size_t leaf) {
+        for (std::size_t s = leaf * kLeafSegments; s < leaf_end(leaf) && found == kNone; ++s)
+          if (cuts(p, s, below)) found = s;
+        return found == kNone;
+      });
+  if (remembers_ && found != kNone) last_ = found;
+  return found;
 }
 
 bool SweptTool::holds(const Double3& p) const {
@@ -290,22 +265,15 @@ std::unique_ptr<SolidShape> SweptTool::near(const Double3& middle, double radius
   const Double3 p = inverse_.apply(middle);
   const double limit = (radius + margin) / scale_ * (1.0 + 1e-9) + rounding_;
   std::vector<Segment> found;
-  std::vector<std::pair<std::size_t, std::size_t>> stack;  // level, index
-  if (!segments_.empty()) stack.emplace_back(levels_.size() - 1, 0);
-  while (!stack.empty()) {
-    const auto [level, index] = stack.back();
-    stack.pop_back();
-    if (bound(p, levels_[level][index]) > limit) continue;
-    if (level > 0) {
-      const std::size_t end = std::min(levels_[level - 1].size(), (index + 1) * kChildren);
-      for (std::size_t c = end; c-- > index * kChildren;) stack.emplace_back(level - 1, c);
-      continue;
-    }
-    const std::size_t end = std::min(segments_.size(), (index + 1) * kLeafSegments);
-    for (std::size_t s = index * kLeafSegments; s < end; ++s)
-      if (!(of_segment(p, s, limit).value > limit)) found.push_back(segments_[s]);
-    if (found.size() > kMaxNear) return nullptr;
-  }
+  if (!segments_.empty())
+    visit_boxes(
+        levels_, kChildren, BoxOrder::kAscending, [&](const Box& box) { return bound(p, box) <= limit; },
+        [&](std::size_t leaf) {
+          for (std::size_t s = leaf * kLeafSegments; s < leaf_end(leaf); ++s)
+            if (!(of_segment(p, s, limit).value > limit)) found.push_back(segments_[s]);
+          return found.size() <= kMaxNear;
+        });
+  if (found.size() > kMaxNear) return nullptr;
   return std::unique_ptr<SolidShape>(new SweptTool(*this, std::move(found)));
 }
 

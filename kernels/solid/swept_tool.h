@@ -62,6 +62,7 @@ class SweptTool : public SolidShape {
   Nearest of_segment(const Double3& p, std::size_t segment, double below) const;
   bool cuts(const Double3& p, std::size_t segment, double below) const;
   double bound(const Double3& p, const Box& box) const;
+  std::size_t leaf_end(std::size_t leaf) const;
 
   MillingTool tool_;
   std::vector<Segment> segments_;         ///< those near each other side by side

@@ -1,7 +1,6 @@
 #include "stream/stages/solid/surface_distance.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
@@ -12,18 +11,8 @@ namespace tessera {
 namespace {
 
 constexpr double kBoxMargin = 1e-5;  ///< cells: positions are rounded to 2^-20
-constexpr std::size_t kStack = 128;
 
 }  // namespace
-
-double PatchTree::Box::square_to(const Double3& p) const {
-  double sum = 0.0;
-  for (std::size_t a = 0; a < 3; ++a) {
-    const double excess = std::max({0.0, low[a] - p[a], p[a] - high[a]});
-    sum += excess * excess;
-  }
-  return sum;
-}
 
 PatchTree::PatchTree(const MeshStore& mesh, const Lattice& lattice) : mesh_(mesh), lattice_(lattice) {
   std::vector<Box> boxes;
@@ -93,30 +82,12 @@ double SurfaceDistance::away(const Double3& p) {
   if (tree_.levels_[0].empty()) return best;
   const std::size_t first = last_patch_;
   query(first);
-  struct Entry {
-    double bound;
-    std::size_t level, index;
-  };
-  std::array<Entry, kStack> stack;
-  std::size_t top = 0;
-  stack[top++] = {tree_.levels_.back()[0].square_to(p), tree_.levels_.size() - 1, 0};
-  while (top > 0) {
-    const Entry e = stack[--top];
-    if (e.bound >= best) continue;
-    if (e.level == 0) {
-      if (e.index != first) query(e.index);
-      continue;
-    }
-    const std::vector<PatchTree::Box>& below = tree_.levels_[e.level - 1];
-    const std::size_t from = top, end = std::min(below.size(), (e.index + 1) * PatchTree::kChildren);
-    for (std::size_t c = e.index * PatchTree::kChildren; c < end; ++c) {
-      const Entry child = {below[c].square_to(p), e.level - 1, c};
-      if (child.bound >= best) continue;
-      std::size_t at = top++;  // the nearest on top
-      for (; at > from && stack[at - 1].bound < child.bound; --at) stack[at] = stack[at - 1];
-      stack[at] = child;
-    }
-  }
+  visit_nearest_boxes(
+      tree_.levels_, PatchTree::kChildren, [&](const PatchTree::Box& box) { return square_to_box(box, p); },
+      [&](double bound) { return bound < best; },
+      [&](std::size_t number) {
+        if (number != first) query(number);
+      });
   return std::sqrt(best);
 }
 

@@ -30,7 +30,6 @@ class PatchTree {
   static constexpr std::size_t kChildren = 8;
   struct Box {
     Double3 low, high;
-    double square_to(const Double3& p) const;
   };
   const MeshStore& mesh_;
   Lattice lattice_;
