@@ -62,12 +62,20 @@ std::vector<PlanFace> plan_faces(std::span<const SpaceTriangle> triangles) {
 
 PlanGrid::PlanGrid(const std::vector<PlanFace>& faces, const PlanBox& box) : faces_(faces), box_(box) {
   side_ = std::max<std::size_t>(1, static_cast<std::size_t>(std::sqrt(static_cast<double>(faces.size()))));
-  cells_.resize(side_ * side_);
-  for (std::uint32_t f = 0; f < faces.size(); ++f)
-    if (faces[f].box.meets(box)) for_cells(faces[f].box, [&](std::size_t cell) { cells_[cell].push_back(f); });
+  first_.assign(side_ * side_ + 1, 0);
+  const auto deal = [&](const auto& use) {
+    for (std::uint32_t f = 0; f < faces.size(); ++f)
+      if (faces[f].box.meets(box)) for_cells(faces[f].box, [&](std::size_t cell) { use(cell, f); });
+  };
+  deal([&](std::size_t cell, std::uint32_t) { ++first_[cell + 1]; });
+  for (std::size_t k = 0; k + 1 < first_.size(); ++k) first_[k + 1] += first_[k];
+  listed_.resize(first_.back());
+  std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
+  deal([&](std::size_t cell, std::uint32_t f) { listed_[next[cell]++] = f; });
 }
 
-SliverGrid::SliverGrid(std::vector<PlanFace> faces) : faces_(std::move(faces)), side_(sliver_side(faces_.size())) {
+SliverGrid::SliverGrid(std::vector<PlanFace> faces)
+    : faces_(std::move(faces)), side_(sliver_side(faces_.size())) {
   for (const PlanFace& f : faces_) box_.add(f.box.low), box_.add(f.box.high);
   first_.assign(side_ * side_ + 1, 0);
   for (const PlanFace& f : faces_) for_cells(f, [&](std::size_t at) { ++first_[at + 1]; });

@@ -45,7 +45,8 @@ class PlanGrid {
   template <class Use>
   void for_each(const PlanBox& box, Use&& use) const {
     for_cells(box, [&](std::size_t cell) {
-      for (const std::uint32_t f : cells_[cell]) {
+      for (std::uint32_t k = first_[cell]; k < first_[cell + 1]; ++k) {
+        const std::uint32_t f = listed_[k];
         const PlanBox& other = faces_[f].box;
         // In the first cell that both meet.
         const Double2 first = {std::max(box.low[0], other.low[0]), std::max(box.low[1], other.low[1])};
@@ -69,7 +70,8 @@ class PlanGrid {
   const std::vector<PlanFace>& faces_;
   PlanBox box_;
   std::size_t side_ = 1;
-  std::vector<std::vector<std::uint32_t>> cells_;
+  std::vector<std::uint32_t> first_;  ///< per cell, in listed_; one more at the end
+  std::vector<std::uint32_t> listed_;
 };
 
 /// Faces by the cells of a grid that they themselves meet, however long and thin they are: those of a polygon's triangulation.

@@ -422,6 +422,38 @@ TEST_CASE("volume: the same bytes over toes, rasters and maps with any cap and t
   }
 }
 
+TEST_CASE("volume: four million cells below and above stay below a cap of 128 MiB, GDAL included",
+          "[memory]") {
+  const TempFolder folder;
+  const fs::path mesh = folder.write("dome.off",
+                                     sheet([](double x, double y) { return slope(x, y) + cap(x, y); })),
+                 ground = folder.write("ground.off", sheet(slope)),
+                 raster = raster_of(folder, "g.tif", ground, "0.02");
+  const CommandResult r =
+      volume({mesh.string(), "--base", raster.string(), "--map", (folder / "m.tif").string(), "--cell",
+              "0.02", "--memory", "128M", "-t", "2"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(r.peak_bytes < std::uint64_t{128} << 20);
+}
+
+TEST_CASE("volume: stopped by a signal it leaves nothing behind", "[fault]") {
+  const TempFolder folder;
+  const fs::path mesh = folder.write("ground.off", sheet(slope)),
+                 raster = raster_of(folder, "g.tif", mesh, "0.5"), scratch = folder / "scratch";
+  fs::create_directory(scratch);
+  for (const char* fault : {"TESSERA_FAULT=stop:1", "TESSERA_FAULT=stop:3"}) {
+    const CommandResult r =
+        tessera_command({"volume", mesh.string(), "--base", raster.string(), "--map",
+                         (folder / "m.tif").string(), "--cell", "0.5", "--temp", scratch.string()},
+                        0, fault);
+    CAPTURE(fault, r.errors);
+    CHECK(r.code == 143);
+    CHECK(fs::is_empty(scratch));
+    CHECK_FALSE(fs::exists(folder / "m.tif"));
+  }
+}
+
 TEST_CASE("volume: bases, noise and maps that cannot be are refused in a sentence", "[pipeline]") {
   const TempFolder folder;
   const fs::path mesh = folder.write("dome.off",
