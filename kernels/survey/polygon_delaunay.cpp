@@ -139,7 +139,9 @@ class JoinedRings {
 class DelaunayFlips {
  public:
   DelaunayFlips(const std::vector<Double2>& point, std::vector<Triangle>& triangles)
-      : point_(point), triangles_(triangles), across_(triangles.size(), {kNoTriangle, kNoTriangle, kNoTriangle}) {
+      : point_(point),
+        triangles_(triangles),
+        across_(triangles.size(), {kNoTriangle, kNoTriangle, kNoTriangle}) {
     struct Side {
       std::uint32_t low, high, triangle, edge;
     };
@@ -247,9 +249,8 @@ std::optional<std::vector<Triangle>> polygon_delaunay(std::span<const std::vecto
   for (const Double2& p : point)
     size = std::max({size, std::abs(p[0] - point[0][0]), std::abs(p[1] - point[0][1])});
   if (!(std::abs(covered - wanted) <= kAreaError * size * size)) return std::nullopt;
-  std::erase_if(triangles, [&](const Triangle& t) {
-    return orient2d_sign(point[t[0]], point[t[1]], point[t[2]]) <= 0;
-  });
+  std::erase_if(triangles,
+                [&](const Triangle& t) { return orient2d_sign(point[t[0]], point[t[1]], point[t[2]]) <= 0; });
   put_in_order(triangles);
   return triangles;
 }

@@ -46,22 +46,25 @@ std::string describe(const MeshVolumes& volumes) {
     text += fmt::format("{:<10} {:>14.8g} {:>14.8g} {:>14.8g} {:>14.8g} {:>14.8g} {:>12}", a.name,
                         a.plan_area, a.volume.area, a.volume.fill, a.volume.cut, a.volume.fill - a.volume.cut,
                         a.bound ? fmt::format("{:.3g}", *a.bound) : "unknown");
-    if (noise) text += a.noise_bound ? fmt::format(" {:>12.3g}", *a.noise_bound) : fmt::format(" {:>12}", "unknown");
+    if (noise)
+      text += a.noise_bound ? fmt::format(" {:>12.3g}", *a.noise_bound) : fmt::format(" {:>12}", "unknown");
     text += '\n';
   }
   for (const AreaVolume& a : volumes.areas)
     if (a.outline_uncovered.value_or(0.0) > 1e-8 * a.outline.value_or(0.0))
-      text += fmt::format("area {}: {:.6g} of the {:.6g} of its outline have no mesh; the toe line runs straight there\n",
-                          a.name, *a.outline_uncovered, *a.outline);
+      text += fmt::format(
+          "area {}: {:.6g} of the {:.6g} of its outline have no mesh; the toe line runs straight there\n",
+          a.name, *a.outline_uncovered, *a.outline);
   return text;
 }
 
 std::string to_csv(const MeshVolumes& volumes) {
   std::string text = "area,plan_area,covered,fill,cut,net,bound,noise_bound,outline,outline_uncovered\n";
   for (const AreaVolume& a : volumes.areas)
-    text += fmt::format("{},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{},{},{},{}\n", a.name, a.plan_area,
-                        a.volume.area, a.volume.fill, a.volume.cut, a.volume.fill - a.volume.cut,
-                        csv_of(a.bound), csv_of(a.noise_bound), csv_of(a.outline), csv_of(a.outline_uncovered));
+    text +=
+        fmt::format("{},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{},{},{},{}\n", a.name, a.plan_area,
+                    a.volume.area, a.volume.fill, a.volume.cut, a.volume.fill - a.volume.cut, csv_of(a.bound),
+                    csv_of(a.noise_bound), csv_of(a.outline), csv_of(a.outline_uncovered));
   return text;
 }
 

@@ -45,8 +45,9 @@ std::string crs_warning(const std::filesystem::path& raster, const std::string& 
   const std::optional<bool> same =
       same_projection(user_crs(of_raster, raster.string()), user_crs(of_mesh, "the mesh"));
   if (same.value_or(true)) return {};
-  return fmt::format("warning: {}: is in another coordinate system than the mesh; coordinates are taken as they are\n",
-                     raster.string());
+  return fmt::format(
+      "warning: {}: is in another coordinate system than the mesh; coordinates are taken as they are\n",
+      raster.string());
 }
 
 }  // namespace
@@ -71,7 +72,8 @@ Double3 RasterBase::centre(std::int64_t column, std::int64_t row, double height)
 RasterBase::Range RasterBase::range_of(const MeshBox& window) const {
   // The inverse of the transform, at the corners of the window.
   const double det = transform_[1] * transform_[5] - transform_[2] * transform_[4];
-  double low[2] = {PlanBox::kInfinite, PlanBox::kInfinite}, high[2] = {-PlanBox::kInfinite, -PlanBox::kInfinite};
+  double low[2] = {PlanBox::kInfinite, PlanBox::kInfinite},
+         high[2] = {-PlanBox::kInfinite, -PlanBox::kInfinite};
   for (int k = 0; k < 4; ++k) {
     const double x = ((k & 1) != 0 ? window.high[0] : window.low[0]) - transform_[0];
     const double y = ((k & 2) != 0 ? window.high[1] : window.low[1]) - transform_[3];
@@ -93,9 +95,10 @@ std::uint64_t RasterBase::window_bytes(const MeshBox& window) const {
   const Range range = range_of(window);
   std::uint64_t cells = 1;
   for (int a = 0; a < 2; ++a)
-    cells *= static_cast<std::uint64_t>(std::clamp<std::int64_t>(range.end[a] - range.first[a], 0, kBatch) + 1);
-  constexpr std::uint64_t kCellBytes =
-      sizeof(double) + 2 * (sizeof(SpaceTriangle) + sizeof(PlanFace) + 2 * sizeof(std::vector<std::uint32_t>));
+    cells *=
+        static_cast<std::uint64_t>(std::clamp<std::int64_t>(range.end[a] - range.first[a], 0, kBatch) + 1);
+  constexpr std::uint64_t kCellBytes = sizeof(double) + 2 * (sizeof(SpaceTriangle) + sizeof(PlanFace) +
+                                                             2 * sizeof(std::vector<std::uint32_t>));
   return 2 * cells * kCellBytes;
 }
 
@@ -104,9 +107,9 @@ void RasterBase::read_batch(const Range& range, std::vector<double>& heights,
   const std::int64_t width = range.end[0] - range.first[0] + 1, depth = range.end[1] - range.first[1] + 1;
   heights.resize(static_cast<std::size_t>(width * depth));
   for (std::int64_t r = 0; r < depth; ++r)
-    file_->read_at(static_cast<std::uint64_t>((range.first[1] + r) * columns_ + range.first[0]) * sizeof(double),
-                   &heights[static_cast<std::size_t>(r * width)],
-                   static_cast<std::uint64_t>(width) * sizeof(double));
+    file_->read_at(
+        static_cast<std::uint64_t>((range.first[1] + r) * columns_ + range.first[0]) * sizeof(double),
+        &heights[static_cast<std::size_t>(r * width)], static_cast<std::uint64_t>(width) * sizeof(double));
   out.clear();
   for (std::int64_t r = 0; r + 1 < depth; ++r)
     for (std::int64_t c = 0; c + 1 < width; ++c) {

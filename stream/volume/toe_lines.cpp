@@ -179,11 +179,11 @@ std::vector<ToeRing> toe_rings(const VolumeArea& area, std::uint32_t k, const st
     std::vector<std::array<double, 2>> gaps;
     double last_height = kNoHeight, last_steepness = 0.0;
     for (std::size_t c = 0; c < corners.size(); ++c, ++edge) {
-      const auto [first, end] = std::equal_range(
-          pieces.begin(), pieces.end(), ToePiece{k, edge, 0.0, 0.0, {}, 0.0},
-          [](const ToePiece& a, const ToePiece& b) {
-            return std::tie(a.area, a.edge) < std::tie(b.area, b.edge);
-          });
+      const auto [first, end] =
+          std::equal_range(pieces.begin(), pieces.end(), ToePiece{k, edge, 0.0, 0.0, {}, 0.0},
+                           [](const ToePiece& a, const ToePiece& b) {
+                             return std::tie(a.area, a.edge) < std::tie(b.area, b.edge);
+                           });
       EdgeHeights heights(corners[c], corners[(c + 1) % corners.size()], same);
       heights.add({first, end});
       const std::size_t at = ring.points.size();

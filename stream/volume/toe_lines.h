@@ -14,9 +14,9 @@ namespace tessera {
 /// What one face has over one edge of an area.
 struct ToePiece {
   std::uint32_t area = 0, edge = 0;
-  double begin = 0.0, end = 0.0;    ///< along the edge, of [0, 1]
-  double height[2] = {0.0, 0.0};    ///< there
-  double steepness = 0.0;           ///< rise of the face over its plan: of a level one 0
+  double begin = 0.0, end = 0.0;  ///< along the edge, of [0, 1]
+  double height[2] = {0.0, 0.0};  ///< there
+  double steepness = 0.0;         ///< rise of the face over its plan: of a level one 0
   bool operator<(const ToePiece& o) const;
 };
 
@@ -35,9 +35,9 @@ struct ToePoint {
 struct ToeRing {
   std::vector<ToePoint> points;  ///< corners of the ring and where it crosses edges of the mesh, in order
   double length = 0.0;
-  double uncovered = 0.0;    ///< length without mesh
-  double widest_gap = 0.0;   ///< longest piece without mesh
-  Double2 gap_at{};          ///< where that begins
+  double uncovered = 0.0;   ///< length without mesh
+  double widest_gap = 0.0;  ///< longest piece without mesh
+  Double2 gap_at{};         ///< where that begins
 };
 
 /// The rings of area `k`. Where several faces lie over the outline the highest counts; over gaps heights run straight from one

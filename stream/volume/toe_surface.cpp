@@ -53,16 +53,16 @@ void require_covered(const std::filesystem::path& file, const VolumeArea& area,
     length += ring.length, uncovered += ring.uncovered;
     if (ring.widest_gap > worst->widest_gap) worst = &ring;
   }
-  const bool bare = std::any_of(rings.begin(), rings.end(), [](const ToeRing& r) {
-    return !std::isfinite(r.points.front().height);
-  });
+  const bool bare = std::any_of(rings.begin(), rings.end(),
+                                [](const ToeRing& r) { return !std::isfinite(r.points.front().height); });
   if (!bare && worst->widest_gap <= std::max(widest, kRoundingGap * length)) return;
   refuse(file, area,
-         fmt::format("leaves the mesh: {:.6g} of the {:.6g} of its outline ({:.3g} %) have no mesh, the longest "
-                     "piece {:.6g} from {:.10g}, {:.10g} on, so there is no toe line; draw it on the mesh, or let "
-                     "the line run straight over gaps with --toe-gap",
-                     uncovered, length, 100.0 * uncovered / length, worst->widest_gap,
-                     worst->gap_at[0] + origin[0], worst->gap_at[1] + origin[1]));
+         fmt::format(
+             "leaves the mesh: {:.6g} of the {:.6g} of its outline ({:.3g} %) have no mesh, the longest "
+             "piece {:.6g} from {:.10g}, {:.10g} on, so there is no toe line; draw it on the mesh, or let "
+             "the line run straight over gaps with --toe-gap",
+             uncovered, length, 100.0 * uncovered / length, worst->widest_gap, worst->gap_at[0] + origin[0],
+             worst->gap_at[1] + origin[1]));
 }
 
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;
@@ -85,7 +85,6 @@ Triangles triangulate(const std::filesystem::path& file, const VolumeArea& area,
   return *std::move(triangles);
 }
 
-
 /// Points of a ring count together as far as their errors do.
 double ring_variance(const ToeRing& ring, const std::vector<double>& weights, const HeightNoise& noise) {
   const std::size_t n = ring.points.size();
@@ -107,8 +106,8 @@ double ring_variance(const ToeRing& ring, const std::vector<double>& weights, co
 }
 
 ToeSurface finish_surface(const VolumeArea& area, const std::vector<ToeRing>& rings,
-                          const std::vector<std::vector<double>>& weights, std::vector<SpaceTriangle> triangles,
-                          const HeightNoise& noise) {
+                          const std::vector<std::vector<double>>& weights,
+                          std::vector<SpaceTriangle> triangles, const HeightNoise& noise) {
   ToeSurface out;
   out.low = out.high = triangles.empty() ? 0.0 : triangles[0][0][2];
   for (const SpaceTriangle& t : triangles)
@@ -116,8 +115,8 @@ ToeSurface finish_surface(const VolumeArea& area, const std::vector<ToeRing>& ri
   for (std::size_t r = 0; r < rings.size(); ++r) {
     out.outline += rings[r].length, out.uncovered += rings[r].uncovered;
     for (std::size_t k = 0; k < weights[r].size(); ++k)
-      out.displaced +=
-          std::abs(weights[r][k]) * std::sqrt(1.0 + rings[r].points[k].steepness * rings[r].points[k].steepness);
+      out.displaced += std::abs(weights[r][k]) *
+                       std::sqrt(1.0 + rings[r].points[k].steepness * rings[r].points[k].steepness);
     if (noise.known()) out.variance += ring_variance(rings[r], weights[r], noise);
   }
   if (noise.known()) out.variance = std::min(out.variance, std::pow(noise.deviation * area.plan_area(), 2));
@@ -186,7 +185,8 @@ ToeSurface span_plane(const std::filesystem::path& file, const VolumeArea& area,
         plane[i] += share[r][k] * row[i] * (p.height - middle[2]);
       }
     }
-  if (!cholesky_factor(normal, 0.0, 1e-12)) refuse(file, area, "has an outline on one line, which fits no plane");
+  if (!cholesky_factor(normal, 0.0, 1e-12))
+    refuse(file, area, "has an outline on one line, which fits no plane");
   cholesky_solve(normal, plane);
 
   std::vector<SpaceTriangle> triangles;
@@ -201,7 +201,8 @@ ToeSurface span_plane(const std::filesystem::path& file, const VolumeArea& area,
     triangles.push_back({point[t[0]], point[t[1]], point[t[2]]});
     const double size = PlanPiece(PlanTriangle(point[t[0]], point[t[1]], point[t[2]]).shadow()).area();
     const Double3 centre = (point[t[0]] + point[t[1]] + point[t[2]]) / 3.0;
-    moment[0] += size, moment[1] += size * (centre[0] - middle[0]), moment[2] += size * (centre[1] - middle[1]);
+    moment[0] += size, moment[1] += size * (centre[0] - middle[0]),
+        moment[2] += size * (centre[1] - middle[1]);
   }
   cholesky_solve(normal, moment);
   for (std::size_t r = 0; r < rings.size(); ++r)

@@ -14,8 +14,8 @@
 namespace tessera {
 
 struct VolumeArea {
-  std::string name;                           ///< its number in the file, from 1
-  std::vector<std::vector<Double2>> rings;    ///< open, the outline first, no corner twice in a row
+  std::string name;                         ///< its number in the file, from 1
+  std::vector<std::vector<Double2>> rings;  ///< open, the outline first, no corner twice in a row
   std::vector<SignedTriangle> triangles;
   std::vector<std::array<Double2, 2>> edges;  ///< of all rings, in order
   std::optional<ClipPolygon> polygon;         ///< in the coordinates of the mesh

@@ -285,8 +285,7 @@ class RawHeights {
   RawHeights(const RawHeights&) = delete;
   RawHeights& operator=(const RawHeights&) = delete;
   void write(std::uint64_t index, const double* from, std::uint64_t count) {
-    if (const int error =
-            tessera::write_all_at(fd_, from, count * sizeof(double), index * sizeof(double)))
+    if (const int error = tessera::write_all_at(fd_, from, count * sizeof(double), index * sizeof(double)))
       tessera::throw_write_error(path_, error);
   }
 
@@ -303,8 +302,8 @@ std::unique_ptr<GDALDataset> open_heights(const tessera::Json& request, std::arr
                                                      GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data()));
   if (!set) throw tessera::InputError(name + ": is no GeoTIFF that GDAL reads: " + last_error());
   if (set->GetRasterCount() != 1)
-    throw tessera::InputError(fmt::format("{}: has {} bands; heights are a GeoTIFF of one band", name,
-                                          set->GetRasterCount()));
+    throw tessera::InputError(
+        fmt::format("{}: has {} bands; heights are a GeoTIFF of one band", name, set->GetRasterCount()));
   const GDALDataType type = set->GetRasterBand(1)->GetRasterDataType();
   if (GDALDataTypeIsComplex(type))
     throw tessera::InputError(name + ": its values are complex numbers, not heights");
@@ -372,11 +371,11 @@ void read_heights(const Arguments& a) {
     CPLFree(text);
   }
   tessera::write_durably(path_of(request, "info"), tessera::dump_json(tessera::Json{{"columns", columns},
-                                                                                   {"rows", rows},
-                                                                                   {"transform", transform},
-                                                                                   {"low", low},
-                                                                                   {"high", high},
-                                                                                   {"crs", crs}}));
+                                                                                    {"rows", rows},
+                                                                                    {"transform", transform},
+                                                                                    {"low", low},
+                                                                                    {"high", high},
+                                                                                    {"crs", crs}}));
 }
 
 }  // namespace
@@ -384,11 +383,14 @@ void read_heights(const Arguments& a) {
 int main(int argc, char** argv) {
   auto a = std::make_shared<Arguments>();
   tessera::OptionTable t;
-  t.add("request", &a->request, "what to do, as tessera raster, contours, section and volume say it").positional();
+  t.add("request", &a->request, "what to do, as tessera raster, contours, section and volume say it")
+      .positional();
   t.add("memory", &a->memory_bytes, "cap on memory").bytes();
   t.add("driven", &a->parent, "process that drives this one").hidden();
   return tessera::cli::run(
-      "tessera-gdal", "Writes and reads foreign files by GDAL for tessera raster, contours, section and volume, which call it.",
+      "tessera-gdal",
+      "Writes and reads foreign files by GDAL for tessera raster, contours, section and volume, which call "
+      "it.",
       {{"raster", "Raw cells to a Cloud Optimised GeoTIFF.", t, [a] { write_raster(*a); }},
        {"lines", "Raw lines to GeoPackage, GeoJSON or DXF.", t, [a] { write_lines(*a); }},
        {"heights", "A GeoTIFF of one band to raw heights.", t, [a] { read_heights(*a); }}},

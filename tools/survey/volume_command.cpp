@@ -54,7 +54,8 @@ void read_base(const std::string& base, VolumeOptions& options) {
   } else if (base == "toe" || base == "toe-plane") {
     options.kind = base == "toe" ? VolumeBase::kToe : VolumeBase::kToePlane;
     if (options.areas.empty())
-      throw UsageError("--base " + base + ": is spanned by the outlines of polygons; name them with --within");
+      throw UsageError("--base " + base +
+                       ": is spanned by the outlines of polygons; name them with --within");
   } else {
     options.base = base;
     options.kind = extension == ".tif" || extension == ".tiff" ? VolumeBase::kRaster : VolumeBase::kMesh;
@@ -64,8 +65,9 @@ void read_base(const std::string& base, VolumeOptions& options) {
 void check_noise(const VolumeOptions& options) {
   const auto check = [](const HeightNoise& noise, const std::string& name, const std::string& prefix) {
     if (noise.known() && !(noise.range() > 0.0))
-      throw UsageError(name + ": says nothing of a volume without the distance over which errors average out: give " +
-                       prefix + "spacing, of points with independent errors, or " + prefix + "noise-length");
+      throw UsageError(
+          name + ": says nothing of a volume without the distance over which errors average out: give " +
+          prefix + "spacing, of points with independent errors, or " + prefix + "noise-length");
     if (!noise.known() && noise.range() > 0.0)
       throw UsageError(name + " is missing: the standard deviation of heights");
   };
@@ -142,13 +144,16 @@ void run_volume(const VolumeCommand& command) {
 
 void add_noise_options(OptionTable& t, VolumeOptions& o) {
   t.add("noise", &o.noise.deviation,
-        "standard deviation of the heights of the points that the mesh was made of: gives a statistical bound (95 %) "
+        "standard deviation of the heights of the points that the mesh was made of: gives a statistical "
+        "bound (95 %) "
         "beside the proven one; 0 = unknown")
       .at_least(0);
-  t.add("spacing", &o.noise.spacing, "for --noise: spacing of those points, where their errors are independent")
+  t.add("spacing", &o.noise.spacing,
+        "for --noise: spacing of those points, where their errors are independent")
       .at_least(0);
   t.add("noise-length", &o.noise.length,
-        "for --noise: length over which errors hang together, as those of dense matching or of a moving scanner do")
+        "for --noise: length over which errors hang together, as those of dense matching or of a moving "
+        "scanner do")
       .at_least(0);
   t.add("base-noise", &o.base_noise.deviation, "the same of the base, a mesh or a raster").at_least(0);
   t.add("base-spacing", &o.base_noise.spacing, "for --base-noise; of a raster at least its cell").at_least(0);
@@ -163,15 +168,18 @@ cli::Command volume_command() {
   OptionTable t;
   t.add("mesh", &c.mesh, "PLY, OBJ, STL, OFF or GLB").positional();
   t.add("base", &c.base,
-        "what volumes are counted from: plane:Z, a level; toe, what the outline of each polygon spans, triangulated; "
-        "toe-plane, the plane that fits that outline best; a raster of heights (GeoTIFF, one band); or an earlier "
+        "what volumes are counted from: plane:Z, a level; toe, what the outline of each polygon spans, "
+        "triangulated; "
+        "toe-plane, the plane that fits that outline best; a raster of heights (GeoTIFF, one band); or an "
+        "earlier "
         "mesh, open and seen from above")
       .shown_as("plane:Z|toe|toe-plane|FILE");
   t.add("within", &c.options.areas,
         "polygons (GeoJSON, in the coordinates of the mesh), a row of figures each; default: wherever both "
         "are");
-  t.add("toe-gap", &c.options.toe_gap,
-        "longest piece of an outline without mesh that a toe line runs straight over; a longer one is refused")
+  t.add(
+       "toe-gap", &c.options.toe_gap,
+       "longest piece of an outline without mesh that a toe line runs straight over; a longer one is refused")
       .at_least(0);
   t.add("tolerance", &c.tolerance,
         "distance that the mesh keeps from its surface, which bounds what the volumes may be off; default: "
@@ -184,7 +192,8 @@ cli::Command volume_command() {
         "also write a raster of heights of the mesh less those of the base (GeoTIFF), within the polygons");
   t.add("cell", &c.options.cell, "edge of a cell of --map, units of the mesh").at_least(0);
   t.add("crs", &c.options.crs,
-        "coordinate system of the mesh, for --map and rasters: EPSG:n, WKT or a file with it; default: what the .prj "
+        "coordinate system of the mesh, for --map and rasters: EPSG:n, WKT or a file with it; default: what "
+        "the .prj "
         "beside the mesh says")
       .shown_as("EPSG:n|FILE");
   t.add("csv", &c.csv, "also write the rows to this file");
@@ -197,8 +206,10 @@ cli::Command volume_command() {
   t.add("memory", &c.options.memory_bytes, "cap on memory; larger meshes go through --temp").bytes();
   t.add("temp", &c.options.temp, "folder for scratch files; default: the system's");
   return {"volume",
-          "Cut, fill and net volume against a level, a toe line, a raster or an earlier mesh. Examples: tessera volume "
-          "new.ply --base old.ply --within areas.geojson; tessera volume heaps.ply --base toe --within heaps.geojson "
+          "Cut, fill and net volume against a level, a toe line, a raster or an earlier mesh. Examples: "
+          "tessera volume "
+          "new.ply --base old.ply --within areas.geojson; tessera volume heaps.ply --base toe --within "
+          "heaps.geojson "
           "--map height.tif --cell 0.25",
           t, [shared] { run_volume(*shared); }};
 }
