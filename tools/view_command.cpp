@@ -117,16 +117,18 @@ void view_tiles(const ViewArguments& a, const fs::path& input, const fs::path& v
 }
 
 void view_mesh(const ViewArguments& a, const fs::path& input, const fs::path& viewer) {
-  require_viewable(input);
+  const bool cloud = a.options.deviation.empty() && a.options.uncertain.empty() && is_deviation_cloud(input);
+  if (!cloud) require_viewable(input);
+  const auto write = cloud ? write_points_view : write_mesh_view;
   if (!a.options.deviation.empty()) open_mesh_file(a.options.deviation);
   if (!a.output.empty()) {
-    write_mesh_view(fs::absolute(a.output), viewer / "viewer.html", input, a.options);
+    write(fs::absolute(a.output), viewer / "viewer.html", input, a.options);
     fmt::print("{}\n", a.output.string());
     return;
   }
   std::optional<ScratchFolder> scratch(std::in_place, a.options.temp, "view");
   const fs::path page = scratch->path() / "page.html";
-  write_mesh_view(page, viewer / "viewer.html", input, a.options);
+  write(page, viewer / "viewer.html", input, a.options);
   serve(viewer, page, {}, a.port, scratch);
 }
 
@@ -137,10 +139,11 @@ void run_view(ViewArguments a) {
   const fs::path input = a.inputs.front();
   std::error_code error;
   if (!fs::exists(input, error)) throw InputError(input.string() + ": is not there");
-  if (!a.options.deviation.empty() && a.options.tolerance < 0.0)
-    throw UsageError("--tolerance must not be negative");
-  if (a.options.deviation.empty() && (a.options.tolerance != 0.0 || a.options.with_sign))
-    throw UsageError("--tolerance and --signed are for the colours of --deviation");
+  if (a.options.tolerance < 0.0) throw UsageError("--tolerance must not be negative");
+  if (a.options.deviation.empty() && a.options.with_sign)
+    throw UsageError("--signed is for the colours of --deviation");
+  if (a.options.deviation.empty() && a.options.tolerance != 0.0 && !has_deviations(input))
+    throw UsageError("--tolerance is for the colours of --deviation, and of files that deviate wrote");
   if (!a.options.deviation.empty() && !a.options.uncertain.empty())
     throw UsageError("--uncertain: leave it out with --deviation, or that with it");
   if (!a.output.empty() && a.output.extension() != ".html" && a.output.extension() != ".htm")
@@ -163,7 +166,8 @@ cli::Command view_command() {
   ViewArguments& a = *arguments;
   OptionTable t;
   t.add("inputs", &a.inputs,
-        "a mesh of up to 2 M faces, or the folder of a tileset (3D Tiles) or its tileset.json")
+        "a mesh of up to 2 M faces, points with deviations (PLY that deviate wrote), or the folder of a "
+        "tileset (3D Tiles) or its tileset.json")
       .positional();
   cli::add_output(t, a.output, "write one self-contained page of a mesh, .html; default: serve it");
   t.add("port", &a.port, "of the local server; 0 = a free one").within(0, 65535);
@@ -173,7 +177,7 @@ cli::Command view_command() {
   t.add("uncertain", &a.options.uncertain,
         "OUT.uncertain.ply of a reconstruction: where the sides of its points were in doubt");
   t.add("tolerance", &a.options.tolerance,
-        "with --deviation: end of the scale, scan units; 0 = 99th percentile");
+        "of deviations: end of the scale of colours, scan units; 0 = 99th percentile");
   t.add("signed", &a.options.with_sign, "with --deviation: red in front of the reference, blue behind it");
   t.add("memory", &a.options.memory_bytes,
         "cap on the peak resident memory; default: the smallest limit of this machine x 0.8")

@@ -3,13 +3,11 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "stream/change/change_cells.h"
-#include "stream/files/direct_file.h"
-#include "stream/survey/raster_layer.h"
+#include "stream/raster/raster_output.h"
 
 namespace tessera {
 
@@ -17,27 +15,27 @@ class ChangeRaster {
  public:
   /// \param cells  of which all were added; they come by add() in their order  \param max_distance  no mean is larger
   /// \throws UsageError for too many cells; ResourceError where the disk cannot hold them
-  ChangeRaster(const ChangeCells& cells, double max_distance, const std::filesystem::path& scratch);
+  ChangeRaster(const ChangeCells& cells, double max_distance, const std::filesystem::path& scratch,
+               const std::filesystem::path& output);
   void add(const ChangeCell& cell);
-  /// \param crs  WKT, or EPSG:n; empty = none is known  \returns what it warns of, lines; may be empty
-  /// \throws as write_by_gdal()
-  std::string finish(const std::string& crs, std::uint64_t memory_bytes, const std::filesystem::path& output);
+  /// \param crs  WKT, or EPSG:n; empty = none is known
+  /// \returns what GDAL warns of, lines; may be empty \throws as RasterFiles::finish()
+  std::string finish(const std::string& crs, std::uint64_t memory_bytes);
 
-  std::int64_t columns() const { return columns_; }
-  std::int64_t rows() const { return rows_; }
+  std::int64_t columns() const { return grid_.columns; }
+  std::int64_t rows() const { return grid_.rows; }
 
  private:
-  void skip_to(std::uint64_t place);
-  void put(double mean);
-  void flush();
+  void next_row();
 
-  std::filesystem::path scratch_, raw_;
-  double size_, west_, north_;
-  std::int64_t first_column_, last_row_, columns_, rows_;
-  std::uint64_t next_ = 0;  ///< cells so far, row by row from north
-  LayerValues values_;
-  DirectFile file_;
-  std::vector<RasterCell> pending_;
+  std::vector<RasterOutput> outputs_;
+  RasterGrid grid_;
+  RasterFiles files_;
+  RasterRows rows_;
+  std::int64_t first_column_, last_row_;
+  std::int64_t row_ = 0;  ///< being filled, from north
+  std::vector<RasterCell> cells_;
+  std::vector<std::uint8_t> inside_;
 };
 
 }  // namespace tessera

@@ -223,13 +223,13 @@ class ChangeJob {
       report_.area = change_area(cells);
       return;
     }
-    ChangeRaster raster(cells, max_distance, scratch_.path());
+    ChangeRaster raster(cells, max_distance, scratch_.path(), options_.raster);
     report_.area = change_area(cells, [&](const ChangeCell& c) { raster.add(c); });
     const Crs& own = inputs_->points().crs;
     const std::string crs = !own.wkt.empty()      ? own.wkt
                             : own.horizontal != 0 ? fmt::format("EPSG:{}", own.horizontal)
                                                   : std::string();
-    const std::string warnings = raster.finish(crs, options_.memory_bytes / 2, options_.raster);
+    const std::string warnings = raster.finish(crs, options_.memory_bytes / 2);
     if (!warnings.empty()) report_.notices.push_back(warnings);
   }
 

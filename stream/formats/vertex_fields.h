@@ -22,6 +22,9 @@ inline constexpr std::array kColourFields = {FieldTriple{"red", "green", "blue"}
 inline constexpr std::array<std::string_view, 3> kIntensityFields = {"intensity", "scalar_intensity",
                                                                      "reflectance"};
 
+/// Of the signed distance to a reference that `deviate` writes.
+inline constexpr const char* kDeviationName = "deviation";
+
 /// Whether two names are the same but for capitals (ASCII).
 bool equal_any_case(std::string_view a, std::string_view b);
 

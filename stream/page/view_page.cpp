@@ -1,6 +1,8 @@
 #include "stream/page/view_page.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -16,8 +18,11 @@
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/ply_scalar.h"
+#include "stream/formats/vertex_fields.h"
 #include "stream/page/data_block.h"
 #include "stream/render/doubt.h"
+#include "stream/render/value_cells.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 
@@ -223,6 +228,72 @@ Json write_deviation(OutputFile& page, const fs::path& mesh, const ViewOptions& 
       {"reference", json_text(options.deviation.filename())}, {"high", high}, {"signed", options.with_sign}};
 }
 
+/// End of a scale that all but one in a hundred values lie within, either way: a little more, by less than one in 100.
+class ScaleEnd {
+ public:
+  void add(double value) {
+    if (std::isnan(value)) return;
+    ++counts_[std::bit_cast<std::uint32_t>(static_cast<float>(std::abs(value))) >> kDropped], ++all_;
+  }
+  std::uint64_t count() const { return all_; }
+  double end() const {
+    std::uint64_t below = 0;
+    for (std::uint32_t k = 0; k < counts_.size(); ++k) {
+      below += counts_[k];
+      if (100 * below < 99 * all_) continue;
+      const float end = std::bit_cast<float>((k + 1) << kDropped);
+      return std::isfinite(end) ? double{end} : double{std::numeric_limits<float>::max()};
+    }
+    return 1.0;
+  }
+
+ private:
+  static constexpr unsigned kDropped = 16;  ///< of a float's bits: seven of its fraction stay
+  std::vector<std::uint64_t> counts_ = std::vector<std::uint64_t>(std::size_t{1} << (32 - kDropped));
+  std::uint64_t all_ = 0;
+};
+
+/// What the vertices carry, and its scale.
+Json write_carried(OutputFile& page, const PlyScalar& scalar, const ViewOptions& options) {
+  ScaleEnd scale;
+  std::vector<float> words;
+  DataBlock block(page, "mesh-deviation");
+  scalar.read([&](std::span<const Double3>, std::span<const double> values) {
+    throw_if_stopped();
+    words.clear();
+    for (const double v : values) scale.add(v), words.push_back(static_cast<float>(v));
+    block.add(words.data(), words.size() * sizeof(float));
+  });
+  block.end();
+  return {{"high", options.tolerance > 0.0 ? options.tolerance : scale.end()}, {"signed", true}};
+}
+
+/// Octahedra at the cells that have a value, with a corner in every direction of the axes.
+struct Octahedra {
+  std::vector<float> positions, values;
+  std::vector<std::uint32_t> faces;
+
+  Octahedra(const ValueMap& map, const Double3& origin) {
+    constexpr std::array<std::array<std::uint32_t, 3>, 8> kFaces = {
+        {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}}};
+    constexpr double kRadius = 0.7;  // of a cell: those of neighbours touch
+    std::uint32_t last = 0, first = 0;
+    for (const ValueCell& cell : map.cells) {
+      if (std::isnan(cell.mean)) continue;
+      for (unsigned corner = 0; corner < 6; ++corner) {
+        Double3 p = cell.centre - origin;
+        p[corner / 2] += (corner % 2 == 0 ? kRadius : -kRadius) * map.cell;
+        for (const double c : p) positions.push_back(static_cast<float>(c));
+        values.push_back(static_cast<float>(cell.mean));
+      }
+      for (const auto& face : kFaces)
+        for (const std::uint32_t v : face) faces.push_back(first + v - last), last = first + v;
+      first += 6;
+    }
+  }
+  static constexpr std::uint64_t kCellBytes = 6 * 4 * sizeof(float) + 24 * sizeof(std::uint32_t);
+};
+
 }  // namespace
 
 void require_viewable(const fs::path& path) {
@@ -248,10 +319,78 @@ void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::pat
     write_faces(file, *mesh);
     if (mesh->header().colour) write_colours(file, *mesh);
     if (seen.has_synthetic) write_marks(file, *mesh);
-    if (!options.uncertain.empty()) write_doubts(file, *mesh, options);
+    if (!options.uncertain.empty())
+      write_doubts(file, *mesh, options);
+    else if (const auto carried = PlyScalar::open(path, kDeviationName); carried)
+      values["deviation"] = write_carried(file, *carried, options);
   } else {
     values["deviation"] = write_deviation(file, path, options, seen.origin);
   }
+  file.append(settings(values));
+  file.append(around.after);
+  file.finish();
+}
+
+bool has_deviations(const fs::path& path) {
+  return PlyScalar::open(path, kDeviationName).has_value();
+}
+
+bool is_deviation_cloud(const fs::path& path) {
+  const auto scalar = PlyScalar::open(path, kDeviationName);
+  return scalar && !scalar->has_faces();
+}
+
+void write_points_view(const fs::path& page, const fs::path& bundle, const fs::path& path,
+                       const ViewOptions& options) {
+  constexpr std::size_t kMaxSpots = 200'000;
+  const Bundle around = read_bundle(bundle);
+  const auto scalar = PlyScalar::open(path, kDeviationName);
+  if (!scalar) throw InputError(path.string() + ": its points have no deviation");
+  const MemoryBudget budget(options.memory_bytes, resident_bytes());
+  budget.require(OutputFile::kBufferBytes + DataBlock::kMemoryBytes + ValueCells::bytes() +
+                     2 * kMaxSpots * Octahedra::kCellBytes,
+                 "view");
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  Double3 low = {kFar, kFar, kFar}, high = {-kFar, -kFar, -kFar};
+  double largest = 0.0;
+  ScaleEnd scale;
+  const auto each = [&](const auto& use) {
+    scalar->read([&](std::span<const Double3> positions, std::span<const double> values) {
+      throw_if_stopped();
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        const Double3& p = positions[i];
+        if (std::isfinite(values[i]) && std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]))
+          use(p, values[i]);
+      }
+    });
+  };
+  each([&](const Double3& p, double value) {
+    for (std::size_t k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
+    largest = std::max(largest, std::abs(value));
+    scale.add(value);
+  });
+  if (scale.count() == 0) throw EmptyError(path.string() + ": no point has a deviation: nothing to view");
+  ValueCells cells(low, high, largest > 0.0 ? largest : 1.0, kMaxSpots);
+  each([&](const Double3& p, double value) { cells.add(p, value); });
+  const ValueMap map = cells.finish();
+  const Double3 origin = round_origin(low, high);
+  const Octahedra spots(map, origin);
+  Json values = {{"kind", "mesh"},          {"name", json_text(path.filename())},
+                 {"up", options.up},        {"faces", spots.faces.size() / 3},
+                 {"points", scale.count()}, {"spots", map.cells.size()},
+                 {"origin", origin}};
+  values["deviation"] = {{"high", options.tolerance > 0.0 ? options.tolerance : scale.end()},
+                         {"signed", true}};
+  OutputFile file(page);
+  file.append(around.before);
+  const auto write = [&](const char* id, const auto& words) {
+    DataBlock block(file, id);
+    block.add(words.data(), words.size() * sizeof words.front());
+    block.end();
+  };
+  write("mesh-positions", spots.positions);
+  write("mesh-faces", spots.faces);
+  write("mesh-deviation", spots.values);
   file.append(settings(values));
   file.append(around.after);
   file.finish();

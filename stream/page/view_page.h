@@ -22,7 +22,7 @@ struct ViewOptions {
   std::filesystem::path deviation;
   /// OUT.uncertain.ply, for colours by doubt; empty = none; not with deviation.
   std::filesystem::path uncertain;
-  double tolerance = 0.0;          ///< end of the scale, scan units; 0 = 99th percentile
+  double tolerance = 0.0;          ///< end of the scale of deviations, scan units; 0 = 99th percentile
   bool with_sign = false;          ///< in front of or behind the reference, not only how far
   std::uint64_t memory_bytes = 0;  ///< cap on the peak resident memory
   std::filesystem::path temp;      ///< folder for what does not fit
@@ -32,11 +32,23 @@ struct ViewOptions {
 /// \throws UsageError more than kMaxViewFaces faces, or three times as many vertices; EmptyError no face; InputError
 void require_viewable(const std::filesystem::path& mesh);
 
-/// Writes the page of a mesh. \param bundle  viewer.html
+/// Writes the page of a mesh, in the colours of the deviations that its vertices carry (`deviate`) unless options name others.
+/// \param bundle  viewer.html
 /// \throws as require_viewable(), also where the header lied; InputError a corner of a face is not finite, or `bundle` is
 ///   none of ours; ResourceError when the disk is full or the cap cannot suffice
 void write_mesh_view(const std::filesystem::path& page, const std::filesystem::path& bundle,
                      const std::filesystem::path& mesh, const ViewOptions& options);
+
+/// Whether it is a file of points, without faces, that `deviate` gave their deviations: write_points_view() shows it.
+/// \throws InputError
+bool is_deviation_cloud(const std::filesystem::path& path);
+/// Whether its vertices or points have deviations, which views are coloured by.
+bool has_deviations(const std::filesystem::path& path);
+
+/// Writes the page of points of any number with deviations: the means of at most 200,000 cubes, each a small octahedron.
+/// \throws as write_mesh_view(); EmptyError where no point has a deviation
+void write_points_view(const std::filesystem::path& page, const std::filesystem::path& bundle,
+                       const std::filesystem::path& points, const ViewOptions& options);
 
 /// Writes the page of a tileset that is served below it. \param url  relative to the page, percent-encoded
 void write_tiles_view(const std::filesystem::path& page, const std::filesystem::path& bundle,

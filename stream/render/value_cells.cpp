@@ -24,13 +24,14 @@ std::uint64_t parent_key(std::uint64_t key) {
 
 }  // namespace
 
-ValueCells::ValueCells(const Double3& low, const Double3& high, double max_value) : low_(low), high_(high) {
+ValueCells::ValueCells(const Double3& low, const Double3& high, double max_value, std::size_t max_cells)
+    : low_(low), high_(high), max_cells_(max_cells) {
   double longest = 0.0;
   for (std::size_t a = 0; a < 3; ++a) longest = std::max(longest, high[a] - low[a]);
   if (longest > 0.0) step_ = std::ldexp(longest, -static_cast<int>(kStepBits));
   value_step_ = std::ldexp(max_value, -24);
   shift_ = kStepBits - kCellBits;
-  cells_.reserve(kMaxCells);
+  cells_.reserve(max_cells_);
   slots_.resize(kSlots);
 }
 
@@ -71,8 +72,8 @@ void ValueCells::add(const Double3& p, double value) {
     cell.worst = {p, value};
   }
   std::uint32_t* slot = &slot_of(cell.key);
-  if (*slot == 0 && cells_.size() == kMaxCells) {
-    while (cells_.size() == kMaxCells) coarsen(), cell.key = parent_key(cell.key);
+  if (*slot == 0 && cells_.size() == max_cells_) {
+    while (cells_.size() == max_cells_) coarsen(), cell.key = parent_key(cell.key);
     slot = &slot_of(cell.key);
   }
   if (*slot != 0) return merge(cells_[*slot - 1], cell);

@@ -35,7 +35,8 @@ class ValueCells {
   static constexpr std::size_t kWorstPlaces = 10;
 
   /// \param low, high  box outside of which points are not shown, finite \param max_value  no value is larger either way, > 0
-  ValueCells(const Double3& low, const Double3& high, double max_value);
+  /// \param max_cells  1 to kMaxCells
+  ValueCells(const Double3& low, const Double3& high, double max_value, std::size_t max_cells = kMaxCells);
   /// That it takes, and finish() beside it.
   static std::uint64_t bytes();
 
@@ -59,6 +60,7 @@ class ValueCells {
   std::vector<WorstPlace> worst_places();
 
   Double3 low_, high_;
+  std::size_t max_cells_;
   double step_ = 1.0, value_step_ = 1.0;
   unsigned shift_ = 0;  ///< from steps to cells
   std::vector<Cell> cells_;

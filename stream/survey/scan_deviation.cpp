@@ -9,6 +9,7 @@
 #include "octree/error.h"
 #include "stream/files/json.h"
 #include "stream/files/scratch_folder.h"
+#include "stream/formats/vertex_fields.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_mesh.h"
 #include "stream/render/value_picture.h"
@@ -26,7 +27,6 @@ constexpr std::uint64_t kWorkShare = 4;    ///< a part in so many of the memory 
 /// Of reading points, and a file being written.
 constexpr std::uint64_t kPassBytes = std::uint64_t{24} << 20;
 constexpr const char* kWho = "deviate";
-constexpr const char* kDeviationName = "deviation";
 
 /// One call of measure_deviation().
 class DeviationJob {

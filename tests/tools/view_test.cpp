@@ -280,6 +280,57 @@ TEST_CASE("view: distances to a reference, with sign and scale", "[pipeline]") {
   CHECK(settings_of(text).at("deviation").at("signed") == true);
 }
 
+TEST_CASE("view: what deviate wrote is coloured by its deviations, a mesh and points", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path page = folder / "page.html";
+  const std::string plane =
+      folder.write("plane.off", "OFF 4 2 0\n0 0 0\n8 0 0\n0 8 0\n8 8 0\n3 0 1 2\n3 2 1 3\n").string();
+  const std::string curved =
+      folder.write("bent.off", "OFF 4 2 0\n1 1 0.25\n7 1 -0.5\n1 7 0\n7 7 6\n3 0 1 2\n3 2 1 3\n").string();
+  const std::string mesh = (folder / "mesh.ply").string(), cloud = (folder / "cloud.ply").string();
+  REQUIRE(tessera_command({"deviate", curved, "--to", plane, "--max-distance", "2", "-o", mesh}).code == 0);
+  REQUIRE(tessera_command(view(folder, {mesh, "-o", page.string(), "--tolerance", "0.75"})).code == 0);
+  std::string text = file_bytes(page);
+  const std::vector<float> carried = block<float>(text, "mesh-deviation");
+  REQUIRE(carried.size() == 4);
+  CHECK(carried[0] == 0.25f);
+  CHECK(carried[1] == -0.5f);
+  CHECK(std::isnan(carried[3]));
+  CHECK(settings_of(text).at("deviation") == Json({{"high", 0.75}, {"signed", true}}));
+  CHECK(settings_of(text).at("faces") == 2);
+  // Another reference has its own say.
+  REQUIRE(tessera_command(view(folder, {mesh, "-o", page.string(), "--deviation", plane})).code == 0);
+  CHECK(settings_of(file_bytes(page)).at("deviation").at("reference") == "plane.off");
+
+  std::string points;
+  for (int i = 0; i < 4000; ++i)
+    points += std::to_string(0.002 * i) + " " + std::to_string(0.001 * i) + " " +
+              (i % 100 == 0 ? "5" : "0.5") + "\n";
+  const std::string scan = folder.write("scan.xyz", points).string();
+  REQUIRE(tessera_command({"deviate", scan, "--to", plane, "--max-distance", "2", "-o", cloud}).code == 0);
+  REQUIRE(tessera_command(view(folder, {cloud, "-o", page.string(), "--memory", "256M"})).code == 0);
+  text = file_bytes(page);
+  const Json values = settings_of(text);
+  CHECK(values.at("points") == 3960);  // those 5 above it have none
+  const auto spots = values.at("spots").get<std::size_t>();
+  CHECK(spots > 500);
+  CHECK(spots <= 3960);
+  CHECK(values.at("faces") == 8 * spots);
+  const auto high = values.at("deviation").at("high").get<double>();
+  CHECK(high == Approx(0.5).epsilon(0.01));
+  CHECK(high >= 0.5);
+  CHECK(block<float>(text, "mesh-positions").size() == 18 * spots);
+  const std::vector<float> means = block<float>(text, "mesh-deviation");
+  REQUIRE(means.size() == 6 * spots);
+  for (const float m : means) CHECK(m == Approx(0.5f).epsilon(1e-4));
+
+  // Points without deviations are no mesh, and a file that ends early is told.
+  refused(2, view(folder, {plane, "-o", page.string(), "--tolerance", "1"}));
+  refused(3, view(folder, {folder.write("cut.ply", file_bytes(cloud).substr(0, 2000)).string(), "-o",
+                           (folder / "cut.html").string()}));
+  CHECK_FALSE(fs::exists(folder / "cut.html"));
+}
+
 TEST_CASE("view: doubts of a reconstruction go with the vertices next to them", "[pipeline]") {
   const TempFolder folder;
   const fs::path page = folder / "page.html";

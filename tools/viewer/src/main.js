@@ -211,7 +211,9 @@ function everyFrame() {
 async function meshSource() {
   const mesh = await loadMesh();
   offerColours(mesh.colours);
-  element("counts").textContent = `${numberText(config.faces, 1)} faces${config.deviation ? `, compared with ${config.deviation.reference}` : ""}`;
+  const shown = config.points ? `${numberText(config.points, 1)} points, the means of ${numberText(config.spots, 1)} cubes`
+    : `${numberText(config.faces, 1)} faces`;
+  element("counts").textContent = shown + (config.deviation?.reference ? `, compared with ${config.deviation.reference}` : "");
   if (config.deviation) {
     look.scaleEnd.value = config.deviation.high;
     look.signedScale.value = config.deviation.signed;

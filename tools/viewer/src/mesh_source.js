@@ -37,6 +37,7 @@ export async function loadMesh() {
     const split = splitByMark(index, marks, position.length / 3);
     position = widened(position, split.source, 3);
     if (colour) colour = widened(colour, split.source, 3);
+    if (deviation) deviation = widened(deviation, split.source, 1);
     if (uncertain) uncertain = widened(uncertain, split.source, 1);
     synthetic = split.mark;
   }
