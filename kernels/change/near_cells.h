@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "kernels/change/point_cells.h"
+#include "octree/lanes.h"
 
 namespace tessera {
 
@@ -54,13 +55,6 @@ struct PlaceLanes {
       : x(_mm256_set1_pd(p[0])), y(_mm256_set1_pd(p[1])), z(_mm256_set1_pd(p[2])) {}
   __m256d x, y, z;
 };
-
-/// Sum of the lanes by a fixed tree.
-inline double lane_sum(__m256d v) {
-  alignas(32) std::array<double, NearCells::kLanes> lane{};
-  _mm256_store_pd(lane.data(), v);
-  return (lane[0] + lane[2]) + (lane[1] + lane[3]);
-}
 
 /// Points [begin, end) of the cells relative to a place, four at a time: calls use(x, y, z, there), with all bits of the lanes
 /// set in `there` that hold a point.
