@@ -35,21 +35,20 @@ const std::map<std::string, std::set<std::string>> kKernelFolders = {
 
 /// Rooms of stream/ by height: an include goes down or stays level, and the rooms of one height form no cycle.
 const std::map<std::string, int> kStreamHeights = {
-    {"files", 0},          {"runtime", 1},     {"formats", 2},     {"queue", 2},    {"formats/meshes", 2},
-    {"formats/points", 2}, {"formats/e57", 2}, {"formats/laz", 2}, {"points", 3},   {"meshes", 3},
-    {"import", 4},         {"check", 4},       {"render", 4},      {"commands", 4}, {"page", 4},
-    {"survey", 4},         {"raster", 4},
-    {"files", 0},          {"runtime", 1},        {"formats", 2},     {"queue", 2},
-    {"formats/meshes", 2}, {"formats/points", 2}, {"formats/e57", 2}, {"formats/laz", 2},
-    {"points", 3},         {"meshes", 3},         {"import", 4},      {"check", 4},
-    {"render", 4},         {"commands", 4},       {"page", 4},        {"survey", 4},
-    {"volume", 4},
-    {"files", 0},          {"runtime", 1},      {"formats", 2},     {"queue", 2},    {"formats/meshes", 2},
-    {"formats/points", 2}, {"formats/e57", 2},  {"formats/laz", 2}, {"points", 3},   {"meshes", 3},
-    {"import", 4},         {"check", 4},        {"render", 4},      {"commands", 4}, {"page", 4},
-    {"survey", 4},         {"survey/pages", 4},
-    {"survey", 4},         {"change", 4},
-    {"survey", 4},         {"volume", 4},
+    {"files", 0},          {"runtime", 1},        {"formats", 2},        {"queue", 2},
+    {"formats/meshes", 2}, {"formats/points", 2}, {"formats/e57", 2},    {"formats/laz", 2},
+    {"points", 3},         {"meshes", 3},         {"import", 4},         {"check", 4},
+    {"render", 4},         {"commands", 4},       {"page", 4},           {"survey", 4},
+    {"raster", 4},         {"files", 0},          {"runtime", 1},        {"formats", 2},
+    {"queue", 2},          {"formats/meshes", 2}, {"formats/points", 2}, {"formats/e57", 2},
+    {"formats/laz", 2},    {"points", 3},         {"meshes", 3},         {"import", 4},
+    {"check", 4},          {"render", 4},         {"commands", 4},       {"page", 4},
+    {"survey", 4},         {"volume", 4},         {"files", 0},          {"runtime", 1},
+    {"formats", 2},        {"queue", 2},          {"formats/meshes", 2}, {"formats/points", 2},
+    {"formats/e57", 2},    {"formats/laz", 2},    {"points", 3},         {"meshes", 3},
+    {"import", 4},         {"check", 4},          {"render", 4},         {"commands", 4},
+    {"page", 4},           {"survey", 4},         {"survey/pages", 4},   {"survey", 4},
+    {"change", 4},         {"survey", 4},         {"volume", 4},
 };
 constexpr int kStageHeight = 5;  // stages/<job>
 
