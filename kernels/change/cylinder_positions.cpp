@@ -77,7 +77,7 @@ AxialPositions mean_of(const PointCells& cells, const NearCells& near, const Cyl
       if (!shifted) {  // by the first of the points, so that squares of what is left do not cancel
         const int mask = _mm256_movemask_pd(in);
         if (mask == 0) return;
-        alignas(32) std::array<double, NearCells::kLanes> lane{};
+        alignas(32) std::array<double, kDoubleLanes> lane{};
         _mm256_store_pd(lane.data(), along);
         origin = lane[static_cast<std::size_t>(__builtin_ctz(static_cast<unsigned>(mask)))];
         shift = _mm256_set1_pd(origin), shifted = true;
@@ -113,10 +113,10 @@ AxialPositions median_of(const PointCells& cells, const NearCells& near, const C
   values.clear();
   for_meeting_cells(cells, near, lanes, [&](const PointCell& cell) {
     for_points(cells, cell, lanes, [&](__m256d along, __m256d in) {
-      alignas(32) std::array<double, NearCells::kLanes> lane{};
+      alignas(32) std::array<double, kDoubleLanes> lane{};
       _mm256_store_pd(lane.data(), along);
       const int mask = _mm256_movemask_pd(in);
-      for (std::size_t l = 0; l < NearCells::kLanes; ++l)
+      for (std::size_t l = 0; l < kDoubleLanes; ++l)
         if ((mask >> l & 1) != 0) values.push_back(lane[l]);
     });
   });

@@ -48,7 +48,7 @@ void NearCells::add(const PointCells& cells, std::uint32_t k) {
 
 /// Lanes behind the last cell meet nothing: they lie nowhere.
 void NearCells::pad() {
-  const std::size_t full = (cell_.size() + kLanes - 1) / kLanes * kLanes;
+  const std::size_t full = (cell_.size() + kDoubleLanes - 1) / kDoubleLanes * kDoubleLanes;
   constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
   x_.resize(full, kNowhere), y_.resize(full, kNowhere), z_.resize(full, kNowhere);
   radius_.resize(full, kNowhere);

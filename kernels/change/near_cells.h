@@ -25,14 +25,12 @@ struct Capsule {
 /// on that place alone, not on what else was collected.
 class NearCells {
  public:
-  static constexpr std::size_t kLanes = 4;
-
   void collect(const PointCells& cells, const Capsule& capsule);
   /// Calls use(cell) for the cells for which meets(x, y, z, radius), given the balls around the points of four of them, has its
   /// lane's sign set; in their order.
   template <class Meets, class Use>
   void for_meeting(const Meets& meets, const Use& use) const {
-    for (std::size_t begin = 0; begin < cell_.size(); begin += kLanes) {
+    for (std::size_t begin = 0; begin < cell_.size(); begin += kDoubleLanes) {
       const auto at = [&](const std::vector<double>& v) { return _mm256_loadu_pd(v.data() + begin); };
       auto mask = static_cast<unsigned>(_mm256_movemask_pd(meets(at(x_), at(y_), at(z_), at(radius_))));
       for (; mask != 0; mask &= mask - 1) use(cell_[begin + static_cast<std::size_t>(__builtin_ctz(mask))]);
@@ -62,10 +60,10 @@ template <class Use>
 void for_point_lanes(const PointCells& cells, std::size_t begin, std::size_t end, const PlaceLanes& p,
                      const Use& use) {
   alignas(32) static constexpr std::array<std::int64_t, 8> kMask = {-1, -1, -1, -1, 0, 0, 0, 0};
-  for (std::size_t i = begin; i < end; i += NearCells::kLanes) {
-    const std::size_t lanes = std::min(NearCells::kLanes, end - i);
+  for (std::size_t i = begin; i < end; i += kDoubleLanes) {
+    const std::size_t lanes = std::min(kDoubleLanes, end - i);
     const __m256i there =
-        _mm256_loadu_si256(reinterpret_cast<const __m256i*>(kMask.data() + (NearCells::kLanes - lanes)));
+        _mm256_loadu_si256(reinterpret_cast<const __m256i*>(kMask.data() + (kDoubleLanes - lanes)));
     use(_mm256_sub_pd(_mm256_maskload_pd(cells.x().data() + i, there), p.x),
         _mm256_sub_pd(_mm256_maskload_pd(cells.y().data() + i, there), p.y),
         _mm256_sub_pd(_mm256_maskload_pd(cells.z().data() + i, there), p.z), _mm256_castsi256_pd(there));

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "octree/lanes.h"
+
 namespace tessera {
 namespace {
 
@@ -42,8 +44,7 @@ bool fan_deviation(const LinkLoop& loop, const Double3& apex, std::size_t flat_e
   if (!(length2 > 0.0)) return false;
   const Double3 n = area * (1.0 / std::sqrt(length2));
   const Double3 ex = any_orthogonal(n), ey = cross(n, ex);
-  constexpr std::size_t kDoubles = 4;
-  alignas(32) std::array<double, kMaxRing + 2 + kDoubles> x, y, z, before;
+  alignas(32) std::array<double, kMaxRing + 2 + kDoubleLanes> x, y, z, before;
   for (std::size_t i = 0; i < size; ++i) {
     x[i] = dot(loop.at[i], ex);
     y[i] = dot(loop.at[i], ey);
@@ -80,10 +81,10 @@ bool fan_deviation(const LinkLoop& loop, const Double3& apex, std::size_t flat_e
   // parallel to all, whose crossings are not numbers.
   if (size < 4) return true;
   const std::size_t spokes = size - 3;
-  alignas(32) std::array<double, kMaxRing + 2 + kDoubles> sx, sy, sz, flipped;
+  alignas(32) std::array<double, kMaxRing + 2 + kDoubleLanes> sx, sy, sz, flipped;
   for (std::size_t j = 0; j < spokes; ++j)
     sx[j] = x[j + 2], sy[j] = y[j + 2], sz[j] = z[j + 2], flipped[j] = -before[j + 2];
-  for (std::size_t j = spokes; j < spokes + kDoubles - 1; ++j) sx[j] = sy[j] = sz[j] = flipped[j] = 0.0;
+  for (std::size_t j = spokes; j < spokes + kDoubleLanes - 1; ++j) sx[j] = sy[j] = sz[j] = flipped[j] = 0.0;
   constexpr double kSlack = 1e-9;
   const __m256d low = _mm256_set1_pd(-kSlack), high = _mm256_set1_pd(1.0 + kSlack);
   const __m256d absolute = _mm256_castsi256_pd(_mm256_set1_epi64x(0x7fffffffffffffff));
@@ -92,7 +93,7 @@ bool fan_deviation(const LinkLoop& loop, const Double3& apex, std::size_t flat_e
     const __m256d dx = _mm256_set1_pd(x[i] - ax), dy = _mm256_set1_pd(y[i] - ay),
                   dz = _mm256_set1_pd(z[i] - az), start = _mm256_set1_pd(az);
     const __m256d side = _mm256_set1_pd(-before[i]);
-    for (std::size_t j = 0; j < spokes; j += kDoubles) {
+    for (std::size_t j = 0; j < spokes; j += kDoubleLanes) {
       const __m256d orient2d =
           _mm256_sub_pd(_mm256_mul_pd(dx, _mm256_load_pd(&sy[j])), _mm256_mul_pd(dy, _mm256_load_pd(&sx[j])));
       const __m256d t = _mm256_div_pd(_mm256_load_pd(&flipped[j]), orient2d),
@@ -102,7 +103,7 @@ bool fan_deviation(const LinkLoop& loop, const Double3& apex, std::size_t flat_e
       __m256d crosses = _mm256_and_pd(_mm256_cmp_pd(t, low, _CMP_GT_OQ), _mm256_cmp_pd(t, high, _CMP_LT_OQ));
       crosses = _mm256_and_pd(
           crosses, _mm256_and_pd(_mm256_cmp_pd(s, low, _CMP_GT_OQ), _mm256_cmp_pd(s, high, _CMP_LT_OQ)));
-      if (i >= j + 2 && i < j + 2 + kDoubles) {  // not its own spoke
+      if (i >= j + 2 && i < j + 2 + kDoubleLanes) {  // not its own spoke
         const auto own = static_cast<int>(i - j - 2);
         crosses = _mm256_andnot_pd(
             _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_set_epi64x(3, 2, 1, 0), _mm256_set1_epi64x(own))),
@@ -111,7 +112,7 @@ bool fan_deviation(const LinkLoop& loop, const Double3& apex, std::size_t flat_e
       maximum = _mm256_max_pd(maximum, _mm256_and_pd(crosses, _mm256_and_pd(height, absolute)));
     }
   }
-  alignas(32) std::array<double, kDoubles> lane;
+  alignas(32) std::array<double, kDoubleLanes> lane;
   _mm256_store_pd(lane.data(), maximum);
   for (const double height : lane) deviation = height > deviation ? height : deviation;
   return true;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "kernels/mesh/mean_ratio.h"
+#include "octree/lanes.h"
 #include "octree/vector.h"
 
 namespace tessera {
@@ -14,7 +15,6 @@ constexpr double kMinSquaredCosine = 0.04;  ///< of the angle that a face may tu
 
 /// Bits of the places in the ring, of `size` vertices, that hold this vertex.
 inline std::uint64_t places_of(const Star& star, std::size_t size, std::uint32_t w) {
-  constexpr std::size_t kAtOnce = 8;
   const __m256i wanted = _mm256_set1_epi32(static_cast<int>(w));
   const auto equal = [&](std::size_t i) {
     const __m256i ring = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(&star.ring[i]));
@@ -23,7 +23,7 @@ inline std::uint64_t places_of(const Star& star, std::size_t size, std::uint32_t
            << i;
   };
   std::uint64_t places = equal(0);  // most rings fit one register
-  for (std::size_t i = kAtOnce; i < size; i += kAtOnce) places |= equal(i);
+  for (std::size_t i = kLanes; i < size; i += kLanes) places |= equal(i);
   return places & ((std::uint64_t{1} << size) - 1);
 }
 
