@@ -19,6 +19,14 @@ Json statistics_json(double minimum, double maximum, double mean, double deviati
   return {{"minimum", minimum}, {"maximum", maximum}, {"mean", mean}, {"deviation", deviation}};
 }
 
+/// Of the layers of heights.
+template <class Cell>
+float height_value(RasterLayer layer, const Cell& cell) {
+  if (layer == RasterLayer::kTop) return static_cast<float>(cell.top);
+  if (layer == RasterLayer::kGround) return static_cast<float>(cell.ground);
+  return static_cast<float>(cell.top - cell.ground);
+}
+
 }  // namespace
 
 const std::vector<std::string>& raster_layer_names() {
@@ -74,16 +82,8 @@ bool LayerValues::has_value(const ScanCell& cell) const {
 }
 
 float LayerValues::float_value(const ScanCell& cell) const {
-  switch (layer_) {
-    case RasterLayer::kTop:
-      return static_cast<float>(cell.top);
-    case RasterLayer::kGround:
-      return static_cast<float>(cell.ground);
-    case RasterLayer::kHeight:
-      return static_cast<float>(cell.top - cell.ground);
-    default:
-      return static_cast<float>(cell.intensity());
-  }
+  if (layer_ == RasterLayer::kIntensity) return static_cast<float>(cell.intensity());
+  return height_value(layer_, cell);
 }
 
 std::uint32_t LayerValues::count_of(const ScanCell& cell) const {
@@ -97,16 +97,9 @@ std::uint32_t LayerValues::byte_values(const ScanCell& cell, bool inside) const 
 }
 
 float LayerValues::float_value(const RasterCell& cell) const {
-  switch (layer_) {
-    case RasterLayer::kTop:
-      return static_cast<float>(cell.top);
-    case RasterLayer::kGround:
-      return static_cast<float>(cell.ground);
-    case RasterLayer::kHeight:
-      return static_cast<float>(cell.top - cell.ground);
-    default:
-      return static_cast<float>(slope_degrees(cell.gradient_x, cell.gradient_y));
-  }
+  if (layer_ == RasterLayer::kSlope)
+    return static_cast<float>(slope_degrees(cell.gradient_x, cell.gradient_y));
+  return height_value(layer_, cell);
 }
 
 std::uint32_t LayerValues::byte_values(const RasterCell& cell, bool inside) const {
