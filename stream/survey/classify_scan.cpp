@@ -22,10 +22,9 @@ namespace {
 
 /// In cells of so many points some have reached the ground, in forest too; with fewer than these the raster is mostly membrane.
 constexpr double kPointsPerCell = 6.0, kMinPointsPerCell = 0.1;
-/// Cells are widened, in these steps, as long as that takes more than this share of them from what stands on the ground down to
+/// Cells are widened step by step as long as that takes more than this share of them from what stands on the ground down to
 /// it. Of the samples of the ISPRS filter test, city and country, the first step takes 0.1 at most, of a forest of as many points
 /// to a cell 0.2. And from what height over the lowest place around on, metres.
-constexpr std::array<std::int32_t, 5> kFactors = {1, 2, 3, 4, 6};
 constexpr double kMinDrop = 0.12, kHigh = 4.0;
 constexpr std::int32_t kMaxFactor = 8;
 constexpr double kMaxWindowCells = 256.0;
@@ -135,12 +134,13 @@ class ScanJob {
     };
     const std::int32_t min = wide(kMinPointsPerCell), max = wide(kPointsPerCell);
     const auto rise = static_cast<std::int32_t>(kHigh * metre_ / cells_.step());
-    std::int32_t factor = kFactors.front();
-    double high = max > 1 ? lowest.high_share(factor, rise) : 0.0;
-    for (std::size_t k = 1; k < kFactors.size() && kFactors[k] <= max; ++k) {
-      const double left = lowest.high_share(kFactors[k], rise);
-      if (high - left <= kMinDrop) break;
-      factor = kFactors[k], high = left;
+    std::int32_t factor = 1;
+    if (max > 1) {
+      constexpr auto kFactors = LowestHeights::kReliefFactors;
+      const auto high = lowest.high_shares(rise);
+      for (std::size_t k = 1; k < kFactors.size() && kFactors[k] <= max && high[k - 1] - high[k] > kMinDrop;
+           ++k)
+        factor = kFactors[k];
     }
     return std::max(factor, min);
   }

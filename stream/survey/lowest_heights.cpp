@@ -147,31 +147,35 @@ std::uint32_t LowestHeights::median_count(std::int32_t factor) const {
   return 0;
 }
 
-double LowestHeights::high_share(std::int32_t factor, std::int32_t rise) const {
+std::array<double, LowestHeights::kReliefFactors.size()> LowestHeights::high_shares(std::int32_t rise) const {
   const auto tile = std::make_unique<Tile>();
-  std::uint64_t all = 0, high = 0;
-  std::vector<std::int32_t> heights;  // of the cells of a block
+  std::array<std::uint64_t, kReliefFactors.size()> all{}, high{};
+  std::array<std::int32_t, kRelief * kRelief> heights;  // of the cells of a block
   for (const TileKey key : tiles_.keys()) {
     tiles_.read(key, reinterpret_cast<char*>(tile.get()));
     // Whole blocks within tiles stand for all.
     for (std::int32_t v = 0; v + kRelief <= kTile; v += kRelief)
-      for (std::int32_t u = 0; u + kRelief <= kTile; u += kRelief) {
-        const std::int32_t side = kRelief / factor;
-        heights.assign(static_cast<std::size_t>(side * side), kNoGround);
-        std::int32_t lowest = kNoGround;
-        for (std::int32_t y = 0; y < kRelief; ++y)
-          for (std::int32_t x = 0; x < kRelief; ++x) {
-            const std::int32_t z = tile->lowest[(v + y) * kTile + u + x];
-            if (z == kNoGround) continue;
-            std::int32_t& cell = heights[static_cast<std::size_t>(y / factor * side + x / factor)];
-            if (cell == kNoGround || z < cell) cell = z;
-            if (lowest == kNoGround || z < lowest) lowest = z;
-          }
-        for (const std::int32_t z : heights)
-          all += z != kNoGround, high += z != kNoGround && z - lowest > rise;
-      }
+      for (std::int32_t u = 0; u + kRelief <= kTile; u += kRelief)
+        for (std::size_t k = 0; k < kReliefFactors.size(); ++k) {
+          const std::int32_t factor = kReliefFactors[k], side = kRelief / factor;
+          heights.fill(kNoGround);
+          std::int32_t lowest = kNoGround;
+          for (std::int32_t y = 0; y < kRelief; ++y)
+            for (std::int32_t x = 0; x < kRelief; ++x) {
+              const std::int32_t z = tile->lowest[(v + y) * kTile + u + x];
+              if (z == kNoGround) continue;
+              std::int32_t& cell = heights[static_cast<std::size_t>(y / factor * side + x / factor)];
+              if (cell == kNoGround || z < cell) cell = z;
+              if (lowest == kNoGround || z < lowest) lowest = z;
+            }
+          for (const std::int32_t z : heights)
+            all[k] += z != kNoGround, high[k] += z != kNoGround && z - lowest > rise;
+        }
   }
-  return all > 0 ? static_cast<double>(high) / static_cast<double>(all) : 0.0;
+  std::array<double, kReliefFactors.size()> shares{};
+  for (std::size_t k = 0; k < shares.size(); ++k)
+    if (all[k] > 0) shares[k] = static_cast<double>(high[k]) / static_cast<double>(all[k]);
+  return shares;
 }
 
 /// Calls use(cell of the window, tile, cell of the tile) for all cells that a window of wider ones is made of.

@@ -3,6 +3,7 @@
 /// lie at whole multiples of their edge, so files that border on each other share them, and no order of points or files matters.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -90,11 +91,12 @@ class LowestHeights {
   std::vector<std::uint32_t> read_counts(const CellWindow& window, std::int32_t factor) const;
   /// Points of the middle one of all cells of that width that have any. \pre as window()
   std::uint32_t median_count(std::int32_t factor) const;
-  /// Of the cells of that width that have a point, the share whose lowest point lies more than `rise` steps above the lowest one
-  /// of the block of kRelief x kRelief cells that they are in: roofs and steep ground, and vegetation through which none of their
-  /// points has reached the ground. \pre finish(); the factor divides kRelief
-  double high_share(std::int32_t factor, std::int32_t rise) const;
   static constexpr std::int32_t kRelief = 12;
+  static constexpr std::array<std::int32_t, 5> kReliefFactors = {1, 2, 3, 4, 6};  ///< divide it
+  /// For each of these factors: of the cells of that width that have a point, the share whose lowest point lies more than `rise`
+  /// steps above the lowest one of the block of kRelief x kRelief cells that they are in: roofs and steep ground, and
+  /// vegetation through which none of their points has reached the ground. \pre finish() \cost reads every tile once
+  std::array<double, kReliefFactors.size()> high_shares(std::int32_t rise) const;
 
  private:
   struct Tile;
