@@ -191,12 +191,18 @@ class TopStage : public Stage {
 }  // namespace
 
 int top_group_columns(const RunOptions& run, ModelUse use) {
-  // As many as the cap allows: the context around them is fitted once more.
-  int edge = 8;
-  while (edge > 1 &&
-         top_task_bytes(edge, 0, 0, use) > run.memory_bytes / 4 / static_cast<std::uint64_t>(run.threads))
-    edge /= 2;
-  return edge;
+  // The context around a task is fitted once more, so wide ones cost less, as long as enough of them fit side by side.
+  const auto seconds = [&](int edge) {
+    const std::uint64_t fit = run.memory_bytes * 3 / 4 / top_task_bytes(edge, 0, 0, use);
+    const double beside = std::clamp(static_cast<double>(fit), 1.0, static_cast<double>(run.threads));
+    const double around = static_cast<double>(edge + 2) / edge;
+    return around * around / beside;
+  };
+  int best = 1;
+  // A quarter of the cap is left to what the points of a column take.
+  for (int edge = 2; edge <= 8 && top_task_bytes(edge, 0, 0, use) <= run.memory_bytes / 4; edge *= 2)
+    if (seconds(edge) < seconds(best)) best = edge;
+  return best;
 }
 
 std::uint64_t top_task_bytes(int group_columns, std::uint64_t column_points, std::uint64_t brick_points,
