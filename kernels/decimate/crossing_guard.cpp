@@ -144,6 +144,10 @@ FaceBoxes::Box CrossingGuard::box_of(std::uint32_t f) const {
   return boxes_.box(at);
 }
 
+void CrossingGuard::prefetch_corners(std::uint32_t f) const {
+  for (const std::uint32_t v : mesh_.face(f).vertex) __builtin_prefetch(&mesh_.at(v));
+}
+
 void CrossingGuard::build(FaceBoxes::Order order) {
   if (mesh_.vertices() == 0) return;
   Double3 low = mesh_.at(0), high = low;
@@ -223,14 +227,20 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Ou
   for (const ContactFace& f : faces) {
     box_.push_back(boxes_.box(f.corner));
     all.add(box_.back());
-    if (planes_.empty() || planes_.back().size() == FacePlanes::kLanes) planes_.emplace_back();
-    planes_.back().add(f);
   }
+  // Seldom asked for: the outline tells nearly all faces apart.
+  const auto find_planes = [&] {
+    for (const ContactFace& f : faces) {
+      if (planes_.empty() || planes_.back().size() == FacePlanes::kLanes) planes_.emplace_back();
+      planes_.back().add(f);
+    }
+  };
   std::size_t found = 0;
-  boxes_.for_meeting(all, [&](std::uint32_t other) {
+  const auto test = [&](std::uint32_t other) {
     ++looked_at_;
     if (outline.apart(mesh_.face(other)) || std::find(gone_.begin(), gone_.end(), other) != gone_.end())
-      return true;
+      return;
+    if (planes_.empty()) find_planes();
     const FaceBoxes::Box box = boxes_.at(other);
     const ContactFace face = contact_face(other);
     for (std::size_t g = 0; g < planes_.size(); ++g) {
@@ -240,8 +250,26 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Ou
         if (box_[i].meets(box)) found += face_contact(faces[i], face) != FaceContact::kNone;
       }
     }
+  };
+  // What waits for memory is most of the cost: faces, then their corners, are asked for some steps ahead.
+  std::array<std::uint32_t, 32> near;
+  std::size_t waiting = 0;
+  const auto test_waiting = [&] {
+    constexpr std::size_t kAhead = 4;
+    for (std::size_t i = 0; i < std::min(kAhead, waiting); ++i) prefetch_corners(near[i]);
+    for (std::size_t i = 0; i < waiting && found < enough; ++i) {
+      if (i + kAhead < waiting) prefetch_corners(near[i + kAhead]);
+      test(near[i]);
+    }
+    waiting = 0;
     return found < enough;
+  };
+  boxes_.for_meeting(all, [&](std::uint32_t other) {
+    __builtin_prefetch(&mesh_.face(other));
+    near[waiting++] = other;
+    return waiting < near.size() || test_waiting();
   });
+  test_waiting();
   if (found >= enough || outline.tiled_by(faces)) return found;
   for (std::size_t i = 0; i < faces.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) found += face_contact(faces[i], faces[j]) != FaceContact::kNone;

@@ -48,6 +48,7 @@ class CrossingGuard {
   class Outline;
   ContactFace contact_face(std::uint32_t f) const;
   FaceBoxes::Box box_of(std::uint32_t f) const;
+  void prefetch_corners(std::uint32_t f) const;
   void take_star(const Star& star, std::uint32_t other_end, std::uint32_t name, const Double3& to);
   bool adds(const Outline& outline);
   static constexpr std::size_t kAll = ~std::size_t{0};

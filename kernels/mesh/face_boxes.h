@@ -110,7 +110,12 @@ class FaceBoxes {
 
   template <class Use>
   bool descend(std::size_t level, std::size_t bundle, const Box& box, const Use& use) const {
-    for (unsigned bits = levels_[level][bundle].meeting(box); bits != 0; bits &= bits - 1) {
+    const unsigned meeting = levels_[level][bundle].meeting(box);
+    if (level > 0)
+      for (unsigned bits = meeting & (meeting - 1); bits != 0; bits &= bits - 1)
+        __builtin_prefetch(
+            &levels_[level - 1][bundle * kLanes + static_cast<std::size_t>(__builtin_ctz(bits))]);
+    for (unsigned bits = meeting; bits != 0; bits &= bits - 1) {
       const std::size_t below = bundle * kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
       if (!(level > 0 ? descend(level - 1, below, box, use) : use(face_at(below)))) return false;
     }
