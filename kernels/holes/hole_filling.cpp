@@ -203,39 +203,41 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
 
 }  // namespace
 
-HoleFilling fill_hole(const HoleLoop& loop, double max_width, double min_cosine) {
+HoleFilling fill_hole(const HoleLoop& loop, const HoleLimits& limits) {
+  const bool smooth = limits.shape == HoleShape::kSmooth;
   const auto n = static_cast<std::uint32_t>(loop.position.size());
   assert(n >= 3 && n <= kMaxHoleEdges && loop.opposite.size() == n);
   const std::vector<Double3> boundary_normal = boundary_normals(loop);
   HoleFilling out;
-  if (loop_cosine(loop, boundary_normal) < kMinBoundaryCosine) {
+  if (!limits.outer && loop_cosine(loop, boundary_normal) < kMinBoundaryCosine) {
     out.outcome = HoleOutcome::kOuter;
     return out;
   }
-  const HoleTriangulation start = triangulate_hole(loop, boundary_normal);
+  const HoleTriangulation start = triangulate_hole(
+      loop, boundary_normal, smooth ? TriangulationGoal::kLeastDihedral : TriangulationGoal::kLeastArea);
   if (start.faces.empty()) {
     out.outcome = HoleOutcome::kTaken;
     return out;
   }
-  if (start.boundary_cosine < kMinBoundaryCosine) {
+  if (!limits.outer && start.boundary_cosine < kMinBoundaryCosine) {
     out.outcome = HoleOutcome::kOuter;
     return out;
   }
   const double area = area_of(loop, start.faces);
   out.width = 4.0 * area / boundary_length(loop);
-  if (out.width > max_width) {
+  if (out.width > limits.width) {
     out.outcome = HoleOutcome::kWide;
     return out;
   }
   // Triangles with edges of length e cover sqrt(3)/4 e^2, and there are two of them to a vertex.
   const double boundary = boundary_edge(loop);
-  const std::uint64_t maximum = max_hole_vertices(n);
+  const std::uint64_t maximum = std::min(max_hole_vertices(n), limits.vertices);
   const double edge = std::max(boundary, std::sqrt(area / (0.866 * 0.75 * static_cast<double>(maximum + 1))));
   HoleMesh mesh(loop, start.faces);
   mesh.refine(edge, maximum);
   mesh.relax(kRelaxRounds);
   const auto all = static_cast<std::uint32_t>(mesh.positions().size());
-  for (int round = 0; round < kDihedralRounds && all > n; ++round) {
+  for (int round = 0; smooth && round < kDihedralRounds && all > n; ++round) {
     std::vector<Double3> x = mesh.positions();
     const std::vector<Hinge> hinges = make_hinges(mesh, boundary_normal, boundary, x);
     out.fair = minimise(hinges, n, all, x);
@@ -244,7 +246,7 @@ HoleFilling fill_hole(const HoleLoop& loop, double max_width, double min_cosine)
     mesh.positions() = std::move(x);
   }
   out.min_cosine = sharpest(mesh, loop);
-  if (out.min_cosine < min_cosine) {
+  if (out.min_cosine < limits.min_cosine) {
     out.outcome = HoleOutcome::kSharp;
     return out;
   }

@@ -9,6 +9,7 @@
 /// Passes: triangulate the loop (hole_triangulation.h); split and flip (hole_mesh.h) until edges are as long
 /// as those of the rim; relax; minimise the bending of all inner edges and of the rim.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -34,8 +35,8 @@ constexpr std::uint64_t max_hole_vertices(std::uint64_t n) {
   return n * n / 6 < 12'000 ? n * n / 6 : 12'000;
 }
 /// The most that fill_hole() allocates: the triangulation's table, or the system of the fairing.
-constexpr std::uint64_t hole_bytes(std::uint64_t n) {
-  return 64 * n * n + 5000 * max_hole_vertices(n) + (1u << 20);
+constexpr std::uint64_t hole_bytes(std::uint64_t n, std::uint64_t max_vertices = 12'000) {
+  return 64 * n * n + 5000 * std::min(max_hole_vertices(n), max_vertices) + (1u << 20);
 }
 
 enum class HoleOutcome : std::uint8_t {
@@ -62,10 +63,21 @@ struct HoleFilling {
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
-/// \param max_width, min_cosine  HoleFilling::width at most, HoleFilling::min_cosine at least
+enum class HoleShape : std::uint8_t {
+  kSmooth,  ///< meets the rim tangentially: least dihedral angles, then least bending
+  kMembrane,  ///< least area, every vertex amid its neighbours: stays within the rim where a smooth patch would bulge
+};
+
+struct HoleLimits {
+  double width = std::numeric_limits<double>::infinity();  ///< HoleFilling::width at most
+  double min_cosine = -1.0;                                ///< HoleFilling::min_cosine at least
+  std::uint64_t vertices = 12'000;                         ///< new ones at most
+  HoleShape shape = HoleShape::kSmooth;
+  bool outer = false;  ///< also what looks like the outer border of a piece
+};
+
 /// \pre 3 <= n <= kMaxHoleEdges, no two neighbours of the loop at one place
 /// \post filled: the faces together are a disk bounded by the loop; no inner edge is in `taken`
-HoleFilling fill_hole(const HoleLoop& loop, double max_width = std::numeric_limits<double>::infinity(),
-                      double min_cosine = -1.0);
+HoleFilling fill_hole(const HoleLoop& loop, const HoleLimits& limits = {});
 
 }  // namespace tessera

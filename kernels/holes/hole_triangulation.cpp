@@ -47,7 +47,9 @@ std::vector<Double3> boundary_normals(const HoleLoop& loop) {
   return out;
 }
 
-HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& boundary_normal) {
+HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& boundary_normal,
+                                   TriangulationGoal goal) {
+  const bool bends = goal == TriangulationGoal::kLeastArea;
   const std::size_t n = loop.position.size();
   const std::vector<Double3>& p = loop.position;
   std::vector<Cell> cells(n * n);
@@ -71,9 +73,11 @@ HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Doubl
         const Double3 normal2 = cross(p[k] - p[i], p[j] - p[i]);
         const double twice = norm(normal2);
         const Double3 normal = normal2 * (1.0 / twice);
-        dihedral = std::max(
-            {dihedral, dihedral_between(normal, left.normal), dihedral_between(normal, right.normal)});
-        if (closing) dihedral = std::max(dihedral, dihedral_between(normal, boundary_normal[n - 1]));
+        if (!bends)
+          dihedral = std::max(
+              {dihedral, dihedral_between(normal, left.normal), dihedral_between(normal, right.normal)});
+        if (closing && !bends)
+          dihedral = std::max(dihedral, dihedral_between(normal, boundary_normal[n - 1]));
         const double area = left.area + right.area + twice;
         if (dihedral < best.dihedral || (dihedral == best.dihedral && area < best.area))
           best = {dihedral, area, normal, static_cast<std::uint32_t>(k)};

@@ -1,5 +1,5 @@
 /// \file hole_triangulation.h
-/// Triangulation of a closed polygon in space: least largest dihedral angle first, then least area.
+/// Triangulation of a closed polygon in space: least largest dihedral angle first, then least area, or least area alone.
 /// Source: Barequet, Sharir 1995; Liepa 2003.
 #pragma once
 #include <array>
@@ -26,7 +26,13 @@ bool has_area(const Double3& a, const Double3& b, const Double3& c);
 /// faces at a border are slivers too often. Zero where there is none.
 std::vector<Double3> boundary_normals(const HoleLoop& loop);
 
+enum class TriangulationGoal : std::uint8_t {
+  kLeastDihedral,  ///< then least area
+  kLeastArea,
+};
+
 /// Ties go to the lower vertex. \cost time O(n^3), memory 44 n^2 bytes
-HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& boundary_normal);
+HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& boundary_normal,
+                                   TriangulationGoal goal = TriangulationGoal::kLeastDihedral);
 
 }  // namespace tessera

@@ -115,7 +115,7 @@ OptionTable option_table(ReconstructOptions& o) {
         "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
         "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "
         "auto: in noisy scans what is narrower than the radius, slits too, from above 20 h with a rim of at "
-        "most 60 edges, none with a tolerance")
+        "most 400 edges, by a membrane or a patch that folds where no smooth one fits, none with a tolerance")
       .shown_as("auto|N");
   t.add("holes", &o.holes,
         "keep: the surface ends where the data does; close: an object gets no border at all, open terrain "

@@ -57,6 +57,7 @@ struct PlannedScan {
   bool closes = false;                         ///< --holes close
   bool fuses_stores = false;                   ///< the surface goes to stores, not to patches that are welded
   std::uint32_t max_hole_edges = 0;            ///< of holes that are filled; 0 = none
+  std::uint32_t max_chained_edges = 0;         ///< of holes that no brick sees whole; 0 = none
   std::uint64_t filling_bytes = 0;             ///< of a batch of fillings
 
   int halo = 0;  ///< cells, of the field

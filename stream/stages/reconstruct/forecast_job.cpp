@@ -64,7 +64,8 @@ PlannedScan planned_scan(const Plan& plan, const std::vector<PlanBrick>& bricks,
   scan.closes = HolesMode(options.holes).close;
   scan.fuses_stores = fuses_stores(options);
   const HoleLimit holes = hole_limit(options, plan, true);
-  scan.max_hole_edges = holes.edges, scan.filling_bytes = holes.filling_bytes();
+  scan.max_hole_edges = holes.edges, scan.max_chained_edges = holes.chained;
+  scan.filling_bytes = holes.filling_bytes();
 
   FieldOptions field = field_options(plan, options.feature_angle_deg);
   field.firm_boundary = scan.closes;

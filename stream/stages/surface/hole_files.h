@@ -1,7 +1,8 @@
 /// \file hole_files.h
 /// What the stages "loops" and "holes" leave in the work directory. Loops are ordered by the smallest
-/// output number on them, over all files; so are their fillings.
+/// output number on them, over all files, and so are their fillings; chained loops come behind.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -29,6 +30,12 @@ constexpr int short_halo(std::uint32_t edges) {
   return static_cast<int>(edges * 7 / 8) + 5;
 }
 static_assert(short_halo(kMaxShortEdges) <= 60);  // StripReader::gather
+/// Loops of up to so many edges are chained from the bricks' border edges, at the end.
+inline constexpr std::uint32_t kMaxChainedEdges = 400;
+/// New vertices of their fillings, at most: a hole 20 cells wide needs fewer.
+inline constexpr std::uint64_t kChainedVertices = 3'000;
+/// Border edges of paths that are open at once, at most: what lies between a front of bricks and the next.
+inline constexpr std::uint64_t kMaxOpenEdges = 60'000;
 /// Of loops around what is narrower than the support of a sample.
 inline constexpr std::uint32_t kNarrowEdges = 40;
 /// A batch of loops ends when it may need so many new vertices.
@@ -36,8 +43,10 @@ constexpr std::uint64_t batch_vertices(std::uint64_t max_hole) {
   return max_hole <= kMaxShortEdges ? 25'000 : 200'000;
 }
 /// Memory of a task that fills loops of at most `max_hole` edges: the kernel, and the batch with its fillings.
-constexpr std::uint64_t hole_task_bytes(std::uint64_t max_hole) {
-  return hole_bytes(max_hole) + 290 * batch_vertices(max_hole);
+/// \param chained  edges of loops that are chained, 0 = none
+constexpr std::uint64_t hole_task_bytes(std::uint64_t max_hole, std::uint64_t chained = 0) {
+  return std::max(hole_bytes(max_hole), chained > 0 ? hole_bytes(chained, kChainedVertices) : 0) +
+         290 * (batch_vertices(max_hole) + (chained > 0 ? kChainedVertices : 0));
 }
 
 void save_loops(const std::filesystem::path& path, const std::vector<NamedLoop>& loops);

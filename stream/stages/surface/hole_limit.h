@@ -13,11 +13,15 @@
 namespace tessera {
 
 struct HoleLimit {
-  std::uint32_t edges = 0;                                 ///< of the rim, at most; 0 = none are filled
+  std::uint32_t edges = 0;    ///< of the rim, at most; 0 = none are filled
+  std::uint32_t chained = 0;  ///< of rims that no brick sees whole, at most; 0 = none
   double width = std::numeric_limits<double>::infinity();  ///< cells: 4 area / length of the rim, at most
-  double min_cosine = -1.0;                                ///< between faces that meet in a filling
+  double min_cosine = -1.0;                                ///< between faces that meet in a smooth filling
+  bool membranes = false;                                  ///< where no smooth one fits
   /// Of a batch of fillings.
-  std::uint64_t filling_bytes() const { return edges > 0 ? batch_vertices(edges) * (24 + 48) : 0; }
+  std::uint64_t filling_bytes() const {
+    return edges > 0 ? (batch_vertices(edges) + (chained > 0 ? kChainedVertices : 0)) * (24 + 48) : 0;
+  }
 };
 
 /// auto, in noisy scans: in scenes from above, where most holes are gaps in steep faces, what is narrower than 20 cells and folds
@@ -25,10 +29,15 @@ struct HoleLimit {
 /// angle, since shreds at a border stand against each other, and a filling makes a spike of a gap. An exact scan ends where
 /// it says. \param from_above  the top surface stands for some of the points
 inline HoleLimit hole_limit(const ReconstructOptions& options, const Plan& plan, bool from_above) {
-  if (options.max_hole != "auto") return {options.max_hole_edges()};
+  if (options.max_hole != "auto") return {.edges = options.max_hole_edges()};
   if (!options.smooths_border() || !(plan.noise_cells > 0.0)) return {};
-  if (from_above) return {kMaxShortEdges, 20.0, -0.8};
-  return {kNarrowEdges, plan.radius_cells, 0.0};
+  if (from_above)
+    return {.edges = kMaxShortEdges,
+            .chained = kMaxChainedEdges,
+            .width = 20.0,
+            .min_cosine = -0.8,
+            .membranes = true};
+  return {.edges = kNarrowEdges, .width = plan.radius_cells, .min_cosine = 0.0};
 }
 
 inline HoleLimit hole_limit(const JobState& state, const Plan& plan) {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "kernels/mesh/block_contacts.h"
+#include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/orientation_sign.h"
 #include "stream/files/json.h"
 #include "stream/points/plan.h"
@@ -37,14 +38,14 @@ class HolesStage : public Stage {
   std::string unit_name() const override { return "batches"; }
 
   std::uint64_t task_bytes(std::size_t) const override {
-    return hole_task_bytes(limit_.edges) + MeshAround::bytes(store_.patches());
+    return hole_task_bytes(limit_.edges, limit_.chained) + MeshAround::bytes(store_.patches());
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
     const std::vector<NamedLoop> loops = load_loops(files_[task]);
     HoleFillings out;
     std::array<std::uint64_t, kHoleOutcomes> outcomes{};
-    std::uint64_t stiff = 0, crossing = 0;
+    std::uint64_t stiff = 0, crossing = 0, folded = 0;
     MeshAround around(work_, store_, numbering_);
     for (const NamedLoop& named : loops) {
       context.check_stop();
@@ -55,13 +56,25 @@ class HolesStage : public Stage {
       for (auto* list : {&loop.position, &loop.opposite})
         for (Double3& p : *list)
           for (std::size_t a = 0; a < 3; ++a) p[a] -= corner[a];
-      const HoleFilling filling = fill_hole(loop, limit_.width, limit_.min_cosine);
-      ++outcomes[static_cast<std::size_t>(filling.outcome)];
-      if (filling.outcome != HoleOutcome::kFilled) continue;
-      if (is_risky(filling) && crosses(named, loop, filling, corner, around)) {
-        ++crossing;
+      if (is_chained(loop)) find_chords(named, loop, corner, around);
+      Try found = try_shape(named, loop, corner, smooth_limits(loop), around);
+      const HoleOutcome smooth = found.filling.outcome;
+      const bool crossed = found.crosses;
+      if (!found.fits() && limit_.membranes && smooth != HoleOutcome::kWide)
+        for (const HoleLimits& limits : further_limits(loop)) {
+          found = try_shape(named, loop, corner, limits, around);
+          if (found.fits()) break;
+        }
+      if (!found.fits()) {
+        if (crossed)
+          ++crossing;
+        else
+          ++outcomes[static_cast<std::size_t>(smooth)];
         continue;
       }
+      const HoleFilling& filling = found.filling;
+      ++outcomes[static_cast<std::size_t>(HoleOutcome::kFilled)];
+      folded += smooth != HoleOutcome::kFilled || crossed;
       stiff += !filling.fair;
       const std::uint64_t base = out.position.size();
       for (Double3 p : filling.position) {
@@ -81,7 +94,8 @@ class HolesStage : public Stage {
     context.advance(1);
     const auto count = [&](HoleOutcome o) { return outcomes[static_cast<std::size_t>(o)]; };
     return {{"loops", loops.size()},
-            {"filled", count(HoleOutcome::kFilled) - crossing},
+            {"filled", count(HoleOutcome::kFilled)},
+            {"folded", folded},
             {"refused_taken", count(HoleOutcome::kTaken)},
             {"refused_outer", count(HoleOutcome::kOuter)},
             {"left_wide", count(HoleOutcome::kWide)},
@@ -96,8 +110,8 @@ class HolesStage : public Stage {
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     Json total = Json::object();
-    for (const char* key : {"loops", "filled", "refused_taken", "refused_outer", "left_wide", "left_sharp",
-                            "left_crossing", "not_fair", "vertices", "faces"}) {
+    for (const char* key : {"loops", "filled", "folded", "refused_taken", "refused_outer", "left_wide",
+                            "left_sharp", "left_crossing", "not_fair", "vertices", "faces"}) {
       std::uint64_t sum = 0;
       for (const Json& s : summaries) sum += s.at(key).get<std::uint64_t>();
       total[key] = sum;
@@ -110,6 +124,63 @@ class HolesStage : public Stage {
   }
 
  private:
+  struct Try {
+    HoleFilling filling;
+    bool crosses = false;  ///< the mesh
+    bool fits() const { return filling.outcome == HoleOutcome::kFilled && !crosses; }
+  };
+
+  bool is_chained(const HoleLoop& loop) const { return loop.position.size() > limit_.edges; }
+
+  HoleLimits smooth_limits(const HoleLoop& loop) const {
+    HoleLimits out = {.width = limit_.width, .min_cosine = limit_.min_cosine};
+    if (is_chained(loop)) out.vertices = kChainedVertices;
+    return out;
+  }
+  /// Where no smooth patch fits without a fold: membranes, then patches that fold, then no new vertex at all.
+  std::array<HoleLimits, 3> further_limits(const HoleLoop& loop) const {
+    HoleLimits smooth = smooth_limits(loop);
+    smooth.min_cosine = -1.0;
+    // A rim that a brick sees whole is too short to be the outer border of a piece that was kept.
+    smooth.outer = !is_chained(loop);
+    HoleLimits membrane = smooth;
+    membrane.shape = HoleShape::kMembrane;
+    HoleLimits flat = membrane;
+    flat.vertices = 0;
+    return {membrane, smooth, flat};
+  }
+
+  Try try_shape(const NamedLoop& named, const HoleLoop& loop, const Double3& corner, const HoleLimits& limits,
+                MeshAround& around) const {
+    Try out = {fill_hole(loop, limits)};
+    if (out.filling.outcome == HoleOutcome::kFilled)
+      out.crosses = (limits.outer || is_chained(loop) || is_risky(out.filling)) &&
+                    crosses(named, loop, out.filling, corner, around);
+    return out;
+  }
+
+  /// Edges of the mesh across a loop that was chained from border edges alone.
+  static void find_chords(const NamedLoop& named, HoleLoop& loop, const Double3& origin, MeshAround& around) {
+    const std::size_t n = named.vertex.size();
+    Double3 low = loop.position[0], high = low;
+    for (const Double3& p : loop.position)
+      for (std::size_t a = 0; a < 3; ++a) low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
+    std::vector<std::array<std::uint64_t, 2>> order;  // number, position in the loop
+    std::vector<std::uint64_t> sorted = named.vertex;
+    for (std::size_t i = 0; i < n; ++i) order.push_back({named.vertex[i], i});
+    std::sort(order.begin(), order.end());
+    std::sort(sorted.begin(), sorted.end());
+    const auto position = [&](std::uint64_t v) {
+      return static_cast<std::uint32_t>(
+          (*std::lower_bound(order.begin(), order.end(), std::array{v, std::uint64_t{0}}))[1]);
+    };
+    for (const auto& [a, b] : around.edges_between(origin, low, high, sorted)) {
+      const auto [i, j] = std::minmax({position(a), position(b)});
+      if (j != i + 1 && !(i == 0 && j + 1 == n)) loop.taken.push_back({i, j});
+    }
+    std::sort(loop.taken.begin(), loop.taken.end());
+  }
+
   /// Narrow fillings that fold no farther than a right angle stay clear of all but the rim.
   bool is_risky(const HoleFilling& filling) const {
     return filling.width > plan_.radius_cells || filling.min_cosine < 0.0;
@@ -133,7 +204,14 @@ class HolesStage : public Stage {
           low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
     }
     const std::size_t own = faces.size();
-    around.gather(origin, low, high, faces);
+    BoxMask near(low, high, 64);
+    for (const ContactFace& f : faces) {
+      Double3 from = f.corner[0], to = from;
+      for (const Double3& p : f.corner)
+        for (std::size_t a = 0; a < 3; ++a) from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
+      near.mark(from, to);
+    }
+    around.gather(origin, low, high, near, faces);
     bool found = false;
     block_contacts(faces, kAllSpace,
                    [&](std::uint32_t i, std::uint32_t, FaceContact) { found = found || i < own; });
@@ -158,14 +236,15 @@ StageForecast forecast_loops(const PlannedScan& scan) {
   if (scan.max_hole_edges == 0) return idle_forecast();
   return {.tasks = scan.groups.size(),
           .task_bytes = scan.patches.max_of_tasks(loops_task_bytes),
-          .finish_bytes = loops_finish_bytes(scan.run, scan.max_hole_edges, scan.patches.entries),
-          .sure_bytes = loops_finish_bytes(scan.run, scan.max_hole_edges, {}),
+          .finish_bytes =
+              loops_finish_bytes(scan.run, scan.max_hole_edges, scan.max_chained_edges, scan.patches.entries),
+          .sure_bytes = loops_finish_bytes(scan.run, scan.max_hole_edges, scan.max_chained_edges, {}),
           .files = scan.groups.size(),
           .moved_bytes = static_cast<double>(scan.surface_bytes)};
 }
 StageForecast forecast_holes(const PlannedScan& scan) {
   if (scan.max_hole_edges == 0) return idle_forecast();
-  const std::uint64_t filling = hole_task_bytes(scan.max_hole_edges);
+  const std::uint64_t filling = hole_task_bytes(scan.max_hole_edges, scan.max_chained_edges);
   return {.tasks = scan.groups.size(),
           .task_bytes = scan.patches.max_of_tasks(MeshAround::bytes) + filling,
           .sure_bytes = MeshAround::bytes({}) + filling,

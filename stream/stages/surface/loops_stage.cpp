@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 
+#include "kernels/holes/boundary_chain.h"
 #include "kernels/holes/boundary_loops.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
@@ -14,6 +16,7 @@
 #include "stream/points/plan.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/hole_limit.h"
+#include "stream/stages/surface/loop_batches.h"
 #include "stream/stages/weld/border_strip.h"
 
 namespace tessera {
@@ -21,13 +24,16 @@ namespace {
 
 constexpr std::uint64_t kBatchEdges = 20'000;
 constexpr std::uint64_t kShortBatchEdges = 4'000;  ///< while the strips around are held
-/// The triangulation of a loop costs the cube of its edges: a batch ends at about a second of work.
-constexpr std::uint64_t kBatchCost = 1'000'000'000;
+constexpr std::size_t kBorderBuffer = 24 * 2048;
 constexpr std::size_t kClassCache = 64;  ///< patches whose vertex classes are held at once
 constexpr std::uint64_t kLoopBytes = std::uint64_t{20} << 20;
 
 std::string edge_file_name(std::size_t task) {
   return "loops/" + task_file_stem(task) + ".tse";
+}
+
+std::string border_file_name(std::size_t task) {
+  return "loops/" + task_file_stem(task) + ".tsb";
 }
 
 std::uint64_t table_bytes(const RunOptions& run) {
@@ -39,13 +45,13 @@ class LoopsStage : public Stage {
   explicit LoopsStage(const JobState& state)
       : state_(state),
         plan_(Plan::of_work(state.work)),
-        max_edges_(hole_limit(state, plan_).edges),
+        limit_(hole_limit(state, plan_)),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}
 
   std::string name() const override { return "loops"; }
-  std::size_t task_count() const override { return max_edges_ == 0 ? 0 : store_.file_count(); }
-  std::uint64_t units() const override { return max_edges_ == 0 ? 0 : store_.patches().size(); }
+  std::size_t task_count() const override { return limit_.edges == 0 ? 0 : store_.file_count(); }
+  std::uint64_t units() const override { return limit_.edges == 0 ? 0 : store_.patches().size(); }
   std::string unit_name() const override { return "bricks"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
@@ -58,18 +64,20 @@ class LoopsStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    return loops_finish_bytes(state_.run, max_edges_, store_.patches());
+    return loops_finish_bytes(state_.run, limit_.edges, limit_.chained, store_.patches());
   }
 
   Json finish(const std::vector<Json>& tasks, TaskContext& context) const override {
-    if (max_edges_ == 0) return {{"max_hole", 0}};
+    if (limit_.edges == 0) return {{"max_hole", 0}};
     if (!is_short()) return chain(match(context), context);
     std::uint64_t chosen = 0, torn = 0;
     for (const Json& t : tasks) {
       chosen += t.at("to_fill").get<std::uint64_t>();
       torn += t.at("torn").get<std::uint64_t>();
     }
-    return {{"to_fill", chosen}, {"torn_bricks", torn}};
+    Json out = {{"to_fill", chosen}, {"torn_bricks", torn}};
+    if (limit_.chained > 0) out.update(chain_bricks(context));
+    return out;
   }
 
   std::vector<std::string> obsolete() const override { return {}; }
@@ -95,15 +103,25 @@ class LoopsStage : public Stage {
     std::map<std::size_t, std::vector<VertexClass>> cache_;
   };
 
-  bool is_short() const { return max_edges_ <= kMaxShortEdges; }
+  bool is_short() const { return limit_.edges <= kMaxShortEdges; }
+
+  LoopBatches make_batches(std::size_t task, TaskContext& context) const {
+    return {{state_.work, store_, numbering_, plan_.has_colour},
+            task,
+            context,
+            is_short() ? kShortBatchEdges : kBatchEdges,
+            batch_vertices(limit_.edges)};
+  }
 
   Json find_loops(std::size_t task, TaskContext& context) const {
     StripReader reader(state_, store_, numbering_);
-    LoopBatches batches(*this, task, context);
+    LoopBatches batches = make_batches(task, context);
     std::vector<StripFace> faces;
     std::vector<EdgeRecord> records;
-    std::uint64_t torn = 0;
-    const int halo = short_halo(max_edges_);
+    std::optional<DirectFile> border;
+    if (limit_.chained > 0) border.emplace(context.create(border_file_name(task)), kBorderBuffer);
+    std::uint64_t torn = 0, edges = 0;
+    const int halo = short_halo(limit_.edges);
     const auto [first, last] = store_.file_range(task);
     for (std::size_t p = first; p < last; ++p) {
       context.check_stop();
@@ -120,11 +138,16 @@ class LoopsStage : public Stage {
       for (const EdgeRecord& r : records) boundaries.add(r);
       boundaries.finish();
       const PatchSpan& range = numbering_.patches[p];
-      for (HoleBoundary& boundary : short_boundary_loops(
-               boundaries, range.first_vertex, range.first_vertex + range.kept_vertices, max_edges_))
+      const std::uint64_t first_vertex = range.first_vertex, end = first_vertex + range.kept_vertices;
+      for (HoleBoundary& boundary : short_boundary_loops(boundaries, first_vertex, end, limit_.edges))
         batches.add(std::move(boundary));
+      if (!border) continue;
+      for (const BorderEdge& e : boundaries.border)
+        if (e.from >= first_vertex && e.from < end) border->write(&e, sizeof e), ++edges;
     }
     batches.flush();
+    if (border) border->finish();
+    context.count_written(edges * sizeof(BorderEdge));
     return {{"to_fill", batches.loops()}, {"torn", torn}};
   }
 
@@ -138,6 +161,34 @@ class LoopsStage : public Stage {
       if ((f.border >> i & 1u) == 0 || (f.border >> j & 1u) == 0 || (!near[i] && !near[j])) continue;
       records.push_back(edge_record(f.number[i], f.number[j], f.number[k]));
     }
+  }
+
+  /// Loops of more edges than a brick sees, from the border edges that each brick told of its own vertices.
+  Json chain_bricks(TaskContext& context) const {
+    LoopBatches batches = make_batches(task_count(), context);
+    BoundaryChain chain(limit_.chained, kMaxOpenEdges);
+    std::vector<BorderEdge> buffer(kBorderBuffer / sizeof(BorderEdge));
+    std::uint64_t edges = 0, loops = 0;
+    for (std::size_t k = 0; k < task_count(); ++k) {
+      const ReadFile file(state_.work / border_file_name(k));
+      for (std::uint64_t at = 0; at < file.size();) {
+        context.check_stop();
+        const std::uint64_t bytes =
+            std::min<std::uint64_t>(file.size() - at, buffer.size() * sizeof(BorderEdge));
+        file.read_at(at, buffer.data(), bytes);
+        for (std::size_t i = 0; i < bytes / sizeof(BorderEdge); ++i, ++edges)
+          chain.add(buffer[i], [&](HoleBoundary&& boundary) {
+            ++loops;
+            if (boundary.vertex.size() > limit_.edges) batches.add(std::move(boundary));
+          });
+        at += bytes;
+      }
+    }
+    batches.flush();
+    return {{"border_edges", edges},
+            {"chained", batches.loops()},
+            {"given_up", chain.given_up()},
+            {"left_open_edges", chain.open_edges()}};
   }
 
   Json write_edges(std::size_t task, TaskContext& context) const {
@@ -204,8 +255,8 @@ class LoopsStage : public Stage {
   }
 
   Json chain(const BoundaryMatcher& boundaries, TaskContext& context) const {
-    LoopBatches batches(*this, 0, context);
-    const LoopCounts counts = for_each_boundary_loop(boundaries, max_edges_, [&](HoleBoundary&& boundary) {
+    LoopBatches batches = make_batches(0, context);
+    const LoopCounts counts = for_each_boundary_loop(boundaries, limit_.edges, [&](HoleBoundary&& boundary) {
       context.check_stop();
       batches.add(std::move(boundary));
     });
@@ -217,102 +268,9 @@ class LoopsStage : public Stage {
             {"to_fill", batches.loops()}};
   }
 
-  /// Collects loops, and writes them with their positions whenever a task of "holes" has enough of them.
-  class LoopBatches {
-   public:
-    LoopBatches(const LoopsStage& stage, std::size_t task, TaskContext& context)
-        : stage_(stage),
-          task_(task),
-          context_(context),
-          max_edges_(stage.is_short() ? kShortBatchEdges : kBatchEdges),
-          numbered_(stage.state_.work, stage.store_, stage.numbering_) {}
-    void add(HoleBoundary&& boundary) {
-      const std::uint64_t n = boundary.vertex.size();
-      batch_.push_back(std::move(boundary));
-      ++loops_;
-      edges_ += n;
-      vertices_ += max_hole_vertices(n);
-      cost_ += n * n * n / 6;
-      if (edges_ >= max_edges_ || cost_ >= kBatchCost || vertices_ >= batch_vertices(stage_.max_edges_))
-        flush();
-    }
-    void flush() {
-      if (batch_.empty()) return;
-      save_loops(context_.create(loop_file_name(task_, batches_++)),
-                 stage_.gather(batch_, numbered_, context_));
-      batch_.clear();
-      edges_ = cost_ = vertices_ = 0;
-    }
-    std::uint64_t loops() const { return loops_; }
-
-   private:
-    const LoopsStage& stage_;
-    std::size_t task_;
-    TaskContext& context_;
-    std::uint64_t max_edges_;
-    NumberedPatches numbered_;
-    std::vector<HoleBoundary> batch_;
-    std::size_t batches_ = 0;
-    std::uint64_t loops_ = 0, edges_ = 0, vertices_ = 0, cost_ = 0;
-  };
-
-  /// Positions of a batch's loops and of the faces beyond, patch by patch.
-  std::vector<NamedLoop> gather(const std::vector<HoleBoundary>& batch, NumberedPatches& numbered,
-                                TaskContext& context) const {
-    std::vector<std::uint64_t> need;
-    for (const HoleBoundary& boundary : batch) {
-      need.insert(need.end(), boundary.vertex.begin(), boundary.vertex.end());
-      need.insert(need.end(), boundary.third.begin(), boundary.third.end());
-    }
-    std::sort(need.begin(), need.end());
-    need.erase(std::unique(need.begin(), need.end()), need.end());
-    std::vector<Double3> position(need.size());
-    std::vector<std::uint32_t> rgba(plan_.has_colour ? need.size() : 0);
-    load_positions(need, numbered, position, rgba, context);
-    const auto slot = [&](std::uint64_t v) {
-      return static_cast<std::size_t>(std::lower_bound(need.begin(), need.end(), v) - need.begin());
-    };
-    std::vector<NamedLoop> out(batch.size());
-    for (std::size_t l = 0; l < batch.size(); ++l) {
-      NamedLoop& named = out[l];
-      named.vertex = batch[l].vertex;
-      named.loop.taken = batch[l].taken;
-      for (const std::uint64_t v : batch[l].vertex) {
-        named.loop.position.push_back(position[slot(v)]);
-        if (!rgba.empty()) named.loop.rgba.push_back(rgba[slot(v)]);
-      }
-      for (const std::uint64_t v : batch[l].third) named.loop.opposite.push_back(position[slot(v)]);
-    }
-    return out;
-  }
-
-  void load_positions(const std::vector<std::uint64_t>& need, NumberedPatches& numbered,
-                      std::vector<Double3>& position, std::vector<std::uint32_t>& colour,
-                      TaskContext& context) const {
-    std::vector<Float3> local;
-    std::vector<std::uint32_t> rgba;
-    const auto& patches = numbering_.patches;
-    for (std::size_t i = 0; i < need.size();) {
-      context.check_stop();
-      // The last patch that begins at or before the vertex; those without vertices begin where the next does.
-      const auto after =
-          std::upper_bound(patches.begin(), patches.end(), need[i],
-                           [](std::uint64_t v, const PatchSpan& p) { return v < p.first_vertex; });
-      const auto p = static_cast<std::size_t>(after - patches.begin()) - 1;
-      numbered.load_kept_vertices(p, local, rgba);
-      const Int3 brick = brick_of_key(store_.patches()[p].key);
-      for (; i < need.size() && need[i] < patches[p].first_vertex + patches[p].kept_vertices; ++i) {
-        const std::size_t v = need[i] - patches[p].first_vertex;
-        for (std::size_t a = 0; a < 3; ++a)
-          position[i][a] = brick[a] * double{kBrickCells} + double{local[v][a]};
-        if (!colour.empty()) colour[i] = rgba.empty() ? 0 : rgba[v];
-      }
-    }
-  }
-
   JobState state_;
   Plan plan_;
-  std::uint32_t max_edges_;
+  HoleLimit limit_;
   PatchStore store_;
   Numbering numbering_;
 };
@@ -330,11 +288,16 @@ std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches) {
   return std::max(edges, loops);
 }
 
-std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t max_edges,
+std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t max_edges, std::uint32_t chained,
                                  std::span<const PatchEntry> patches) {
-  if (max_edges <= kMaxShortEdges) return std::uint64_t{1} << 20;
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches) largest = std::max<std::uint64_t>(largest, 40ull * e.vertices);
+  if (max_edges <= kMaxShortEdges) {
+    const std::uint64_t fixed = std::uint64_t{1} << 20;
+    if (chained == 0) return fixed;
+    return fixed + BoundaryChain::bytes(kMaxOpenEdges) + 2 * largest + NumberedPatches::kCacheBytes +
+           (kShortBatchEdges + chained) * (2 * loop_bytes(1) + 100);
+  }
   const std::uint64_t batch = kBatchEdges + kMaxHoleEdges;
   return sort_bytes(run) + table_bytes(run) + 2 * largest + batch * (2 * loop_bytes(1) + 100) + kLoopBytes;
 }

@@ -57,8 +57,9 @@ const MeshAround::View& MeshAround::view(std::size_t patch) {
   return out;
 }
 
-void MeshAround::gather(const Double3& origin, const Double3& low, const Double3& high,
-                        std::vector<ContactFace>& out) {
+template <class Use>
+void MeshAround::for_each_face(const Double3& origin, const Double3& low, const Double3& high,
+                               const Use& use) {
   Int3 first{}, last{};
   for (std::size_t a = 0; a < 3; ++a) {
     const auto brick = [&](double x) {
@@ -77,12 +78,13 @@ void MeshAround::gather(const Double3& origin, const Double3& low, const Double3
   do {
     const std::int64_t patch = store_.find(brick_key(at));
     if (patch < 0 || numbering_.patches[static_cast<std::size_t>(patch)].kept_faces == 0) continue;
-    add_faces(static_cast<std::size_t>(patch), origin, low, high, out);
+    for_each_face_of(static_cast<std::size_t>(patch), origin, low, high, use);
   } while (next());
 }
 
-void MeshAround::add_faces(std::size_t patch, const Double3& origin, const Double3& low, const Double3& high,
-                           std::vector<ContactFace>& out) {
+template <class Use>
+void MeshAround::for_each_face_of(std::size_t patch, const Double3& origin, const Double3& low,
+                                  const Double3& high, const Use& use) {
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
   Double3 shift{};  // of what is relative to the brick
   for (std::size_t a = 0; a < 3; ++a) shift[a] = double{kBrickCells} * brick[a] - origin[a];
@@ -98,9 +100,35 @@ void MeshAround::add_faces(std::size_t patch, const Double3& origin, const Doubl
     for (std::size_t a = 0; a < 3; ++a) apart = apart || box.low[a] > to[a] || from[a] > box.high[a];
     if (apart) continue;
     const Face& f = there.faces[i];
-    const std::array<Double3, 3> at = {f.corner[0] + shift, f.corner[1] + shift, f.corner[2] + shift};
-    if (!collinear(at[0], at[1], at[2])) out.push_back({at, f.number});
+    use(f, std::array<Double3, 3>{f.corner[0] + shift, f.corner[1] + shift, f.corner[2] + shift});
   }
+}
+
+void MeshAround::gather(const Double3& origin, const Double3& low, const Double3& high, const BoxMask& near,
+                        std::vector<ContactFace>& out) {
+  for_each_face(origin, low, high, [&](const Face& f, const std::array<Double3, 3>& at) {
+    Double3 from = at[0], to = from;
+    for (const Double3& p : at)
+      for (std::size_t a = 0; a < 3; ++a) from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
+    if (near.meets(from, to) && !collinear(at[0], at[1], at[2])) out.push_back({at, f.number});
+  });
+}
+
+std::vector<std::array<std::uint64_t, 2>> MeshAround::edges_between(const Double3& origin, const Double3& low,
+                                                                    const Double3& high,
+                                                                    std::span<const std::uint64_t> vertices) {
+  std::vector<std::array<std::uint64_t, 2>> out;
+  for_each_face(origin, low, high, [&](const Face& f, const std::array<Double3, 3>&) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto [a, b] = std::minmax(f.number[k], f.number[(k + 1) % 3]);
+      if (std::binary_search(vertices.begin(), vertices.end(), a) &&
+          std::binary_search(vertices.begin(), vertices.end(), b))
+        out.push_back({a, b});
+    }
+  });
+  std::sort(out.begin(), out.end());
+  out.erase(std::unique(out.begin(), out.end()), out.end());
+  return out;
 }
 
 std::uint64_t MeshAround::bytes(std::span<const PatchEntry> patches) {

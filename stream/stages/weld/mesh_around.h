@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/face_contact.h"
 #include "stream/stages/weld/numbered_patches.h"
 
@@ -22,7 +23,15 @@ class MeshAround {
   /// Adds the faces whose boxes of whole cells meet that around [low, high], in cells from `origin`; corners are named by
   /// their numbers in the output. Faces without area are left out.
   /// \param origin  whole cells from the lattice origin
-  void gather(const Double3& origin, const Double3& low, const Double3& high, std::vector<ContactFace>& out);
+  /// \param near  those that meet what is marked in it
+  void gather(const Double3& origin, const Double3& low, const Double3& high, const BoxMask& near,
+              std::vector<ContactFace>& out);
+
+  /// Edges of the faces there, flat ones too, both ends of which are among `vertices`: low and high number, ascending.
+  /// \param vertices  ascending
+  std::vector<std::array<std::uint64_t, 2>> edges_between(const Double3& origin, const Double3& low,
+                                                          const Double3& high,
+                                                          std::span<const std::uint64_t> vertices);
 
   /// Most that it holds over these patches.
   static std::uint64_t bytes(std::span<const PatchEntry> patches);
@@ -48,8 +57,12 @@ class MeshAround {
   };
   const std::vector<Float3>& vertices(std::size_t patch);
   const View& view(std::size_t patch);
-  void add_faces(std::size_t patch, const Double3& origin, const Double3& low, const Double3& high,
-                 std::vector<ContactFace>& out);
+  /// Calls use(face, its corners in cells from `origin`) for the faces there.
+  template <class Use>
+  void for_each_face(const Double3& origin, const Double3& low, const Double3& high, const Use& use);
+  template <class Use>
+  void for_each_face_of(std::size_t patch, const Double3& origin, const Double3& low, const Double3& high,
+                        const Use& use);
 
   const PatchStore& store_;
   const Numbering& numbering_;

@@ -164,23 +164,23 @@ TEST_CASE("hole filling: the outer border of rough ground is none, a hole in it 
 
 TEST_CASE("hole filling: what is wider or folds farther than allowed stays open", "[unit]") {
   const HoleLoop disk = ring(24, 2.0, 0.7, [](double) { return 0.0; });  // 4 area / length = 0.99 diameters
-  CHECK(fill_hole(disk, 4.1).outcome == HoleOutcome::kFilled);
-  CHECK(fill_hole(disk, 3.9).outcome == HoleOutcome::kWide);
+  CHECK(fill_hole(disk, {.width = 4.1}).outcome == HoleOutcome::kFilled);
+  CHECK(fill_hole(disk, {.width = 3.9}).outcome == HoleOutcome::kWide);
   HoleLoop slit = disk;
   for (auto* list : {&slit.position, &slit.opposite})
     for (Double3& p : *list) p[0] *= 5.0;
   // Of nearly parallel sides: twice their distance of 4, less where it ends.
-  CHECK(fill_hole(slit, 6.5).outcome == HoleOutcome::kFilled);
-  CHECK(fill_hole(slit, 5.5).outcome == HoleOutcome::kWide);
+  CHECK(fill_hole(slit, {.width = 6.5}).outcome == HoleOutcome::kFilled);
+  CHECK(fill_hole(slit, {.width = 5.5}).outcome == HoleOutcome::kWide);
   // A flat cap on a tube turns by a right angle at its rim; two flaps that stand up at a hole by more.
   HoleLoop tube = ring(8, 1.0, 0.0, [](double) { return 0.0; });
   for (Double3& p : tube.opposite) p[2] = -0.6;
-  CHECK(fill_hole(tube, 10.0, -0.3).outcome == HoleOutcome::kFilled);
-  CHECK(fill_hole(tube, 10.0, 0.9).outcome == HoleOutcome::kSharp);
+  CHECK(fill_hole(tube, {.width = 10.0, .min_cosine = -0.3}).outcome == HoleOutcome::kFilled);
+  CHECK(fill_hole(tube, {.width = 10.0, .min_cosine = 0.9}).outcome == HoleOutcome::kSharp);
   HoleLoop flaps = disk;
   for (const std::size_t i : {3u, 4u}) flaps.opposite[i] = flaps.position[i] * 0.5 + Double3{0, 0, 0.4};
-  CHECK(fill_hole(flaps, 10.0, 0.0).outcome == HoleOutcome::kSharp);
-  CHECK(fill_hole(flaps, 10.0).outcome == HoleOutcome::kFilled);
+  CHECK(fill_hole(flaps, {.width = 10.0, .min_cosine = 0.0}).outcome == HoleOutcome::kSharp);
+  CHECK(fill_hole(flaps, {.width = 10.0}).outcome == HoleOutcome::kFilled);
 }
 
 TEST_CASE("hole filling: ragged loops give disks, colours lie between the rim's", "[property]") {
@@ -243,6 +243,41 @@ TEST_CASE("envelope cholesky: solves what a product made, refuses what is not de
   for (double& v : a.value)
     if (v > 0) v = 1.0;
   CHECK_FALSE(solver.factor(a));
+}
+
+TEST_CASE("hole filling: a membrane stays within the rim where a smooth patch bulges out", "[unit]") {
+  // The rim of a bag: the surface goes down steeply and outwards on all sides.
+  const HoleLoop bag = ring(40, 6.0, 0.5, [](double r) { return -4.0 * (r - 6.0); });
+  const auto highest = [](const HoleFilling& f) {
+    double z = 0.0;
+    for (const Double3& p : f.position) z = std::max(z, std::abs(p[2]));
+    return z;
+  };
+  const HoleFilling smooth = fill_hole(bag);
+  REQUIRE(smooth.outcome == HoleOutcome::kFilled);
+  CHECK(highest(smooth) > 1.0);
+  const HoleFilling membrane = fill_hole(bag, {.shape = HoleShape::kMembrane});
+  REQUIRE(membrane.outcome == HoleOutcome::kFilled);
+  require_disk(bag, membrane);
+  CHECK(membrane.position.size() > 20);
+  CHECK(highest(membrane) < 1e-9);
+  CHECK(fill_hole(bag, {.min_cosine = 0.5, .shape = HoleShape::kMembrane}).outcome == HoleOutcome::kSharp);
+}
+
+TEST_CASE("hole filling: no more new vertices than allowed, and outer borders on request", "[unit]") {
+  const HoleLoop loop = ring(48, 8.0, 1.0, [](double) { return 3.0; });
+  const HoleFilling few = fill_hole(loop, {.vertices = 20});
+  REQUIRE(few.outcome == HoleOutcome::kFilled);
+  require_disk(loop, few);
+  CHECK(few.position.size() <= 20);
+  CHECK(few.position.size() > 5);
+  const HoleFilling none = fill_hole(loop, {.vertices = 0, .shape = HoleShape::kMembrane});
+  REQUIRE(none.outcome == HoleOutcome::kFilled);
+  require_disk(loop, none);
+  CHECK(none.position.empty());
+  const HoleLoop outside = ring(48, 8.0, -1.0, [](double) { return 3.0; });
+  CHECK(fill_hole(outside, {.shape = HoleShape::kMembrane}).outcome == HoleOutcome::kOuter);
+  CHECK(fill_hole(outside, {.shape = HoleShape::kMembrane, .outer = true}).outcome == HoleOutcome::kFilled);
 }
 
 }  // namespace hole_filling_test
