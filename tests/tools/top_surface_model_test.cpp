@@ -42,6 +42,23 @@ std::string wood(const TempFolder& folder, bool up_is_y = false) {
   return folder.write(up_is_y ? "turned.xyz" : "wood.xyz", text);
 }
 
+/// A noisy cliff of 80 degrees over a field. A gap in it of 1 x 40 has a rim that no brick sees whole. One point a line.
+std::string cliff(const TempFolder& folder) {
+  Random random(8);
+  std::string text;
+  const auto point = [&](double x, double y, double z) {
+    for (const double c : {x, y, z}) text += std::to_string(c + 0.05 * random.gaussian()) + " ";
+    text += "\n";
+  };
+  for (int i = 0; i < 60000; ++i) point(random.in(0, 40), random.in(0, 60), 0.0);
+  for (int i = 0; i < 60000; ++i) point(random.in(45, 85), random.in(0, 60), 30.0);
+  for (int i = 0; i < 60000; ++i) {
+    const double up = random.in(0, 30), y = random.in(0, 60);
+    if (std::fabs(up - 15) > 0.5 || std::fabs(y - 30) > 20) point(40 + up / 6, y, up);
+  }
+  return folder.write("cliff.xyz", text);
+}
+
 /// A field, the floor below a flat roof of 20 x 20 and its walls, a line a point; `reversed` from the last to the first.
 std::string hall(const TempFolder& folder, bool reversed = false) {
   Random random(6);
@@ -103,6 +120,32 @@ TEST_CASE("top surface: crowns become one smooth skin, the ground stays, holes a
   const tessera::Json ground = reconstructed(in, dropped, {"--vegetation", "drop"});
   CHECK_FALSE(stage_result(ground, "top").at("needed").get<bool>());
   CHECK(covered(read_whole(dropped), 6, 25, 6, kSide - 6, 6, 20) < 0.1);
+}
+
+TEST_CASE("top surface: gaps in steep faces are closed, longer than a brick too, whatever runs",
+          "[pipeline]") {
+  const TempFolder folder;
+  const auto in = cliff(folder);
+  const auto out = folder.path() / "mesh.ply";
+  const std::vector<std::string> words = {"--from", "above", "--resolution", "0.5"};
+  const auto run = [&](std::vector<std::string> more) {
+    more.insert(more.end(), words.begin(), words.end());
+    more.push_back("--force");
+    return reconstructed(in, out, more);
+  };
+  const tessera::Json open = run({"--max-hole", "60"});
+  const tessera::Json report = run({"-t", "1"});
+  const tessera::Json loops = stage_result(report, "loops"), holes = stage_result(report, "holes");
+  INFO(tessera::dump_json(loops) + tessera::dump_json(holes) +
+       tessera::dump_json(stage_result(report, "blunt")));
+  CHECK(loops.at("chained").get<int>() >= 1);
+  CHECK(loops.at("given_up").get<int>() == 0);
+  CHECK(stage_result(report, "blunt").at("moved_vertices").get<int>() > 0);
+  CHECK(holes.at("filled").get<int>() > stage_result(open, "holes").at("filled").get<int>());
+  CHECK(tessera_command({"check", out.string(), "--strict"}).code == 0);
+  const auto bytes = file_bytes(out);
+  run({"-t", "2", "--tile-size", "64"});
+  CHECK(file_bytes(out) == bytes);
 }
 
 TEST_CASE("top surface: it replaces no point that is to be measured", "[pipeline]") {

@@ -44,6 +44,7 @@
 #include "stream/stages/surface/samples_stage.h"
 #include "stream/stages/surface/surface_stage.h"
 #include "stream/stages/surface/write_stage.h"
+#include "stream/stages/weld/blunt_stage.h"
 #include "stream/stages/weld/border_stage.h"
 #include "stream/stages/weld/uncross_stage.h"
 #include "stream/stages/weld/weld_stage.h"
@@ -284,7 +285,9 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       finish({open_full_surface, nullptr, nullptr, reconstruct_tolerance});
     return stages;
   }
-  append({{"weld", make_weld_stage, forecast_weld}, {"border", make_border_stage, forecast_border}});
+  append({{"weld", make_weld_stage, forecast_weld},
+          {"border", make_border_stage, forecast_border},
+          {"blunt", make_blunt_stage, forecast_blunt}});
   append(uncross_stages());
   append({{"loops", make_loops_stage, forecast_loops}, {"holes", make_holes_stage, forecast_holes}});
   if (!options.decimates()) {

@@ -6,7 +6,6 @@ namespace tessera {
 namespace {
 
 constexpr PackedKind kKind = {"TSBORDR1", "a file of border moves"};
-constexpr const char* kFolder = "border";
 
 }  // namespace
 
@@ -21,8 +20,8 @@ std::uint64_t BorderMovesWriter::finish() {
   return file_.finish(table_);
 }
 
-BorderMoves::BorderMoves(const std::filesystem::path& work)
-    : tables_(list_task_files(work / kFolder, ".tsb"), kKind) {}
+BorderMoves::BorderMoves(const std::filesystem::path& work, const char* folder)
+    : tables_(list_task_files(work / folder, ".tsb"), kKind) {}
 
 void BorderMoves::apply(std::uint64_t brick, std::vector<Float3>& position) const {
   const auto* entry = tables_.find(brick);
@@ -31,8 +30,8 @@ void BorderMoves::apply(std::uint64_t brick, std::vector<Float3>& position) cons
     position.at(m.vertex) = m.to;
 }
 
-std::string border_moves_file_name(std::size_t task) {
-  return std::string(kFolder) + "/" + task_file_stem(task) + ".tsb";
+std::string border_moves_file_name(std::size_t task, const char* folder) {
+  return std::string(folder) + "/" + task_file_stem(task) + ".tsb";
 }
 
 }  // namespace tessera

@@ -1,5 +1,5 @@
 /// \file border_moves.h
-/// Where the stage "border" moved vertices of the border, per patch.
+/// Where the stages "border" and "blunt" moved vertices, per patch.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -15,6 +15,9 @@ struct MovedVertex {
   std::uint32_t vertex = 0;  ///< own vertex of the patch, islands that are dropped counted in
   Float3 to{};               ///< cells, relative to the brick's min corner
 };
+
+inline constexpr const char* kBorderFolder = "border";
+inline constexpr const char* kBluntFolder = "blunt";
 
 class BorderMovesWriter {
  public:
@@ -37,8 +40,9 @@ class BorderMovesWriter {
 /// Holds the tables only, 32 bytes a brick with a border.
 class BorderMoves {
  public:
-  /// Of a finished stage. \throws InputError naming the file when one is damaged
-  explicit BorderMoves(const std::filesystem::path& work);
+  /// Of a finished stage; of one that was not run nothing. \throws InputError naming the file when one is damaged
+  /// \param folder  of the stage
+  explicit BorderMoves(const std::filesystem::path& work, const char* folder = kBorderFolder);
   bool any(std::uint64_t brick) const { return tables_.find(brick) != nullptr; }
   /// \param position  of the patch's own vertices
   void apply(std::uint64_t brick, std::vector<Float3>& position) const;
@@ -47,6 +51,6 @@ class BorderMoves {
   PackedTables<BorderMovesWriter::Entry> tables_;
 };
 
-std::string border_moves_file_name(std::size_t task);
+std::string border_moves_file_name(std::size_t task, const char* folder = kBorderFolder);
 
 }  // namespace tessera

@@ -29,7 +29,8 @@ std::uint64_t save_returned(const std::filesystem::path& path, std::vector<std::
 }
 
 PatchPositions::PatchPositions(const std::filesystem::path& work, const PatchStore& store, int rounds)
-    : store_(store), moves_(work), rounds_(static_cast<std::size_t>(rounds)) {
+    : store_(store), moves_(work), rounds_(static_cast<std::size_t>(std::max(0, rounds))) {
+  if (rounds != kBeforeBlunt) blunt_.emplace(work, kBluntFolder);
   for (int round = 0; round < rounds; ++round) {
     std::vector<std::uint64_t>& all = rounds_[static_cast<std::size_t>(round)];
     for (const auto& path : list_task_files(work / folder_of_round(round), kReturnedExtension)) {
@@ -46,7 +47,7 @@ PatchPositions::PatchPositions(const std::filesystem::path& work, const PatchSto
 
 bool PatchPositions::may_return(std::size_t patch) const {
   const PatchEntry& entry = store_.patches()[patch];
-  return entry.safe > 0 || moves_.any(entry.key);
+  return entry.safe > 0 || moves_.any(entry.key) || (blunt_ && blunt_->any(entry.key));
 }
 
 std::span<const std::uint64_t> PatchPositions::returned(std::size_t patch, int round) const {
@@ -68,6 +69,7 @@ void PatchPositions::load(std::size_t patch, std::vector<Float3>& position, std:
     for (const SafeVertex& v : store_.load_safe(patch)) before.at(v.vertex) = v.at;
   }
   moves_.apply(store_.patches()[patch].key, position);
+  if (blunt_) blunt_->apply(store_.patches()[patch].key, position);
   for (int round = 0; round < static_cast<int>(rounds_.size()); ++round)
     for (const std::uint64_t v : returned(patch, round)) {
       const auto vertex = static_cast<std::uint32_t>(v);

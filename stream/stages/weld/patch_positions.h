@@ -1,9 +1,10 @@
 /// \file patch_positions.h
-/// Where the vertices of welded patches lie: as extraction left them, moved by the pass "border", taken back by the rounds of
+/// Where the vertices of welded patches lie: as extraction left them, moved by the passes "border" and "blunt", taken back by the rounds of
 /// the pass "uncross".
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -15,6 +16,9 @@ namespace tessera {
 
 /// Rounds of the pass "uncross"; the last one only looks.
 inline constexpr int kUncrossRounds = 3;
+
+/// In place of a number of rounds: before the pass "blunt".
+inline constexpr int kBeforeBlunt = -1;
 
 /// A vertex of a patch as one number, ascending by patch.
 constexpr std::uint64_t patch_vertex(std::size_t patch, std::uint32_t vertex) {
@@ -28,7 +32,7 @@ std::uint64_t save_returned(const std::filesystem::path& path, std::vector<std::
 
 class PatchPositions {
  public:
-  /// \param rounds  of the pass "uncross" that count, those of them that there are
+  /// \param rounds  of the pass "uncross" that count, those of them that there are; or kBeforeBlunt
   PatchPositions(const std::filesystem::path& work, const PatchStore& store, int rounds = kUncrossRounds);
 
   /// Own vertices. \param position  cells, relative to the brick
@@ -44,6 +48,7 @@ class PatchPositions {
  private:
   const PatchStore& store_;
   BorderMoves moves_;
+  std::optional<BorderMoves> blunt_;
   std::vector<std::vector<std::uint64_t>> rounds_;
 };
 
