@@ -143,6 +143,8 @@ cli::Command check_command() {
         "search for pairs of faces that cross, overlap or touch beyond the corner or edge that they share, "
         "exactly, and "
         "list the first");
+  t.add("cleanliness", &c.options.cleanliness,
+        "count edges that fold by 70 degrees or more, and tell how ragged borders run");
   t.add("strict", &c.strict,
         "fail with exit code 6 if there are defects; with --crossings faces that cross are");
   t.add("closed", &c.closed, "like --strict, and boundary edges are defects too");

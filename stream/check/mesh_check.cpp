@@ -137,10 +137,12 @@ MeshCheck check_mesh(MeshReader& source, const MeshCheckOptions& options) {
   MeshShape shape(check.min, check.max);
   topology->analyse(positions, shape, options.check_stop, check);
   shape.store(check);
+  topology.reset();  // its memory is that of the searches now
+  pool.reset();
+  const std::uint64_t memory = shares.spill + shares.range + shares.links + shares.chunks;
+  if (options.cleanliness)
+    check.cleanliness = measure_cleanliness(mesh, positions, {memory, options.temp, options.check_stop});
   if (options.crossings) {
-    topology.reset();  // its memory is the search's now
-    pool.reset();
-    const std::uint64_t memory = shares.spill + shares.range + shares.links + shares.chunks;
     check.crossings =
         find_crossings(mesh, positions, {memory, options.temp, options.threads, options.check_stop, {}});
   }

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "stream/check/mesh_cleanliness.h"
 #include "stream/check/mesh_crossings.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -21,7 +22,8 @@ struct MeshCheckOptions {
   std::filesystem::path temp;  ///< folder for spilled data; empty = the system's temporary folder
   bool weld = false;       ///< merge vertices of equal position first; formats without shared vertices always
   bool crossings = false;  ///< search for pairs of faces that cross, too
-  int threads = 1;         ///< for that search
+  bool cleanliness = false;  ///< measure sharp edges and borders, too
+  int threads = 1;           ///< for that search
   /// May throw StoppedError; called every few milliseconds, with `crossings` from any thread; may be empty.
   std::function<void()> check_stop;
 };
@@ -93,7 +95,8 @@ struct MeshCheck {
   double min_edge = 0, mean_edge = 0, max_edge = 0;  ///< mean over the sides of all faces
   /// Last: beyond, zero area excluded.
   std::array<std::uint64_t, kAspectBounds.size() + 1> aspect_histogram = {};
-  std::optional<MeshCrossings> crossings;  ///< where they were asked for
+  std::optional<MeshCrossings> crossings;      ///< where they were asked for
+  std::optional<MeshCleanliness> cleanliness;  ///< likewise
 
   /// Every component is closed, manifold and consistently oriented.
   bool solid() const { return components > 0 && solid_components == components; }

@@ -108,6 +108,7 @@ Json to_json(const MeshCheck& check) {
     json["aspect_bounds"] = kAspectBounds;
     json["aspect_histogram"] = check.aspect_histogram;
   }
+  if (check.cleanliness) json["cleanliness"] = to_json(*check.cleanliness);
   if (check.crossings) json["crossings"] = to_json(*check.crossings);
   return json;
 }
@@ -165,6 +166,7 @@ std::string describe(const MeshCheck& check) {
     }
     line("aspect", aspects);
   }
+  if (check.cleanliness) text += describe(*check.cleanliness);
   if (check.crossings) text += describe(*check.crossings);
   const std::vector<std::string> defects = check.defects();
   for (const std::string& defect : defects) line("defect", defect);
