@@ -21,7 +21,14 @@ TEST_CASE("key table: numbers keys as they come, as a map would", "[property]") 
     REQUIRE((got.first == at->second && got.second == is_new));
   }
   REQUIRE(table.size() == want.size());
-  for (const auto& [key, number] : want) REQUIRE(table.keys()[number] == key);
+  for (const auto& [key, number] : want) {
+    REQUIRE(table.keys()[number] == key);
+    REQUIRE(table.find(key) == number);
+  }
+  for (int i = 0; i < 1000; ++i)
+    if (const std::uint64_t key = random.below(1u << 30) * scale + 1; want.count(key) == 0)
+      REQUIRE(table.find(key) == table.size());
+  CHECK(KeyTable().find(7) == 0);
 }
 
 }  // namespace key_table_test

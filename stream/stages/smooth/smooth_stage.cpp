@@ -1,8 +1,12 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "kernels/smooth/flipped_faces.h"
 #include "octree/error.h"
@@ -11,11 +15,11 @@
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_store.h"
-#include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_stages.h"
 #include "stream/stages/smooth/smooth_tiles.h"
+#include "stream/stages/smooth/smoothed_patch.h"
 
 namespace tessera {
 namespace {
@@ -33,6 +37,10 @@ struct Movement {
   std::uint64_t vertices = 0, line = 0, fixed = 0, limited = 0;
   double largest = 0.0;     ///< squared
   double square_sum = 0.0;  ///< over the patches of a task, in their order
+};
+
+struct TileCounts {
+  std::uint64_t read = 0, degenerate = 0, systems = 0, as_one = 0;  ///< faces, systems solved
 };
 
 class SmoothStage : public Stage {
@@ -58,7 +66,6 @@ class SmoothStage : public Stage {
       solution_ = state.work / coarse_solution_file(round);
     }
     tiling_.rings = round_rings(rule_);
-    tiling_.mostly_edges = round_edges(rule_);
     if (rule_.cycle >= 0) {
       ++tiling_.rings;
       tiling_.range = coarse_halo(coarse_);
@@ -66,7 +73,6 @@ class SmoothStage : public Stage {
     tiling_.tile_bricks = state.run.tile_cells / kBrickCells;
     // The rest of the cap is for what the process itself holds.
     tiling_.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
-    tiling_.largest_bytes = largest_guess_bytes(state.run.memory_bytes);
     const std::uint64_t patch = store_.largest_patch_bytes();
     const std::uint64_t shared = rule_.cycle >= 0 ? coarse_solution_bytes(solution_) : 0;
     tiling_.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {
@@ -82,8 +88,14 @@ class SmoothStage : public Stage {
       tasks_ = {{std::move(whole)}};
       return;
     }
-    range_ = load_range(state.work, base_round_);
-    tasks_ = make_smooth_tasks(store_, range_, tiling_);
+    if (rule_.cycle < 0) {
+      std::uint64_t vertices = 0;
+      for (const MeshPatchEntry& e : store_.patches()) vertices += e.vertices;
+      tiling_.ring_bytes =
+          std::min(tiling_.tile_bytes, smooth_by_rings_bytes(rule_, vertices, store_.face_count(), patch));
+      if (round_edges(rule_) > 0.0) tiling_.few_rings = few_rings(rule_);
+    }
+    tasks_ = make_smooth_tasks(store_, load_range(state.work, base_round_), tiling_);
   }
 
   std::string name() const override { return "smooth-" + std::to_string(round_); }
@@ -100,45 +112,27 @@ class SmoothStage : public Stage {
       laplacians.emplace(context.create(laplacian_folder(round_) + "/" + task_file_stem(task) + ".bin"));
     Movement moved;
     Json edges = Json::array();
-    std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0, as_one = 0, flipped = 0;
-    std::vector<SmoothTile> tiles(tasks_[task].rbegin(), tasks_[task].rend());
-    while (!tiles.empty()) {
-      const SmoothTile tile = std::move(tiles.back());
-      tiles.pop_back();
-      context.check_stop();
-      const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
-      context.check_stop();
-      std::vector<std::uint8_t> wanted(near.block.key.size(), 0);
-      for (const auto& patch : near.core_vertices)
-        for (const std::uint32_t v : patch) wanted[v] = 1;
-      const SmoothedBlock smoothed = smooth(near, tile, wanted);
-      halo += near.core.size();
-      degenerate += smoothed.counts.degenerate_faces;
-      systems += smoothed.counts.flow_systems;
-      as_one += smoothed.counts.faces_as_one;
-      for (std::size_t k = 0; k < tile.patches.size(); ++k) {
-        context.check_stop();
-        const std::size_t p = tile.patches[k];
-        if (!tile.sure && misses(near.core_vertices[k], smoothed)) {
-          tiles.push_back(wider_tile(store_, range_, tiling_, p, tile.margin, task_bytes(task)));
-          continue;
-        }
-        core += store_.patches()[p].faces;
-        const std::vector<Double3> positions = limited_moves(p, near, near.core_vertices[k], smoothed, moved);
-        write(p, positions, writer);
-        if (laplacians) {
-          std::vector<Float3> laplacian;
-          for (const std::uint32_t v : near.core_vertices[k]) laplacian.push_back(smoothed.laplacian[v]);
-          laplacians->add(p, laplacian);
-        }
-        if (!last_) {
-          const PatchEdges found = edges_of(with_positions(p, positions));
-          edges.push_back({p, found.longest, found.squares});
-        }
-        if (fits_ && (round_ == 1 || last_))
-          flipped += count_flipped_faces(last_ ? with_positions(p, positions) : store_.load({&p, 1}));
-        context.advance(store_.patches()[p].faces);
+    std::uint64_t core = 0, flipped = 0;
+    TileCounts counts;
+    const auto finish_patch = [&](std::size_t p, const SmoothedPatch& smoothed) {
+      core += store_.patches()[p].faces;
+      const std::vector<Double3> positions = limited_moves(p, smoothed, moved);
+      write(p, positions, writer);
+      if (laplacians) laplacians->add(p, smoothed.laplacian);
+      if (!last_) {
+        const PatchEdges found = edges_of(with_positions(p, positions));
+        edges.push_back({p, found.longest, found.squares});
       }
+      if (fits_ && (round_ == 1 || last_))
+        flipped += count_flipped_faces(last_ ? with_positions(p, positions) : store_.load({&p, 1}));
+      context.advance(store_.patches()[p].faces);
+    };
+    for (const SmoothTile& tile : tasks_[task]) {
+      if (tile.by_rings)
+        counts.read += smooth_by_rings(
+            store_, rule_, tile.patches, tile.bytes, [&] { context.check_stop(); }, finish_patch);
+      else
+        each_patch(tile, context, counts, finish_patch);
     }
     context.count_written(writer.finish() + (laplacians ? laplacians->finish() : 0));
     return {{"vertices", moved.vertices},
@@ -148,10 +142,10 @@ class SmoothStage : public Stage {
             {"largest_move", std::sqrt(moved.largest)},
             {"square_sum", moved.square_sum},
             {"core_faces", core},
-            {"read_faces", halo},
-            {"degenerate_faces", degenerate},
-            {"systems", systems},
-            {"faces_as_one", as_one},
+            {"read_faces", counts.read},
+            {"degenerate_faces", counts.degenerate},
+            {"systems", counts.systems},
+            {"faces_as_one", counts.as_one},
             {last_ ? "turned_faces" : "turned_faces_before", flipped},
             {"edges", std::move(edges)}};
   }
@@ -204,9 +198,25 @@ class SmoothStage : public Stage {
   /// Whether moves are measured, and limited, from the mesh as it is given; else from where the step began.
   bool from_original() const { return tolerance_ > 0.0 || last_; }
 
-  static bool misses(const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed) {
-    return std::any_of(vertices.begin(), vertices.end(),
-                       [&](std::uint32_t v) { return smoothed.complete[v] == 0; });
+  /// Hands out the patches of a tile that its margin holds the rings of.
+  void each_patch(const SmoothTile& tile, const TaskContext& context, TileCounts& counts,
+                  const std::function<void(std::size_t, const SmoothedPatch&)>& use) const {
+    context.check_stop();
+    const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
+    context.check_stop();
+    std::vector<std::uint8_t> wanted(near.block.key.size(), 0);
+    for (const auto& patch : near.core_vertices)
+      for (const std::uint32_t v : patch) wanted[v] = 1;
+    const SmoothedBlock smoothed = smooth(near, tile, wanted);
+    counts.read += near.core.size();
+    counts.degenerate += smoothed.counts.degenerate_faces;
+    counts.systems += smoothed.counts.flow_systems;
+    counts.as_one += smoothed.counts.faces_as_one;
+    for (std::size_t k = 0; k < tile.patches.size(); ++k) {
+      context.check_stop();
+      const std::size_t p = tile.patches[k];
+      use(p, SmoothedPatch::of(near, k, p, smoothed));
+    }
   }
 
   MeshBlock with_positions(std::size_t p, const std::vector<Double3>& positions) const {
@@ -240,21 +250,17 @@ class SmoothStage : public Stage {
     return smooth_cycle(near.block, state.now, state.laplacian, rule_, coarse_, coarse, wanted);
   }
 
-  /// Where the vertices of a patch (their numbers in the block) come to rest; each is counted once over all patches.
-  std::vector<Double3> limited_moves(std::size_t p, const MeshHaloBlock& near,
-                                     const std::vector<std::uint32_t>& vertices,
-                                     const SmoothedBlock& smoothed, Movement& moved) const {
+  /// Where the vertices of a patch come to rest; each is counted once over all patches.
+  std::vector<Double3> limited_moves(std::size_t p, const SmoothedPatch& smoothed, Movement& moved) const {
     std::vector<Double3> original;
     if (from_original() && base_round_ > 0) original = original_.load({&p, 1}).position;
     const bool floats = !store_.info().double_positions;
-    std::vector<Double3> out(vertices.size());
-    for (std::size_t v = 0; v < vertices.size(); ++v) {
-      const std::uint32_t i = vertices[v];
-      if (smoothed.complete[i] == 0)
-        throw std::logic_error("smooth: vertex " + std::to_string(near.block.key[i]) +
+    std::vector<Double3> out(smoothed.key.size());
+    for (std::size_t v = 0; v < out.size(); ++v) {
+      if (smoothed.complete[v] == 0)
+        throw std::logic_error("smooth: vertex " + std::to_string(smoothed.key[v]) +
                                " misses rings in its tile");
-      const Double3 &from = original.empty() ? near.block.position[i] : original[v],
-                    &wish = smoothed.position[i];
+      const Double3 &from = original.empty() ? smoothed.from[v] : original[v], &wish = smoothed.position[v];
       const Double3 to = limit_move(from, wish, tolerance_, floats);
       if (!std::isfinite(squared_distance(to, from)))
         throw ValidationError("the vertex at (" + number_text(from[0]) + ", " + number_text(from[1]) + ", " +
@@ -262,12 +268,12 @@ class SmoothStage : public Stage {
                               ") would move to where no number is: it or a neighbour lies too far away; "
                               "remove or scale what does");
       out[v] = to;
-      if (near.first_patch[i] != p) continue;
+      if (smoothed.first[v] == 0) continue;
       const double x = to[0] - from[0], y = to[1] - from[1], z = to[2] - from[2];
       const double square = x * x + y * y + z * z;
       ++moved.vertices;
-      moved.line += smoothed.role[i] == VertexRole::kLine;
-      moved.fixed += smoothed.role[i] == VertexRole::kFixed;
+      moved.line += smoothed.role[v] == VertexRole::kLine;
+      moved.fixed += smoothed.role[v] == VertexRole::kFixed;
       moved.largest = std::max(moved.largest, square);
       moved.square_sum += square;
       if (!(tolerance_ > 0.0)) continue;
@@ -290,7 +296,6 @@ class SmoothStage : public Stage {
   CoarseOptions coarse_;
   std::filesystem::path solution_;
   SmoothTiling tiling_;
-  PatchRange range_;  ///< of store_
   std::vector<SmoothTask> tasks_;
 };
 

@@ -7,53 +7,50 @@
 #include <span>
 
 #include "octree/error.h"
-#include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 namespace {
 
 constexpr std::uint64_t kTaskFaces = 500'000;  ///< a task is worth a file from about this many
 constexpr std::uint64_t kMaxTasks = 400;
-/// How far edges in line reach beyond the mean one: the diagonals of a regular grid 1.22 times, and some more.
-constexpr double kInLine = 1.25;
+/// Of the vertices that rings hold on a regular mesh: margins with so many times as many are no bargain.
+constexpr double kWasteful = 4.0;
 
-constexpr double kWider = 1.5;
-
-/// \param patches  indices   \param margin  of a tile that need not be sure; 0 = what is mostly enough
-SmoothTile look_around(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
-                       std::span<const std::size_t> patches, bool sure, double margin = 0.0) {
+struct TileAround {
   SmoothTile tile;
+  std::uint64_t vertices = 0;  ///< of all patches within the margin
+};
+
+/// \param patches  indices
+TileAround look_around(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
+                       std::span<const std::size_t> patches) {
+  TileAround found;
+  SmoothTile& tile = found.tile;
   tile.patches.assign(patches.begin(), patches.end());
   std::sort(tile.patches.begin(), tile.patches.end());
-  tile.sure = sure;
   const MeshBox core = store.box_of(tile.patches);
-  const auto load = [&](double around) {
-    tile.margin = around;
-    std::uint64_t vertices = 0, faces = 0;
-    double seen = 0.0;
-    for (const std::size_t p : store.select(grown(core, around))) {
-      vertices += store.patches()[p].vertices;
+  double longest = 0.0;
+  for (const std::size_t p : patches) longest = std::max(longest, range.longest_edge[p]);
+  // A longer edge within the margin widens it; it ends at the latest when all patches are in.
+  for (double seen = 0.0;; longest = seen) {
+    tile.margin = tiling.rings * longest + tiling.range;
+    std::uint64_t faces = 0;
+    found.vertices = 0;
+    seen = longest;
+    for (const std::size_t p : store.select(grown(core, tile.margin))) {
+      found.vertices += store.patches()[p].vertices;
       faces += store.patches()[p].faces;
       seen = std::max(seen, range.longest_edge[p]);
     }
-    tile.bytes = tiling.bytes(vertices, faces);
-    return seen;
-  };
-  double longest = 0.0, edge = 0.0;
-  for (const std::size_t p : patches) {
-    longest = std::max(longest, range.longest_edge[p]);
-    const auto edges = 3.0 * static_cast<double>(store.patches()[p].faces);
-    edge = std::max(edge, edges > 0.0 ? range.edge_squares[p] / edges : 0.0);
+    tile.bytes = tiling.bytes(found.vertices, faces);
+    if (seen == longest) return found;
   }
-  if (!sure) {
-    load(margin > 0.0 ? margin : kInLine * tiling.mostly_edges * std::sqrt(edge) + tiling.range);
-    return tile;
-  }
-  // A longer edge within the margin widens it; it ends at the latest when all patches are in.
-  for (double seen = 0.0;; longest = seen) {
-    seen = std::max(longest, load(tiling.rings * longest + tiling.range));
-    if (seen == longest) return tile;
-  }
+}
+
+/// Vertices of a regular mesh within so many rings around so many.
+double around_rings(std::uint64_t vertices, int rings) {
+  const double across = std::sqrt(static_cast<double>(vertices)) + 2.0 * rings;
+  return across * across;
 }
 
 class Cutter {
@@ -83,10 +80,9 @@ class Cutter {
     const bool small = tiling_.tile_bricks == 0 || high[axis] - low[axis] < tiling_.tile_bricks;
     // What is too large by itself is not worth looking around.
     if (patches.size() == 1 || (small && tiling_.bytes(vertices, faces) <= tiling_.tile_bytes)) {
-      SmoothTile tile = look_around(store_, range_, tiling_, patches, !(tiling_.mostly_edges > 0.0));
-      if (!tile.sure)
-        for (const std::size_t p : patches) tile.bytes = std::max(tile.bytes, surely(p));
+      SmoothTile tile = tiling_.few_rings > 0 ? ring_tile(patches, vertices) : margin_tile(patches, vertices);
       if (patches.size() == 1 || tile.bytes <= tiling_.tile_bytes) {
+        if (tile.by_rings) tile.bytes = tiling_.ring_bytes;
         tiles.push_back(std::move(tile));
         return;
       }
@@ -106,20 +102,27 @@ class Cutter {
   std::vector<SmoothTile> tiles;
 
  private:
-  /// Bytes of the sure tile of a patch.
-  std::uint64_t surely(std::size_t p) {
-    if (sure_bytes_.empty()) sure_bytes_.resize(store_.patches().size(), 0);
-    if (sure_bytes_[p] == 0) {
-      sure_bytes_[p] = look_around(store_, range_, tiling_, {&p, 1}, true).bytes;
-      if (tiling_.largest_bytes > 0) sure_bytes_[p] = std::min(sure_bytes_[p], tiling_.largest_bytes);
-    }
-    return sure_bytes_[p];
+  SmoothTile ring_tile(std::span<const std::size_t> patches, std::uint64_t vertices) const {
+    SmoothTile tile;
+    tile.patches.assign(patches.begin(), patches.end());
+    std::sort(tile.patches.begin(), tile.patches.end());
+    tile.by_rings = true;
+    const auto around = static_cast<std::uint64_t>(around_rings(vertices, tiling_.few_rings));
+    tile.bytes = tiling_.bytes(around, 2 * around);
+    return tile;
+  }
+
+  SmoothTile margin_tile(std::span<const std::size_t> patches, std::uint64_t vertices) const {
+    auto [tile, around] = look_around(store_, range_, tiling_, patches);
+    tile.by_rings = tiling_.ring_bytes > 0 && patches.size() == 1 &&
+                    (tile.bytes > tiling_.tile_bytes ||
+                     static_cast<double>(around) > kWasteful * around_rings(vertices, tiling_.rings));
+    return tile;
   }
 
   const MeshStore& store_;
   const PatchRange& range_;
   const SmoothTiling& tiling_;
-  std::vector<std::uint64_t> sure_bytes_;  ///< of each patch, 0: not known yet
 };
 
 }  // namespace
@@ -128,21 +131,6 @@ std::uint64_t task_bytes(const SmoothTask& task) {
   std::uint64_t bytes = 0;
   for (const SmoothTile& tile : task) bytes = std::max(bytes, tile.bytes);
   return bytes;
-}
-
-SmoothTile wider_tile(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
-                      std::size_t patch, double margin_before, std::uint64_t bytes) {
-  SmoothTile sure = look_around(store, range, tiling, {&patch, 1}, true);
-  if (sure.bytes <= bytes) return sure;
-  // What all rings can reach is never passed, and a margin of nothing grows too.
-  const double margin = std::clamp(kWider * margin_before, sure.margin / 64.0, sure.margin);
-  SmoothTile wider = look_around(store, range, tiling, {&patch, 1}, false, margin);
-  if (wider.bytes > bytes)
-    throw ResourceError("the surroundings that smoothing needs of a patch of " +
-                        std::to_string(store.patches()[patch].faces) + " faces take " +
-                        format_bytes(wider.bytes) + "; raise --memory to " +
-                        std::to_string(cap_mib_for_guess(wider.bytes)) + "M");
-  return wider;
 }
 
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,

@@ -13,8 +13,9 @@ namespace tessera {
 
 struct SmoothTile {
   std::vector<std::size_t> patches;  ///< ascending
-  double margin = 0.0;               ///< what the tile is loaded with
-  bool sure = true;         ///< all faces within it hold the rings that were asked for; false: mostly
+  double margin =
+      0.0;  ///< what the tile is loaded with: all faces within it hold the rings that were asked for
+  bool by_rings = false;  ///< not by a margin: the faces around are gathered ring by ring (smoothed_patch.h)
   std::uint64_t bytes = 0;  ///< upper bound of what the tile takes
 };
 
@@ -26,26 +27,19 @@ std::uint64_t task_bytes(const SmoothTask& task);
 
 struct SmoothTiling {
   int rings = 1;
-  /// Mean edges that are mostly enough: rings are reached by the longest edge only where many such edges lie in line.
-  /// Tiles are loaded with these first, and wider_tile() does for patches that miss something. 0 = rings at once.
-  double mostly_edges = 0.0;
   double range = 0.0;            ///< scan units, beyond the rings
   int tile_bricks = 0;           ///< largest edge of a tile in bricks; 0 = as large as the bytes allow
   std::uint64_t tile_bytes = 0;  ///< a tile above it is split down to single patches
-  /// What a task asks for at most on behalf of tiles that are sure: few need to be. 0 = all that they may take.
-  std::uint64_t largest_bytes = 0;
+  /// What gathering rings may take, where that is possible, else 0: tiles of one patch do so whose margin holds too much, or far
+  /// more than its rings. With `few_rings` > 0 all tiles do, with so many rings at first.
+  std::uint64_t ring_bytes = 0;
+  int few_rings = 0;
   /// Upper bound for a tile that reads so many vertices and faces, halo included.
   std::function<std::uint64_t(std::uint64_t vertices, std::uint64_t faces)> bytes;
 };
 
-/// Every patch is in exactly one tile, whose bytes also do for the sure tile of each of its patches, up to `largest_bytes`.
+/// Every patch is in exactly one tile.
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,
                                           const SmoothTiling& tiling);
-
-/// A patch whose rings the last tile did not hold: with all that they can reach where that fits into these bytes, else with half
-/// as much again around it as before.
-/// \throws ResourceError where not even that fits
-SmoothTile wider_tile(const MeshStore& store, const PatchRange& range, const SmoothTiling& tiling,
-                      std::size_t patch, double margin_before, std::uint64_t bytes);
 
 }  // namespace tessera
