@@ -15,6 +15,7 @@
 #include "stream/points/projected_inputs.h"
 #include "stream/points/unpacked_points.h"
 #include "stream/runtime/numbers.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {
@@ -38,8 +39,8 @@ std::shared_ptr<PointInputs> open_inputs(const JobState& job, bool colours, bool
   const bool projects = !options.project.empty() && options.project != "off";
   if (!projects) read.bounds = PointFilter(options).box();
   read.resolution_limit = options.resolution_limit;
-  std::vector<std::unique_ptr<PointFile>> files;
-  for (const auto& path : job.inputs) files.push_back(open_point_file(path, read));
+  std::vector<std::unique_ptr<PointFile>> files(job.inputs.size());
+  parallel_for(files.size(), [&](std::size_t i) { files[i] = open_point_file(job.inputs[i], read); });
   std::vector<std::string> notes;
   files = in_one_plane(std::move(files), {options.crs, options.project, options.columns}, !unpacked, notes);
   return std::make_shared<PointInputs>(std::move(files), options, kTaskBytes, std::move(notes));

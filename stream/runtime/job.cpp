@@ -243,7 +243,9 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   const double cpu_start = cpu_seconds();
   throw_if_stopped();
   trim_allocator();
-  const std::unique_ptr<Stage> stage = job_.stages[index].make(state_);
+  std::unique_ptr<Stage> stage;
+  pool_.run_here(
+      [&] { stage = job_.stages[index].make(state_); });  // thousands of headers are read on all threads
   const std::size_t count = stage->task_count();
 
   // A process of its own holds the base once more.
