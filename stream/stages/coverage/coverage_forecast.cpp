@@ -9,8 +9,8 @@
 namespace tessera {
 namespace {
 
-constexpr double kCoverageTime = 0.17;  ///< microseconds a face
-constexpr double kSeenTime = 0.1;       ///< microseconds a point
+constexpr double kCoverageTime = 0.12;  ///< microseconds a face
+constexpr double kSeenTime = 0.07;      ///< microseconds a point
 
 }  // namespace
 

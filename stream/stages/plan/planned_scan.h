@@ -52,6 +52,7 @@ struct PlannedScan {
 
   bool has_overlay = false;         ///< the normals stage runs
   bool estimates_normals = false;   ///< and fits planes
+  bool knows_sides = false;         ///< the points know from where they were seen
   bool oriented_in_blocks = false;  ///< patches know their sides; else nobody knows yet what the scan is of
   std::optional<PlannedColumns> columns = {};  ///< where a surface model may be made
   bool closes = false;                         ///< --holes close

@@ -59,7 +59,8 @@ PlannedScan planned_scan(const Plan& plan, const std::vector<PlanBrick>& bricks,
   const NormalsMode mode(options, job.inputs.size(), plan, agreement_where_measured(job.work));
   scan.has_overlay = mode.needed();
   scan.estimates_normals = mode.propagate();
-  scan.oriented_in_blocks = mode.each_seen() || options.from == "above";
+  scan.knows_sides = mode.each_seen();
+  scan.oriented_in_blocks = scan.knows_sides || options.from == "above";
   scan.columns = planned_columns(scan);
   scan.closes = HolesMode(options.holes).close;
   scan.fuses_stores = fuses_stores(options);

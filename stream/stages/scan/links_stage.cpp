@@ -236,7 +236,8 @@ std::unique_ptr<Stage> make_links_stage(const JobState& state) {
 
 namespace {
 
-constexpr double kLinksTime = 0.15;  ///< microseconds a point
+constexpr double kLinksTime = 0.06,
+                 kSeenLinksTime = 0.02;  ///< microseconds a point; where each knows its side
 
 }  // namespace
 
@@ -250,7 +251,7 @@ StageForecast forecast_links(const PlannedScan& scan) {
           .sure_bytes = links_finish_bytes(0, 0, 0, 0),
           .disk_bytes = needs.links_disk,
           .files = buckets,
-          .processor_us = scan.points * kLinksTime,
+          .processor_us = scan.points * (scan.knows_sides ? kSeenLinksTime : kLinksTime),
           .moved_bytes = static_cast<double>(scan.overlay_bytes)};
 }
 

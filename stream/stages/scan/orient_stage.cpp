@@ -213,7 +213,8 @@ std::unique_ptr<Stage> make_orient_stage(const JobState& state) {
 
 namespace {
 
-constexpr double kOrientTime = 0.25;  ///< microseconds a point
+constexpr double kOrientTime = 0.12,
+                 kSeenOrientTime = 0.01;  ///< microseconds a point; where each knows its side
 
 }  // namespace
 
@@ -226,7 +227,7 @@ StageForecast forecast_orient(const PlannedScan& scan) {
           .finish_bytes = needs.finish,
           .sure_bytes = block_orientation_bytes(0, 0, 0, 0),
           .files = buckets,
-          .processor_us = scan.points * kOrientTime,
+          .processor_us = scan.points * (scan.knows_sides ? kSeenOrientTime : kOrientTime),
           .moved_bytes = static_cast<double>(scan.overlay_bytes)};
 }
 

@@ -228,7 +228,7 @@ std::unique_ptr<Stage> make_top_stage(const JobState& state) {
 
 namespace {
 
-constexpr double kTopTime = 0.45;  ///< microseconds a point
+constexpr double kTopTime = 0.4;  ///< microseconds a point
 // On disk, a point: model and samples, of a forest and of a skin.
 constexpr double kForestBytes = 10.0, kSkinBytes = 18.0;
 

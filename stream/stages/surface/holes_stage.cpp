@@ -232,6 +232,13 @@ std::unique_ptr<Stage> make_holes_stage(const JobState& state) {
   return std::make_unique<HolesStage>(state);
 }
 
+namespace {
+
+// Microseconds a face: of noisy scans, whose holes nobody knows yet.
+constexpr double kLoopsTime = 0.14, kHolesTime = 0.12;
+
+}  // namespace
+
 StageForecast forecast_loops(const PlannedScan& scan) {
   if (scan.max_hole_edges == 0) return idle_forecast();
   return {.tasks = scan.groups.size(),
@@ -240,6 +247,7 @@ StageForecast forecast_loops(const PlannedScan& scan) {
               loops_finish_bytes(scan.run, scan.max_hole_edges, scan.max_chained_edges, scan.patches.entries),
           .sure_bytes = loops_finish_bytes(scan.run, scan.max_hole_edges, scan.max_chained_edges, {}),
           .files = scan.groups.size(),
+          .processor_us = scan.faces * kLoopsTime,
           .moved_bytes = static_cast<double>(scan.surface_bytes)};
 }
 StageForecast forecast_holes(const PlannedScan& scan) {
@@ -248,7 +256,8 @@ StageForecast forecast_holes(const PlannedScan& scan) {
   return {.tasks = scan.groups.size(),
           .task_bytes = scan.patches.max_of_tasks(MeshAround::bytes) + filling,
           .sure_bytes = MeshAround::bytes({}) + filling,
-          .files = scan.groups.size()};
+          .files = scan.groups.size(),
+          .processor_us = scan.faces * kHolesTime};
 }
 
 }  // namespace tessera

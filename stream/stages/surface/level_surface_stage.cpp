@@ -236,7 +236,7 @@ StageForecast forecast_level_surface(const PlannedScan& scan) {
        .task_bytes = level_surface_task_bytes(max_points_near(scan.bricks)),
        .disk_bytes = scan.surface_bytes,
        .files = scan.groups.size(),
-       .processor_us = scan.faces * surface_face_time(scan.plan.noise_cells),
+       .processor_us = scan.faces * surface_face_time(scan),
        .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes + scan.surface_bytes)});
 }
 

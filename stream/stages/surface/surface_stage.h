@@ -63,6 +63,7 @@ void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
 std::unique_ptr<Stage> make_surface_stage(const JobState& state);
 StageForecast forecast_surface(const PlannedScan& scan);
 /// Microseconds a face. Noisy samples are fitted again with wider radii, and look for sheets and creases that noise only feigns.
-double surface_face_time(double noise_cells);
+/// Where a surface model may stand in for crowns, a noise of a quarter of a cell and more is mostly theirs, and goes with them.
+double surface_face_time(const PlannedScan& scan);
 
 }  // namespace tessera

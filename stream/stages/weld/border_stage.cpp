@@ -121,7 +121,7 @@ std::unique_ptr<Stage> make_border_stage(const JobState& state) {
 
 namespace {
 
-constexpr double kBorderTime = 0.1;  ///< microseconds a face, of scans that are mostly borders
+constexpr double kBorderTime = 0.15;  ///< microseconds a face, of scans that are mostly borders
 
 }  // namespace
 
