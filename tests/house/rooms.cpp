@@ -31,6 +31,7 @@ const std::map<std::string, std::set<std::string>> kKernelFolders = {
     {"scene", {"field", "mesh"}},
     {"survey", {"mesh"}},
     {"change", {}},
+    {"boolean", {"mesh"}},
 };
 
 /// Rooms of stream/ by height: an include goes down or stays level, and the rooms of one height form no cycle.

@@ -139,6 +139,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("solvers/laplacian", "solvers", {"intrinsic_delaunay"});
 
     by("kernels/blends/resample_blend", "kernels/blends", {"blend_grid", "fishbone_fit", "normal_jumps"});
+    by("kernels/boolean/exact_boolean", "kernels/boolean",
+       {"cut_face", "exact_winding", "mesh_cuts", "settle_rounding"});
     by("kernels/certify/certificate_pair", "kernels/certify",
        {"convex_piece", "overlay_outline", "overlay_proof"});
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
@@ -189,6 +191,7 @@ const std::map<std::string, std::string>& covering_tests() {
         "offset_stage", "placed_shape", "resurface_job", "solid_mesh", "solid_stages", "solid_surface_stage",
         "solid_tiles"});
 
+    by("tools/exact_csg", "stream/stages/solid", {"exact_csg"});
     by("tools/field", "stream/stages/solid", {"far_stages", "field_job", "field_stages", "surface_distance"});
     by("stream/import/mesh_import", "stream/import",
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
