@@ -57,7 +57,7 @@ void run_csg(CsgArguments& a) {
   if (is_scene) a.state.also_read.emplace_back(a.words[0]);
   if (!scene.scans.empty()) {
     a.options.program = scene.program;
-    csg_model(a.options);  // what makes no sense is told before a scan is read
+    csg_job(a.options);  // what makes no sense is told before a scan is read
     reconstruct_scans(a.state, scene);
   }
   a.state.inputs = scene.meshes;
@@ -72,6 +72,10 @@ void run_csg(CsgArguments& a) {
   fmt::print("{}: {} vertices, {} faces, {} components, {}\n", a.state.output.string(),
              mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
              mesh.value("components", std::uint64_t{0}), cost_text(report));
+  if (a.options.exact)
+    fmt::print("{} faces as they were, {} along the cut ({} faces cut, {} coplanar pairs)\n",
+               mesh.value("kept_faces", std::uint64_t{0}), mesh.value("made_faces", std::uint64_t{0}),
+               mesh.value("cut_faces", std::uint64_t{0}), mesh.value("coplanar_pairs", std::uint64_t{0}));
   if (const auto dropped = mesh.value("islands_dropped", std::uint64_t{0}); dropped > 0)
     fmt::print(
         "{} islands of fewer than {} faces were dropped, {} faces together (--min-component 1 keeps them)\n",
@@ -91,7 +95,7 @@ cli::Command csg_command() {
   return {
       "csg",
       "Union (+), difference (-) and intersection (*, &) of meshes, from left to right, or of a scene file "
-      "(SCENE.json); new edges are sharp. Resumable.",
+      "(SCENE.json); new edges are sharp, with --exact the faces are cut themselves. Resumable.",
       table, [arguments] { run_csg(*arguments); }};
 }
 

@@ -17,6 +17,7 @@ namespace tessera {
 struct CsgOptions : SolidSurfaceOptions {
   /// The tree as a postfix list, which csg_scene.h makes: what is part of the job, whatever file it came from.
   std::string program;
+  bool exact = false;  ///< cut the faces of the meshes along each other instead (exact_csg.h)
 
   CsgOptions() { min_component = 0; }
   void validate() const {}
