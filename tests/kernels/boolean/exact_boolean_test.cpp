@@ -62,13 +62,14 @@ AllJoins join_all(const SolidMesh& a, const SolidMesh& b) {
   return all;
 }
 /// Results are solids, and their volumes add up.
-AllJoins check_joins(const SolidMesh& a, const SolidMesh& b) {
+/// \param margin  what rounding positions may do to a volume
+AllJoins check_joins(const SolidMesh& a, const SolidMesh& b, double margin = 1e-13) {
   AllJoins all = join_all(a, b);
   for (const BooleanResult* r : {&all.sum, &all.common, &all.rest})
     if (!r->mesh.faces.empty()) CHECK(solid_fault(canonical_solid(r->mesh)).value_or("") == "");
   const double va = volume(a), vb = volume(b), common = volume(all.common.mesh);
-  CHECK(volume(all.sum.mesh) + common == Approx(va + vb).epsilon(1e-9));
-  CHECK(volume(all.rest.mesh) + common == Approx(va).epsilon(1e-9));
+  CHECK(volume(all.sum.mesh) + common == Approx(va + vb).epsilon(1e-12).margin(margin));
+  CHECK(volume(all.rest.mesh) + common == Approx(va).epsilon(1e-12).margin(margin));
   return all;
 }
 /// Lengths that two intervals share.
@@ -96,7 +97,7 @@ TEST_CASE("exact boolean: boxes of a grid share faces, edges, corners, or all", 
   for (int round = 0; round < 250; ++round) {
     const auto a = some(), b = some();
     const AllJoins all = check_joins(box(a[0], a[1]), box(b[0], b[1]));
-    CHECK(volume(all.common.mesh) == shared(a, b));  // whole numbers
+    CHECK(volume(all.common.mesh) == Approx(shared(a, b)).margin(1e-14));
     coplanar += all.sum.stats.coplanar_pairs > 0;
     split += all.sum.stats.split_vertices > 0;
   }
@@ -186,7 +187,7 @@ TEST_CASE("exact boolean: turned plates, needles and survey coordinates", "[unit
         turned(round % 4 == 0 ? box({-2, -.05, -.05}, {2, .05, .05}) : ball(1, {0, 0, 0}), random.in(0, 3),
                random.in(0, 3), by + Double3{random.in(-.5, .5), random.in(-.5, .5), random.in(-.5, .5)});
     REQUIRE(solid_fault(plate).value_or("") == "");
-    check_joins(plate, other);
+    check_joins(plate, other, by[0] > 0.0 ? 1e-7 : 1e-13);
   }
 }
 
@@ -230,7 +231,7 @@ TEST_CASE("cut face: segments become edges, and the pieces cover the face", "[un
     };
     const std::uint32_t corners = 3 + static_cast<std::uint32_t>(random.below(60));
     for (std::uint32_t i = 0; i < corners; ++i) {
-      const double angle = 6.283185 * i / corners, r = random.in(.05, .25);
+      const double angle = 6.283185 * i / corners, r = random.in(.05, .2);
       add(.33 + r * std::cos(angle), .33 + r * std::sin(angle));
       segments.emplace_back(3 + i, 3 + (i + 1) % corners);
     }
@@ -278,7 +279,7 @@ TEST_CASE("settle rounding: faces that rounding made meet are drawn apart", "[un
     CHECK(stats.met == 3);
     CHECK(stats.left == 0);
     CHECK(stats.moved == 1);
-    CHECK(stats.farthest <= 0x1p-51);
+    CHECK(stats.farthest < 1e-15);
     CHECK(both.mesh.points[first][2] > 1.0);
     CHECK(solid_fault(canonical_solid(both.mesh)).value_or("") == "");
   }
