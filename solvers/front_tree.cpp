@@ -2,44 +2,14 @@
 
 #include <algorithm>
 #include <cassert>
-#include <string>
+#include <utility>
 
-#include "octree/error.h"
-#include "solvers/cholmod_view.h"
 #include "solvers/dense_front.h"
-#include "solvers/single_thread.h"
+#include "solvers/fill_ordering.h"
+#include "solvers/supernodes.h"
 
 namespace tessera {
 namespace {
-
-/// CHOLMOD's analysis of a pattern.
-class Analysis {
- public:
-  Analysis(const SparseMatrix& a, Ordering ordering) {
-    const SingleThread single;
-    cholmod_start(&common_);
-    common_.print = 0;
-    common_.supernodal = CHOLMOD_SUPERNODAL;
-    common_.nmethods = 1;
-    common_.postorder = 1;
-    common_.method[0].ordering = ordering == Ordering::kNestedDissection ? CHOLMOD_METIS : CHOLMOD_AMD;
-    cholmod_sparse view = cholmod_view(a);
-    factor_ = cholmod_analyze(&view, &common_);
-  }
-  ~Analysis() {
-    cholmod_free_factor(&factor_, &common_);
-    cholmod_finish(&common_);
-  }
-  Analysis(const Analysis&) = delete;
-  Analysis& operator=(const Analysis&) = delete;
-
-  const cholmod_factor* factor() const { return factor_; }
-  double flops() const { return common_.fl; }
-
- private:
-  cholmod_common common_;
-  cholmod_factor* factor_ = nullptr;
-};
 
 /// Entries of the lower triangle, by columns.
 constexpr std::size_t triangle(std::size_t size) {
@@ -49,27 +19,22 @@ constexpr std::size_t triangle(std::size_t size) {
 }  // namespace
 
 FrontTree::FrontTree(const SparseMatrix& a, Ordering ordering) {
-  const Analysis analysis(a, ordering);
-  const cholmod_factor* f = analysis.factor();
-  if (f == nullptr)
-    throw ResourceError("no factor of " + std::to_string(a.rows) +
-                        " unknowns: out of memory, or it has more than 2^31 entries");
-  flops_ = analysis.flops();
-  const auto* permutation = static_cast<const std::int32_t*>(f->Perm);
-  unknown_.assign(permutation, permutation + a.rows);
+  const std::vector<std::int32_t> order = fill_ordering(a, ordering);
+  EliminationTree tree = elimination_tree(a, order);
+  unknown_ = postorder(tree, order);
   slot_.resize(unknown_.size());
   for (std::size_t i = 0; i < unknown_.size(); ++i)
     slot_[static_cast<std::size_t>(unknown_[i])] = static_cast<std::int32_t>(i);
-  const auto* super = static_cast<const std::int32_t*>(f->super);
-  const auto* pi = static_cast<const std::int32_t*>(f->pi);
-  const auto* s = static_cast<const std::int32_t*>(f->s);
-  rows_start_.assign(pi, pi + f->nsuper + 1);
-  rows_.assign(s, s + rows_start_.back());
+  for (const double count : tree.count) flops_ += count * count;
+  Supernodes supernodes = find_supernodes(a, unknown_, tree);
+  rows_start_ = std::move(supernodes.start);
+  rows_ = std::move(supernodes.rows);
   std::vector<std::size_t> front_of(unknown_.size());
-  fronts_.resize(f->nsuper);
+  fronts_.resize(rows_start_.size() - 1);
   for (std::size_t k = 0; k < fronts_.size(); ++k) {
-    fronts_[k].eliminated = static_cast<std::uint32_t>(super[k + 1] - super[k]);
-    std::fill(front_of.begin() + super[k], front_of.begin() + super[k + 1], k);
+    const std::int32_t first = supernodes.first[k], end = supernodes.first[k + 1];
+    fronts_[k].eliminated = static_cast<std::uint32_t>(end - first);
+    std::fill(front_of.begin() + first, front_of.begin() + end, k);
   }
   for (std::size_t k = 0; k < fronts_.size(); ++k)
     if (contribution(k) > 0) ++fronts_[front_of[static_cast<std::size_t>(rows(k)[eliminated(k)])]].children;

@@ -1,6 +1,6 @@
 /// \file front_tree.h
-/// The fronts of a multifrontal factor: which unknowns each eliminates, which others it touches, whose rest it takes. Supernodes
-/// of CHOLMOD's analysis, which is whole numbers alone, so that they are the same on every machine.
+/// The fronts of a multifrontal factor: which unknowns each eliminates, which others it touches, whose rest it takes: the
+/// supernodes of an elimination (supernodes.h), found in whole numbers alone, so that they are the same on every machine.
 /// Sources: Duff, Reid, "The Multifrontal Solution of Indefinite Sparse Symmetric Linear Equations", 1983; Liu, "The
 /// Multifrontal Method for Sparse Matrix Solution", 1992.
 #pragma once
@@ -16,7 +16,7 @@ class FrontTree {
  public:
   /// Orders and finds the fronts, by the pattern alone. \pre symmetric pattern with a full diagonal
   /// \param ordering  kMinimumDegree or kNestedDissection
-  /// \throws ResourceError when CHOLMOD runs out of memory or of indices
+  /// \throws ResourceError out of memory or of 32-bit indices
   FrontTree(const SparseMatrix& a, Ordering ordering);
 
   std::size_t count() const { return fronts_.size(); }  ///< children before parents

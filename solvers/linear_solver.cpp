@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "octree/error.h"
-#include "solvers/cholesky_solver.h"
 #include "solvers/multifrontal_solver.h"
 #include "solvers/multigrid_solver.h"
 
@@ -44,8 +43,6 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
   if (!(options.tolerance > 0.0)) throw UsageError("the tolerance of a solver must be positive");
   if (options.max_iterations < 1) throw UsageError("a solver needs at least one iteration");
   switch (kind) {
-    case SolverKind::kCholesky:
-      return make_cholesky_solver(options);
     case SolverKind::kFronts:
       return make_fronts_solver(options);
     case SolverKind::kAutomatic:
@@ -60,8 +57,6 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
 
 const char* name(SolverKind kind) {
   switch (kind) {
-    case SolverKind::kCholesky:
-      return "Cholesky";
     case SolverKind::kFronts:
       return "fronts";
     case SolverKind::kAutomatic:

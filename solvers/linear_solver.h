@@ -3,9 +3,7 @@
 ///
 /// What may happen to a sound program on given numbers is a value: not converging, a singular matrix, a
 /// factor that does not fit. Nothing throws but for broken preconditions (UsageError). A solver is used by
-/// one thread at a time; it computes on one thread (the BLAS and OpenMP inside CHOLMOD are held to one), so a
-/// result never depends on threads. Solutions of CHOLMOD depend on the machine's BLAS kernels; those of our fronts have the
-/// same bits on every machine, and those of multigrid unless a mesh of very many pieces leaves a huge coarsest level.
+/// one thread at a time and computes on one thread, without a BLAS, so a result depends neither on threads nor on the machine.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -19,11 +17,10 @@
 namespace tessera {
 
 enum class SolverKind {
-  kCholesky,  ///< CHOLMOD, supernodal; symmetric positive definite
-  kFronts,    ///< CHOLMOD's analysis, our fronts: the same bits on every machine; symmetric positive definite
-  kAutomatic,  ///< our fronts where the factor fits, else multigrid
+  kFronts,     ///< multifrontal Cholesky; symmetric positive definite
+  kAutomatic,  ///< fronts where the factor fits, else multigrid
   kMultigrid,  ///< conjugate gradients preconditioned by our multigrid; symmetric positive definite
-  kLu,  ///< our fronts with pivots within them: the same bits on every machine; nearly symmetric pattern
+  kLu,         ///< multifrontal, with pivots within the fronts; nearly symmetric pattern
 };
 
 enum class Ordering {

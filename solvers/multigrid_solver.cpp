@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "solvers/cholesky_solver.h"
 #include "solvers/conjugate_gradients.h"
 #include "solvers/envelope_cholesky.h"
+#include "solvers/multifrontal_solver.h"
 #include "solvers/multigrid_cycle.h"
 #include "solvers/multigrid_levels.h"
 
@@ -28,24 +28,24 @@ constexpr double kStartTolerance = 1e-12;
 // Bytes an unknown while solving three columns, at the most (tests/solvers, tools/bench solvers), by order.
 constexpr double kBytesPerUnknown[] = {180.0, 720.0, 720.0};
 
-// Entries of the coarsest factor up to which ours serves. A mesh of very many pieces may stop above it.
+// Entries of the coarsest factor up to which an envelope serves. A mesh of very many pieces may stop above it.
 constexpr std::uint64_t kLargestEnvelope = std::uint64_t{1} << 24;
 
-/// Solves the coarsest level directly: by our own factor, the same bits on every machine, as long as it is small.
+/// Solves the coarsest level directly: by an envelope as long as that is small, else by fronts.
 class CoarsestLevel {
  public:
   FactorReport factor(const SparseMatrix& a) {
     FactorReport report;
-    ours_.emplace(a);
-    if (ours_->envelope() > kLargestEnvelope) {
-      ours_.reset();
-      large_ = make_cholesky_solver({});
+    envelope_.emplace(a);
+    if (envelope_->envelope() > kLargestEnvelope) {
+      envelope_.reset();
+      large_ = make_fronts_solver({});
       report = large_->analyse(a);
       return report.status == SolveStatus::kSolved ? large_->factor(a) : report;
     }
-    report.factor_entries = ours_->envelope();
-    report.bytes = report.peak_bytes = 8 * ours_->envelope();
-    if (!ours_->factor(a)) report.status = SolveStatus::kSingular;
+    report.factor_entries = envelope_->envelope();
+    report.bytes = report.peak_bytes = 8 * envelope_->envelope();
+    if (!envelope_->factor(a)) report.status = SolveStatus::kSingular;
     return report;
   }
 
@@ -58,13 +58,13 @@ class CoarsestLevel {
     column_.resize(b.size() / w);
     for (std::size_t c = 0; c < w; ++c) {
       for (std::size_t i = 0; i < column_.size(); ++i) column_[i] = b[i * w + c];
-      ours_->solve(column_);
+      envelope_->solve(column_);
       for (std::size_t i = 0; i < column_.size(); ++i) x[i * w + c] = column_[i];
     }
   }
 
  private:
-  std::optional<EnvelopeCholesky> ours_;
+  std::optional<EnvelopeCholesky> envelope_;
   std::unique_ptr<LinearSolver> large_;
   Vector column_;
 };

@@ -7,6 +7,7 @@
 
 #include "octree/error.h"
 #include "solvers/laplacian_system.h"
+#include "tests/helpers/cholmod_solver.h"
 #include "tests/helpers/irregular_mesh.h"
 #include "tests/solvers/dense.h"
 
@@ -60,8 +61,7 @@ int cycles(std::size_t side, int order, MultigridCycle cycle, double stretch = 1
   return r.iterations;
 }
 
-constexpr SolverKind kAll[] = {SolverKind::kCholesky, SolverKind::kFronts, SolverKind::kMultigrid,
-                               SolverKind::kLu};
+constexpr SolverKind kAll[] = {SolverKind::kFronts, SolverKind::kMultigrid, SolverKind::kLu};
 
 /// The first status that is not kSolved, of all steps, and its sentence.
 SolveReport attempt(SolverKind kind, const SolverOptions& options, const SparseMatrix& a,
@@ -81,9 +81,9 @@ SolveReport attempt(SolverKind kind, const SolverOptions& options, const SparseM
 
 }  // namespace
 
-TEST_CASE("solver: every ordering gives the same solution and an honest factor count", "[unit]") {
+TEST_CASE("cholmod: every ordering gives the same solution and an honest factor count", "[unit]") {
   const Problem p = problem(60, 2);
-  const auto reference = make_solver(SolverKind::kCholesky, {.ordering = Ordering::kNatural});
+  const auto reference = test::make_cholmod_solver({.ordering = Ordering::kNatural});
   reference->analyse(p.system.matrix);
   const FactorReport natural = reference->factor(p.system.matrix);
   std::vector<double> x0(p.b.size());
@@ -91,7 +91,7 @@ TEST_CASE("solver: every ordering gives the same solution and an honest factor c
   for (const Ordering ordering : {Ordering::kAuto, Ordering::kMinimumDegree, Ordering::kNestedDissection,
                                   Ordering::kReverseCuthillMcKee}) {
     CAPTURE(name(ordering));
-    const auto solver = make_solver(SolverKind::kCholesky, {.ordering = ordering});
+    const auto solver = test::make_cholmod_solver({.ordering = ordering});
     const FactorReport predicted = solver->analyse(p.system.matrix);
     const FactorReport made = solver->factor(p.system.matrix);
     CHECK(predicted.factor_entries == made.factor_entries);
@@ -107,7 +107,7 @@ TEST_CASE("solver: every ordering gives the same solution and an honest factor c
 
 TEST_CASE("solver: values may change under one analysis", "[unit]") {
   const Problem p = problem(24, 1);
-  const SolverKind kind = GENERATE(SolverKind::kCholesky, SolverKind::kMultigrid);
+  const SolverKind kind = GENERATE(SolverKind::kFronts, SolverKind::kMultigrid);
   CAPTURE(name(kind));
   const SparseMatrix a = implicit_step_matrix(p.operators, 1e-3), b = implicit_step_matrix(p.operators, 5e-2);
   REQUIRE(a.column == b.column);
@@ -196,7 +196,7 @@ TEST_CASE("solver: an unconstrained mesh is singular, and every solver says so o
     CHECK((r.status == SolveStatus::kSingular || r.status == SolveStatus::kNotConverged));
     CHECK_FALSE(r.message.empty());
   }
-  CHECK(attempt(SolverKind::kCholesky, {}, a, b).status == SolveStatus::kSingular);
+  CHECK(attempt(SolverKind::kFronts, {}, a, b).status == SolveStatus::kSingular);
 }
 
 TEST_CASE("solver: a vertex that only faces without area hold is singular, intrinsic triangles cure it",

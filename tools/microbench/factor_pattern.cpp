@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "solvers/cholmod_view.h"
 #include "solvers/laplacian_system.h"
 #include "solvers/rcm_ordering.h"
+#include "tests/helpers/cholmod_view.h"
 #include "tests/helpers/irregular_mesh.h"
 
 namespace {
@@ -25,7 +25,7 @@ std::vector<std::int32_t> cholmod_ordering(const SparseMatrix& a, int method) {
   cholmod_start(&c);
   c.nmethods = 1;
   c.method[0].ordering = method;
-  cholmod_sparse m = cholmod_view(a);
+  cholmod_sparse m = test::cholmod_view(a);
   cholmod_factor* f = cholmod_analyze(&m, &c);
   const int* p = static_cast<const int*>(f->Perm);
   std::vector<std::int32_t> order(p, p + a.rows);

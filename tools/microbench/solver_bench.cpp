@@ -16,9 +16,10 @@
 #include <string>
 #include <vector>
 
-#include "solvers/cholmod_view.h"
 #include "solvers/laplacian_system.h"
 #include "solvers/linear_solver.h"
+#include "tests/helpers/cholmod_solver.h"
+#include "tests/helpers/cholmod_view.h"
 #include "tests/helpers/irregular_mesh.h"
 #include "tools/microbench/hypre_solver.h"
 #include "tools/microbench/krylov_solver.h"
@@ -92,7 +93,7 @@ json bare_cholmod(const System& s) {
   c.supernodal = CHOLMOD_SUPERNODAL;
   c.nmethods = 1;
   c.method[0].ordering = CHOLMOD_METIS;
-  cholmod_sparse m = cholmod_view(a);
+  cholmod_sparse m = test::cholmod_view(a);
   const double t0 = thread_seconds();
   cholmod_factor* f = cholmod_analyze(&m, &c);
   const double t1 = thread_seconds();
@@ -154,7 +155,7 @@ json implicit_step(const System& s) {
   std::vector<double> b(s.operators.mass.size() * 3), x(b.size());
   for (std::size_t i = 0; i < b.size(); ++i)
     b[i] = s.operators.mass[i / 3] * std::sin(static_cast<double>(i));
-  const auto solver = make_solver(SolverKind::kCholesky);
+  const auto solver = test::make_cholmod_solver();
   json row;
   const double t0 = thread_seconds();
   solver->analyse(first);
@@ -193,12 +194,19 @@ Run runner(const std::string& which, const Settings& s) {
       return through_interface(*make_solver(kind, o), system);
     };
   };
+  const auto cholmod = [options](Ordering ordering) {
+    return [=](const System& system) {
+      SolverOptions o = options(system);
+      o.ordering = ordering;
+      return through_interface(*test::make_cholmod_solver(o), system);
+    };
+  };
   const auto only_count = [options](Ordering ordering) {
     return [=](const System& system) {
       SolverOptions o = options(system);
       o.ordering = ordering;
       o.memory_bytes = 0;
-      const FactorReport f = make_solver(SolverKind::kCholesky, o)->analyse(system.constrained.matrix);
+      const FactorReport f = test::make_cholmod_solver(o)->analyse(system.constrained.matrix);
       return json{{"status", name(f.status)},
                   {"message", f.message},
                   {"factor_entries", f.factor_entries},
@@ -208,8 +216,8 @@ Run runner(const std::string& which, const Settings& s) {
   };
   using enum SolverKind;
   constexpr auto kFull = MultigridCycle::kFull;
-  if (which == "cholesky-nd") return with(kCholesky, Ordering::kNestedDissection, kFull);
-  if (which == "cholesky-amd") return with(kCholesky, Ordering::kMinimumDegree, kFull);
+  if (which == "cholesky-nd") return cholmod(Ordering::kNestedDissection);
+  if (which == "cholesky-amd") return cholmod(Ordering::kMinimumDegree);
   if (which == "multigrid") return with(kMultigrid, Ordering::kAuto, kFull);
   if (which == "multigrid-v") return with(kMultigrid, Ordering::kAuto, MultigridCycle::kV);
   if (which == "multigrid-cascade") return with(kMultigrid, Ordering::kAuto, MultigridCycle::kCascading);

@@ -9,6 +9,7 @@
 #include "octree/vector.h"
 #include "solvers/linear_solver.h"
 #include "tests/helpers/block_meshes.h"
+#include "tests/helpers/cholmod_solver.h"
 
 namespace smooth_test {
 
@@ -428,7 +429,7 @@ double error_against_direct(int level, double noise, double lambda, int order) {
   std::vector<double> b(3 * n), x(3 * n);
   for (std::size_t v = 0; v < n; ++v)
     for (std::size_t a = 0; a < 3; ++a) b[3 * v + a] = degree[v] * block.position[v][a];
-  const auto solver = make_solver(SolverKind::kCholesky);
+  const auto solver = test::make_cholmod_solver();
   REQUIRE(solver->analyse(system).status == SolveStatus::kSolved);
   REQUIRE(solver->factor(system).status == SolveStatus::kSolved);
   REQUIRE(solver->solve(b, x, 3).status == SolveStatus::kSolved);

@@ -1,4 +1,4 @@
-#include "solvers/cholesky_solver.h"
+#include "tests/helpers/cholmod_solver.h"
 
 #include <algorithm>
 #include <cassert>
@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "solvers/cholmod_view.h"
 #include "solvers/rcm_ordering.h"
-#include "solvers/single_thread.h"
+#include "tests/helpers/cholmod_view.h"
+#include "tests/helpers/single_thread.h"
 
-namespace tessera {
+namespace tessera::test {
 namespace {
 
 // Above this much work nested dissection pays for its time within two factorizations (tools/bench solvers).
@@ -23,16 +23,16 @@ std::string mebibytes(double bytes) {
   return std::to_string(static_cast<std::uint64_t>(bytes / 1048576.0) + 1) + " MiB";
 }
 
-class CholeskySolver final : public LinearSolver {
+class CholmodSolver final : public LinearSolver {
  public:
-  explicit CholeskySolver(const SolverOptions& options) : options_(options) {
+  explicit CholmodSolver(const SolverOptions& options) : options_(options) {
     cholmod_start(&common_);
     common_.print = 0;
     common_.supernodal = CHOLMOD_SUPERNODAL;
     common_.nmethods = 1;
     common_.postorder = 1;
   }
-  ~CholeskySolver() override {
+  ~CholmodSolver() override {
     release();
     cholmod_finish(&common_);
   }
@@ -215,8 +215,8 @@ class CholeskySolver final : public LinearSolver {
 
 }  // namespace
 
-std::unique_ptr<LinearSolver> make_cholesky_solver(const SolverOptions& options) {
-  return std::make_unique<CholeskySolver>(options);
+std::unique_ptr<LinearSolver> make_cholmod_solver(const SolverOptions& options) {
+  return std::make_unique<CholmodSolver>(options);
 }
 
-}  // namespace tessera
+}  // namespace tessera::test

@@ -1,11 +1,11 @@
-#include "solvers/single_thread.h"
+#include "tests/helpers/single_thread.h"
 
 #include <omp.h>
 
 // There when the BLAS is OpenBLAS. The reference BLAS has no threads and no such function.
 extern "C" __attribute__((weak)) void openblas_set_num_threads(int count);
 
-namespace tessera {
+namespace tessera::test {
 
 SingleThread::SingleThread() : levels_(omp_get_max_active_levels()) {
   // CHOLMOD asks for four threads by name, which omp_set_num_threads cannot overrule; no active level can.
@@ -17,4 +17,4 @@ SingleThread::~SingleThread() {
   omp_set_max_active_levels(levels_);
 }
 
-}  // namespace tessera
+}  // namespace tessera::test

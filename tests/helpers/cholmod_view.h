@@ -7,7 +7,7 @@
 
 #include "solvers/sparse_matrix.h"
 
-namespace tessera {
+namespace tessera::test {
 
 /// The upper triangle of `a` without a copy. Compressed rows of a symmetric matrix are its compressed columns, and
 /// CHOLMOD never writes to them.
@@ -28,4 +28,4 @@ inline cholmod_sparse cholmod_view(const SparseMatrix& a) {
   return v;
 }
 
-}  // namespace tessera
+}  // namespace tessera::test

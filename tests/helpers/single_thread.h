@@ -2,7 +2,7 @@
 /// Holds the BLAS and OpenMP inside the libraries to the calling thread while it lives.
 #pragma once
 
-namespace tessera {
+namespace tessera::test {
 
 /// OpenMP regions entered by this thread run on it alone; OpenBLAS, if that is the BLAS, uses one thread from
 /// now on.
@@ -17,4 +17,4 @@ class SingleThread {
   int levels_;
 };
 
-}  // namespace tessera
+}  // namespace tessera::test
