@@ -32,6 +32,7 @@ const std::map<std::string, std::set<std::string>> kKernelFolders = {
     {"survey", {"mesh"}},
     {"change", {}},
     {"boolean", {"mesh"}},
+    {"texture", {"mesh", "maps"}},
 };
 
 /// Rooms of stream/ by height: an include goes down or stays level, and the rooms of one height form no cycle.

@@ -1,0 +1,266 @@
+#include "kernels/texture/chart_packing.h"
+
+#include <algorithm>
+#include <bit>
+#include <numeric>
+#include <stdexcept>
+
+namespace tessera {
+namespace {
+
+constexpr std::uint32_t kMinPageSide = 16;  ///< cells
+constexpr double kGoodShare = 0.72;   ///< a page that holds all that is left, so full, is the last one
+constexpr double kOfferedShare = 1.0;  ///< of a page's area is offered to it; what does not fit comes next
+constexpr double kTightest = 0.97;    ///< no page gets fuller
+
+using Words = std::vector<std::uint64_t>;
+
+/// Bits from..from + count of a row, shifted down by `by`.
+void or_shifted(const std::uint64_t* row, std::size_t words, std::uint32_t by, Words& out) {
+  const std::size_t skip = by / 64, shift = by % 64;
+  for (std::size_t w = 0; w + skip < words; ++w) {
+    std::uint64_t bits = row[w + skip] >> shift;
+    if (shift > 0 && w + skip + 1 < words) bits |= row[w + skip + 1] << (64 - shift);
+    out[w] |= bits;
+  }
+}
+
+struct MaskRun {
+  std::uint32_t row = 0, first = 0, length = 0;
+};
+
+std::vector<MaskRun> runs_of(const ChartMask& mask) {
+  std::vector<MaskRun> runs;
+  for (std::uint32_t y = 0; y < mask.height; ++y)
+    for (std::uint32_t x = 0; x < mask.width;) {
+      if (!mask.taken(x, y)) {
+        ++x;
+        continue;
+      }
+      const std::uint32_t first = x;
+      while (x < mask.width && mask.taken(x, y)) ++x;
+      runs.push_back({y, first, x - first});
+    }
+  // Long ones rule out most.
+  std::stable_sort(runs.begin(), runs.end(),
+                   [](const MaskRun& a, const MaskRun& b) { return a.length > b.length; });
+  return runs;
+}
+
+class Page {
+ public:
+  Page(std::uint32_t width, std::uint32_t height)
+      : width_(width), height_(height), words_((width + 63) / 64), bits_(words_ * height, 0) {}
+
+  /// The lowest, then leftmost place. \returns false where there is none
+  bool find(const ChartMask& mask, const std::vector<MaskRun>& runs, std::uint32_t& at_x, std::uint32_t& at_y,
+            std::uint32_t below) {
+    if (mask.width > width_ || mask.height > height_) return false;
+    Words blocked(words_), dilated(words_), scratch(words_);
+    const std::uint32_t last = width_ - mask.width;
+    for (std::uint32_t y = full_rows_; y + mask.height <= height_ && y < below; ++y) {
+      std::fill(blocked.begin(), blocked.end(), 0);
+      bool open = true;
+      for (const MaskRun& run : runs) {
+        dilate(&bits_[std::size_t{y + run.row} * words_], run.length, dilated, scratch);
+        or_shifted(dilated.data(), words_, run.first, blocked);
+        if (!(open = has_zero(blocked, last))) break;
+      }
+      if (!open) continue;
+      at_x = first_zero(blocked), at_y = y;
+      return true;
+    }
+    return false;
+  }
+
+  void put(const std::vector<MaskRun>& runs, std::uint32_t x, std::uint32_t y) {
+    for (const MaskRun& run : runs)
+      for (std::uint32_t i = 0; i < run.length; ++i) {
+        const std::uint32_t at = x + run.first + i;
+        bits_[std::size_t{y + run.row} * words_ + at / 64] |= std::uint64_t{1} << (at % 64);
+      }
+    while (full_rows_ < height_ && !has_zero_in_row(full_rows_)) ++full_rows_;
+  }
+
+ private:
+  /// Bit x is set where any of the bits x .. x + length - 1 is.
+  void dilate(const std::uint64_t* row, std::uint32_t length, Words& out, Words& scratch) const {
+    std::copy(row, row + words_, out.begin());
+    for (std::uint32_t done = 1; done < length;) {
+      const std::uint32_t step = std::min(done, length - done);
+      scratch = out;
+      or_shifted(scratch.data(), words_, step, out);
+      done += step;
+    }
+  }
+  static bool has_zero(const Words& bits, std::uint32_t last) {
+    const std::size_t whole = (last + 1) / 64;
+    for (std::size_t w = 0; w < whole; ++w)
+      if (bits[w] != ~std::uint64_t{0}) return true;
+    const std::uint32_t rest = (last + 1) % 64;
+    return rest > 0 && (~bits[whole] & ((std::uint64_t{1} << rest) - 1)) != 0;
+  }
+  static std::uint32_t first_zero(const Words& bits) {
+    std::size_t w = 0;
+    while (bits[w] == ~std::uint64_t{0}) ++w;
+    return static_cast<std::uint32_t>(64 * w) + static_cast<std::uint32_t>(std::countr_one(bits[w]));
+  }
+  bool has_zero_in_row(std::uint32_t y) const {
+    const std::uint64_t* row = &bits_[std::size_t{y} * words_];
+    for (std::uint32_t x = 0; x < width_; x += 64) {
+      const std::uint32_t count = std::min<std::uint32_t>(64, width_ - x);
+      const std::uint64_t all = count == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << count) - 1;
+      if ((row[x / 64] & all) != all) return true;
+    }
+    return false;
+  }
+
+  std::uint32_t width_, height_;
+  std::size_t words_;
+  Words bits_;
+  std::uint32_t full_rows_ = 0;
+};
+
+struct Packer {
+  std::span<const ChartMask> charts;
+  ChartPacking out;
+
+  /// Puts charts on a new page; returns those that did not fit, in the order given. The page is kept if it is `keep`s or
+  /// all fit.
+  std::vector<std::uint32_t> fill(std::span<const std::uint32_t> offered, PageSize size, bool all_or_none) {
+    std::vector<std::uint32_t> order(offered.begin(), offered.end());
+    std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+      const std::uint32_t ha = std::max(charts[a].width, charts[a].height),
+                          hb = std::max(charts[b].width, charts[b].height);
+      return ha > hb;
+    });
+    Page page(size.width, size.height);
+    std::vector<std::pair<std::uint32_t, ChartSpot>> placed;
+    std::vector<std::uint32_t> left;
+    const auto number = static_cast<std::uint32_t>(out.pages.size());
+    for (const std::uint32_t c : order) {
+      const ChartMask side = turned(charts[c]);
+      const std::vector<MaskRun> runs = runs_of(charts[c]), side_runs = runs_of(side);
+      ChartSpot spot{number, 0, 0, false};
+      const bool as_is = page.find(charts[c], runs, spot.x, spot.y, 0xffffffffu);
+      std::uint32_t x = 0, y = 0;
+      // Turned where that ends lower.
+      const std::uint32_t top = as_is ? spot.y + charts[c].height : 0xffffffffu;
+      const std::uint32_t below = as_is ? (top > side.height ? top - side.height : 0) : 0xffffffffu;
+      if (page.find(side, side_runs, x, y, below)) {
+        spot.x = x, spot.y = y, spot.turned = true;
+      } else if (!as_is) {
+        if (all_or_none) return left = {c};
+        left.push_back(c);
+        continue;
+      }
+      page.put(spot.turned ? side_runs : runs, spot.x, spot.y);
+      placed.emplace_back(c, spot);
+    }
+    for (const auto& [c, spot] : placed) out.spots[c] = spot;
+    out.pages.push_back(size);
+    std::sort(left.begin(), left.end());
+    return left;
+  }
+};
+
+std::uint64_t area_of(const PageSize& size) {
+  return std::uint64_t{size.width} * size.height;
+}
+
+/// Squares and rectangles of 2 to 1, ascending, up to a square.
+std::vector<PageSize> page_sizes(std::uint32_t max_side) {
+  std::vector<PageSize> sizes;
+  for (std::uint32_t side = std::min(kMinPageSide, max_side); side <= max_side; side *= 2) {
+    sizes.push_back({side, side});
+    if (side < max_side) sizes.push_back({2 * side, side});
+  }
+  return sizes;
+}
+
+}  // namespace
+
+ChartMask chart_mask(const ChartRaster& raster, int cell) {
+  ChartMask mask;
+  mask.width = static_cast<std::uint32_t>((raster.width + cell - 1) / cell);
+  mask.height = static_cast<std::uint32_t>((raster.height + cell - 1) / cell);
+  const std::size_t words = (mask.width + 63) / 64;
+  mask.bits.assign(words * mask.height, 0);
+  for (int y = 0; y < raster.height; ++y)
+    for (int x = 0; x < raster.width; ++x)
+      if (raster.at(x, y) != ChartRaster::kEmpty) {
+        const auto cx = static_cast<std::uint32_t>(x / cell), cy = static_cast<std::uint32_t>(y / cell);
+        mask.bits[cy * words + cx / 64] |= std::uint64_t{1} << (cx % 64);
+      }
+  for (const std::uint64_t w : mask.bits) mask.cells += static_cast<std::uint32_t>(std::popcount(w));
+  return mask;
+}
+
+ChartMask turned(const ChartMask& mask) {
+  ChartMask out;
+  out.width = mask.height, out.height = mask.width, out.cells = mask.cells;
+  const std::size_t words = (out.width + 63) / 64;
+  out.bits.assign(words * out.height, 0);
+  for (std::uint32_t y = 0; y < mask.height; ++y)
+    for (std::uint32_t x = 0; x < mask.width; ++x)
+      if (mask.taken(x, y)) {
+        const std::uint32_t to = mask.height - 1 - y;
+        out.bits[std::size_t{x} * words + to / 64] |= std::uint64_t{1} << (to % 64);
+      }
+  return out;
+}
+
+ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side) {
+  Packer packer{charts, {}};
+  packer.out.spots.resize(charts.size());
+  std::vector<std::uint32_t> queue(charts.size());
+  std::iota(queue.begin(), queue.end(), 0u);
+  const std::vector<PageSize> sizes = page_sizes(max_side);
+  std::uint64_t area = 0;
+  for (const ChartMask& c : charts) {
+    if (std::max(c.width, c.height) > max_side)
+      throw std::logic_error("packing: a chart is larger than a page");
+    area += c.cells;
+  }
+  while (!queue.empty()) {
+    std::uint32_t longest = 0, widest = 0;
+    for (const std::uint32_t c : queue) {
+      longest = std::max(longest, std::max(charts[c].width, charts[c].height));
+      widest = std::max(widest, std::min(charts[c].width, charts[c].height));
+    }
+    const auto holds = [&](const PageSize& s) { return s.width >= longest && s.height >= widest; };
+    // All of it on one page that it fills well?
+    bool done = false;
+    for (const PageSize& s : sizes) {
+      if (!holds(s) || static_cast<double>(area) > kTightest * static_cast<double>(area_of(s))) continue;
+      if (static_cast<double>(area) < kGoodShare * static_cast<double>(area_of(s)) && &s != &sizes.front()) break;
+      done = packer.fill(queue, s, true).empty();
+      if (done) break;
+    }
+    if (done) break;
+    // Else the largest page that what is left can fill; where charts are too large for that, the smallest that holds it.
+    PageSize size = sizes.back();
+    for (const PageSize& s : sizes)
+      if (holds(s)) {
+        size = s;
+        break;
+      }
+    for (const PageSize& s : sizes)
+      if (holds(s) && area_of(s) <= area) size = s;
+    std::vector<std::uint32_t> offered;
+    std::uint64_t sum = 0;
+    for (const std::uint32_t c : queue) {
+      if (static_cast<double>(sum + charts[c].cells) > kOfferedShare * static_cast<double>(area_of(size))) break;
+      offered.push_back(c);
+      sum += charts[c].cells;
+    }
+    std::vector<std::uint32_t> left = packer.fill(offered, size, false);
+    left.insert(left.end(), queue.begin() + static_cast<std::ptrdiff_t>(offered.size()), queue.end());
+    queue = std::move(left);
+    area = 0;
+    for (const std::uint32_t c : queue) area += charts[c].cells;
+  }
+  return std::move(packer.out);
+}
+
+}  // namespace tessera

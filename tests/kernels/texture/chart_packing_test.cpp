@@ -1,0 +1,81 @@
+#include "kernels/texture/chart_packing.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "octree/portable_math.h"
+#include "tests/helpers/block_meshes.h"
+
+namespace chart_packing_test {
+
+using namespace tessera;
+
+namespace {
+
+/// An L, or a disk, of random size.
+ChartMask random_mask(std::uint64_t index) {
+  ChartMask mask;
+  const auto side = [&](std::uint64_t axis) {
+    return 3 + static_cast<std::uint32_t>(40 * to_unit(random_bits(7, axis, index)) *
+                                          to_unit(random_bits(7, axis + 2, index)));
+  };
+  mask.width = side(0), mask.height = side(1);
+  const std::size_t words = (mask.width + 63) / 64;
+  mask.bits.assign(words * mask.height, 0);
+  for (std::uint32_t y = 0; y < mask.height; ++y)
+    for (std::uint32_t x = 0; x < mask.width; ++x) {
+      const double u = 2.0 * (x + 0.5) / mask.width - 1, v = 2.0 * (y + 0.5) / mask.height - 1;
+      if (index % 2 == 0 ? u * u + v * v > 1.0 : (u > 0 && v > 0)) continue;
+      mask.bits[y * words + x / 64] |= std::uint64_t{1} << (x % 64);
+      ++mask.cells;
+    }
+  return mask;
+}
+
+}  // namespace
+
+TEST_CASE("chart packing: nothing overlaps, everything lies on its page, pages are well filled", "[property]") {
+  std::vector<ChartMask> masks;
+  for (std::uint64_t i = 0; i < 1500; ++i) masks.push_back(random_mask(i));
+  const ChartPacking packing = pack_charts(masks, 256);
+  REQUIRE(packing.spots.size() == masks.size());
+  std::vector<std::vector<std::uint8_t>> page;
+  std::uint64_t area = 0, used = 0;
+  for (const PageSize& p : packing.pages) {
+    page.emplace_back(p.width * p.height, std::uint8_t{0});
+    area += page.back().size();
+    CHECK((p.width & (p.width - 1)) == 0);
+    CHECK((p.height & (p.height - 1)) == 0);
+    CHECK(p.width <= 256);
+  }
+  std::size_t overlaps = 0, outside = 0;
+  for (std::size_t i = 0; i < masks.size(); ++i) {
+    const ChartSpot& s = packing.spots[i];
+    const ChartMask mask = s.turned ? turned(masks[i]) : masks[i];
+    for (std::uint32_t y = 0; y < mask.height; ++y)
+      for (std::uint32_t x = 0; x < mask.width; ++x) {
+        if (!mask.taken(x, y)) continue;
+        const PageSize& size = packing.pages[s.page];
+        if (s.x + x >= size.width || s.y + y >= size.height) {
+          ++outside;
+          continue;
+        }
+        overlaps += page[s.page][(s.y + y) * size.width + s.x + x]++;
+        ++used;
+      }
+  }
+  CHECK(overlaps == 0);
+  CHECK(outside == 0);
+  CHECK(packing.pages.size() > 1);
+  CHECK(static_cast<double>(used) > 0.7 * static_cast<double>(area));
+}
+
+TEST_CASE("chart packing: a chart turned four times is itself", "[unit]") {
+  const ChartMask mask = random_mask(3);
+  const ChartMask four = turned(turned(turned(turned(mask))));
+  CHECK(four.bits == mask.bits);
+  CHECK(turned(mask).width == mask.height);
+  CHECK(turned(mask).taken(mask.height - 1, 0) == mask.taken(0, 0));
+}
+
+}  // namespace chart_packing_test
