@@ -9,6 +9,7 @@ namespace tessera {
 
 // one line per command, alphabetical
 cli::Command cancel_command();
+cli::Command bake_command();
 cli::Command change_command();
 cli::Command check_command();
 cli::Command classify_command();

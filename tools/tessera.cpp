@@ -10,7 +10,7 @@ int main(int argc, char** argv) {
   const std::vector<cli::Command> jobs = {
       reconstruct_command(), resurface_command(), csg_command(),    merge_command(),
       smooth_command(),      decimate_command(),  remesh_command(), resample_command(),
-      deform_command(),      tiles_command(),     field_command(),
+      deform_command(),      tiles_command(),     field_command(),  bake_command(),
   };
   // clang-format off
   const std::vector<cli::Command> commands = {
@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
       remesh_command(),
       resample_command(),
       deform_command(),
+      bake_command(),
       tiles_command(),
       view_command(),
       submit_command(jobs),

@@ -9,9 +9,12 @@ namespace tessera {
 namespace {
 
 constexpr std::uint32_t kMinPageSide = 16;  ///< cells
-constexpr double kGoodShare = 0.72;   ///< a page that holds all that is left, so full, is the last one
-constexpr double kOfferedShare = 1.0;  ///< of a page's area is offered to it; what does not fit comes next
-constexpr double kTightest = 0.97;    ///< no page gets fuller
+constexpr double kGoodShare = 0.72;         ///< a page that holds all that is left, so full, is the last one
+constexpr double kOfferedShare = 1.5;  ///< of a page's area is offered to it; what does not fit comes next
+constexpr double kTightest = 0.97;     ///< no page gets fuller
+constexpr std::ptrdiff_t kTriedSizes = 4;
+constexpr std::uint64_t kManyPages = 4;
+constexpr std::uint32_t kNoTop = 0xffffffffu;
 
 using Words = std::vector<std::uint64_t>;
 
@@ -121,48 +124,54 @@ class Page {
   std::uint32_t full_rows_ = 0;
 };
 
-struct Packer {
-  std::span<const ChartMask> charts;
-  ChartPacking out;
+/// A page with charts on it, and those that did not fit, in the order of their numbers.
+struct FilledPage {
+  PageSize size;
+  std::vector<std::pair<std::uint32_t, ChartSpot>> placed;
+  std::vector<std::uint32_t> left;
+  std::uint64_t cells = 0;  ///< taken
 
-  /// Puts charts on a new page; returns those that did not fit, in the order given. The page is kept if it is `keep`s or
-  /// all fit.
-  std::vector<std::uint32_t> fill(std::span<const std::uint32_t> offered, PageSize size, bool all_or_none) {
-    std::vector<std::uint32_t> order(offered.begin(), offered.end());
-    std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-      const std::uint32_t ha = std::max(charts[a].width, charts[a].height),
-                          hb = std::max(charts[b].width, charts[b].height);
-      return ha > hb;
-    });
-    Page page(size.width, size.height);
-    std::vector<std::pair<std::uint32_t, ChartSpot>> placed;
-    std::vector<std::uint32_t> left;
-    const auto number = static_cast<std::uint32_t>(out.pages.size());
-    for (const std::uint32_t c : order) {
-      const ChartMask side = turned(charts[c]);
-      const std::vector<MaskRun> runs = runs_of(charts[c]), side_runs = runs_of(side);
-      ChartSpot spot{number, 0, 0, false};
-      const bool as_is = page.find(charts[c], runs, spot.x, spot.y, 0xffffffffu);
-      std::uint32_t x = 0, y = 0;
-      // Turned where that ends lower.
-      const std::uint32_t top = as_is ? spot.y + charts[c].height : 0xffffffffu;
-      const std::uint32_t below = as_is ? (top > side.height ? top - side.height : 0) : 0xffffffffu;
-      if (page.find(side, side_runs, x, y, below)) {
-        spot.x = x, spot.y = y, spot.turned = true;
-      } else if (!as_is) {
-        if (all_or_none) return left = {c};
-        left.push_back(c);
-        continue;
-      }
-      page.put(spot.turned ? side_runs : runs, spot.x, spot.y);
-      placed.emplace_back(c, spot);
-    }
-    for (const auto& [c, spot] : placed) out.spots[c] = spot;
-    out.pages.push_back(size);
-    std::sort(left.begin(), left.end());
-    return left;
+  double share() const {
+    return static_cast<double>(cells) / (static_cast<double>(size.width) * size.height);
   }
 };
+
+/// \param all_or_none  ends at the first chart that does not fit
+FilledPage fill_with_charts(std::span<const ChartMask> charts, std::span<const std::uint32_t> offered,
+                            const PageSize& size, bool all_or_none) {
+  std::vector<std::uint32_t> order(offered.begin(), offered.end());
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return charts[a].cells > charts[b].cells; });
+  FilledPage out;
+  out.size = size;
+  Page page(size.width, size.height);
+  for (const std::uint32_t c : order) {
+    ChartSpot spot;
+    std::vector<MaskRun> best;
+    std::uint32_t top = kNoTop;  // lowest so far
+    ChartMask mask = charts[c];
+    for (std::uint32_t turns = 0; turns < 4; ++turns) {
+      if (turns > 0) mask = turned(mask);
+      std::vector<MaskRun> runs = runs_of(mask);
+      std::uint32_t x = 0, y = 0;
+      if (top < mask.height || !page.find(mask, runs, x, y, top == kNoTop ? top : top - mask.height))
+        continue;
+      top = y + mask.height;
+      spot.x = x, spot.y = y, spot.turns = turns;
+      best = std::move(runs);
+    }
+    if (best.empty()) {
+      out.left.push_back(c);
+      if (all_or_none) return out;
+      continue;
+    }
+    page.put(best, spot.x, spot.y);
+    out.placed.emplace_back(c, spot);
+    out.cells += charts[c].cells;
+  }
+  std::sort(out.left.begin(), out.left.end());
+  return out;
+}
 
 std::uint64_t area_of(const PageSize& size) {
   return std::uint64_t{size.width} * size.height;
@@ -211,8 +220,8 @@ ChartMask turned(const ChartMask& mask) {
 }
 
 ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side) {
-  Packer packer{charts, {}};
-  packer.out.spots.resize(charts.size());
+  ChartPacking out;
+  out.spots.resize(charts.size());
   std::vector<std::uint32_t> queue(charts.size());
   std::iota(queue.begin(), queue.end(), 0u);
   const std::vector<PageSize> sizes = page_sizes(max_side);
@@ -229,38 +238,50 @@ ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_si
       widest = std::max(widest, std::min(charts[c].width, charts[c].height));
     }
     const auto holds = [&](const PageSize& s) { return s.width >= longest && s.height >= widest; };
+    FilledPage best;
     // All of it on one page that it fills well?
-    bool done = false;
     for (const PageSize& s : sizes) {
-      if (!holds(s) || static_cast<double>(area) > kTightest * static_cast<double>(area_of(s))) continue;
-      if (static_cast<double>(area) < kGoodShare * static_cast<double>(area_of(s)) && &s != &sizes.front()) break;
-      done = packer.fill(queue, s, true).empty();
-      if (done) break;
+      const double share = static_cast<double>(area) / static_cast<double>(area_of(s));
+      if (!holds(s) || share > kTightest) continue;
+      if (share < kGoodShare && area_of(s) > area_of(sizes.front())) break;
+      best = fill_with_charts(charts, queue, s, true);
+      if (best.left.empty()) break;
+      best = {};
     }
-    if (done) break;
-    // Else the largest page that what is left can fill; where charts are too large for that, the smallest that holds it.
-    PageSize size = sizes.back();
-    for (const PageSize& s : sizes)
-      if (holds(s)) {
-        size = s;
-        break;
+    if (best.placed.empty()) {
+      // Else the best filled of the largest pages that what is left can fill; where charts are too large for those, the
+      // smallest that holds them.
+      std::vector<PageSize> candidates;
+      for (const PageSize& s : sizes)
+        if (holds(s) && (candidates.empty() || area_of(s) <= area)) candidates.push_back(s);
+      if (candidates.size() > kTriedSizes)
+        candidates.erase(candidates.begin(), candidates.end() - kTriedSizes);
+      // Many pages are to come: the largest size is full enough, and its charts lie together.
+      const bool many = area > kManyPages * area_of(candidates.back());
+      candidates = {candidates.back()};
+      for (const PageSize& s : candidates) {
+        std::size_t count = many ? 0 : queue.size();
+        for (std::uint64_t sum = 0; count < queue.size(); ++count) {
+          sum += charts[queue[count]].cells;
+          if (static_cast<double>(sum) > kOfferedShare * static_cast<double>(area_of(s))) break;
+        }
+        FilledPage filled =
+            fill_with_charts(charts, std::span(queue).first(std::max<std::size_t>(count, 1)), s, false);
+        filled.left.insert(filled.left.end(),
+                           queue.begin() + static_cast<std::ptrdiff_t>(std::max<std::size_t>(count, 1)),
+                           queue.end());
+        if (best.placed.empty() || filled.share() >= best.share()) best = std::move(filled);
       }
-    for (const PageSize& s : sizes)
-      if (holds(s) && area_of(s) <= area) size = s;
-    std::vector<std::uint32_t> offered;
-    std::uint64_t sum = 0;
-    for (const std::uint32_t c : queue) {
-      if (static_cast<double>(sum + charts[c].cells) > kOfferedShare * static_cast<double>(area_of(size))) break;
-      offered.push_back(c);
-      sum += charts[c].cells;
     }
-    std::vector<std::uint32_t> left = packer.fill(offered, size, false);
-    left.insert(left.end(), queue.begin() + static_cast<std::ptrdiff_t>(offered.size()), queue.end());
-    queue = std::move(left);
-    area = 0;
-    for (const std::uint32_t c : queue) area += charts[c].cells;
+    for (auto& [c, spot] : best.placed) {
+      spot.page = static_cast<std::uint32_t>(out.pages.size());
+      out.spots[c] = spot;
+    }
+    out.pages.push_back(best.size);
+    queue = std::move(best.left);
+    area -= best.cells;
   }
-  return std::move(packer.out);
+  return out;
 }
 
 }  // namespace tessera

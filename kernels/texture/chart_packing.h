@@ -2,8 +2,8 @@
 /// Charts packed into pages whose sides are powers of two, by their shapes, not their boxes.
 ///
 /// Shapes are masks of square cells. The first page in the order of sizes is filled with charts in the order given, as many
-/// as it is likely to hold, tall ones first, each at the lowest and then leftmost place where it fits as it is or turned by a
-/// right angle ("bottom left", Baker, Coffman, Rivest 1980, on bits; Levy et al. 2002 pack horizons). What does not fit comes
+/// as it is likely to hold, large ones first, each at the lowest and then leftmost place where it fits as it is or turned by
+/// right angles ("bottom left", Baker, Coffman, Rivest 1980, on bits; Levy et al. 2002 pack horizons). What does not fit comes
 /// first on the next page. The last pages are as small as what is left.
 #pragma once
 #include <array>
@@ -32,7 +32,7 @@ ChartMask turned(const ChartMask& mask);
 struct ChartSpot {
   std::uint32_t page = 0;
   std::uint32_t x = 0, y = 0;  ///< cells, of the low corner of the mask
-  bool turned = false;
+  std::uint32_t turns = 0;     ///< right angles, counter-clockwise
 };
 struct PageSize {
   std::uint32_t width = 0, height = 0;  ///< cells

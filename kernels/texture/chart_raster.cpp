@@ -56,15 +56,16 @@ double foot_share(const Double2& p, const Double2& a, const Double2& b) {
 
 void fill_margin(const MeshChart& chart, ChartRaster& raster) {
   std::vector<float> nearest(raster.what.size(), std::numeric_limits<float>::infinity());
-  const double reach = raster.margin * raster.texel;
+  const double reach =
+      (raster.margin - 0.5) * raster.texel;  // 1.5 texels hold all that bilinear filtering sees
   EdgeFaces(chart.vertices.size(), chart.corners)
       .for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
         if (half.size() == 2) return;
         for (const std::uint32_t h : half) {
           const auto& t = chart.corners[h / 3];
           const Double2 &a = chart.uv[t[h % 3]], &b = chart.uv[t[(h % 3 + 1) % 3]];
-          const auto [y0, y1] = texel_range(std::min(a[1], b[1]) - reach, std::max(a[1], b[1]) + reach, raster,
-                                            raster.height);
+          const auto [y0, y1] =
+              texel_range(std::min(a[1], b[1]) - reach, std::max(a[1], b[1]) + reach, raster, raster.height);
           for (int y = y0; y <= y1; ++y) {
             // Of a long edge only what lies near this row.
             double low = std::min(a[0], b[0]), high = std::max(a[0], b[0]);
@@ -115,15 +116,16 @@ ChartRaster raster_chart(const MeshChart& chart, double texel, int margin) {
   return raster;
 }
 
-TexelPlace texel_place(const TriangleSpan& mesh, const MeshChart& chart, const ChartRaster& raster, int x, int y,
-                       const FaceAcross& across) {
+TexelPlace texel_place(const TriangleSpan& mesh, const MeshChart& chart, const ChartRaster& raster, int x,
+                       int y, const FaceAcross& across) {
   const std::uint32_t what = raster.at(x, y);
   const Double2 p = centre_of(x, y, raster);
   TexelPlace place;
   const std::uint32_t f = what < ChartRaster::kMargin ? what : (what & ~ChartRaster::kMargin) / 3;
   place.face = chart.faces[f];
   const auto& face = mesh.faces[place.face];
-  const std::array<Double3, 3> at = {mesh.positions[face[0]], mesh.positions[face[1]], mesh.positions[face[2]]};
+  const std::array<Double3, 3> at = {mesh.positions[face[0]], mesh.positions[face[1]],
+                                     mesh.positions[face[2]]};
   place.normal = unit_or_zero(triangle_normal(at[0], at[1], at[2]));
   const auto& t = chart.corners[f];
   if (what < ChartRaster::kMargin) {
@@ -141,7 +143,8 @@ TexelPlace texel_place(const TriangleSpan& mesh, const MeshChart& chart, const C
   place.position = foot;
   const std::optional<Double3> third = across(place.face, k);
   const Double3 edge = at[l] - at[k];
-  const double length = norm(edge), dx = b[0] - a[0], dy = b[1] - a[1], in_plane = std::sqrt(dx * dx + dy * dy);
+  const double length = norm(edge), dx = b[0] - a[0], dy = b[1] - a[1],
+               in_plane = std::sqrt(dx * dx + dy * dy);
   if (!third || !(length > 0.0) || !(in_plane > 0.0)) return place;
   const Double3 along = edge / length, beyond = *third - at[k];
   const Double3 outward = unit_or_zero(beyond - along * dot(beyond, along));

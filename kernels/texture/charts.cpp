@@ -120,9 +120,8 @@ class ChartMaker {
   std::vector<std::uint32_t> grow(std::uint32_t seed, const Double3& axis) {
     const auto chart = static_cast<std::uint32_t>(axis_.size());
     const Double3 e1 = any_orthogonal(axis), e2 = cross(axis, e1);
-    // A rectangle may be turned later: its diagonal is what must fit.
     const double limit =
-        options_.max_extent > 0.0 ? options_.max_extent * 0.7 : std::numeric_limits<double>::infinity();
+        options_.max_extent > 0.0 ? options_.max_extent : std::numeric_limits<double>::infinity();
     Double2 low{}, high{};
     const auto include = [&](std::uint32_t f, Double2& lo, Double2& hi) {
       for (const std::uint32_t v : mesh_.faces[f]) {
@@ -141,13 +140,18 @@ class ChartMaker {
     std::priority_queue<Candidate, std::vector<Candidate>, std::greater<>> queue;
     std::vector<std::uint32_t> faces = {seed};
     chart_of_[seed] = chart;
+    // Squares grow rather than disks: they leave less between them, on the surface and on pages.
     const Double3 centre = centroid(seed);
+    const auto from_centre = [&](std::uint32_t f) {
+      const Double3 d = centroid(f) - centre;
+      return std::max(std::fabs(dot(d, e1)), std::fabs(dot(d, e2)));
+    };
     const auto push_around = [&](std::uint32_t f) {
       for (std::uint32_t k = 0; k < 3; ++k) {
         const std::uint32_t g = neighbour(f, k);
         if (g == kNoChart || chart_of_[g] != kNoChart) continue;
         if (area_[g] > 0.0 && dot(normal_[g], axis) < cosine_) continue;
-        queue.push({squared_distance(centroid(g), centre), g});
+        queue.push({from_centre(g), g});
       }
     };
     push_around(seed);
@@ -232,7 +236,7 @@ class ChartMaker {
   bool fits_box(std::uint32_t c, std::uint32_t f) const {
     if (!(options_.max_extent > 0.0)) return true;
     const FrameBox b = box_with(c, f);
-    const double limit = 0.7 * options_.max_extent;
+    const double limit = options_.max_extent;
     return b.high[0] - b.low[0] <= limit && b.high[1] - b.low[1] <= limit;
   }
 
@@ -282,7 +286,8 @@ class ChartMaker {
       Double2 low = turned(chart.uv[0], s), high = low;
       for (const Double2& p : chart.uv) {
         const Double2 q = turned(p, s);
-        for (std::size_t a = 0; a < 2; ++a) low[a] = std::min(low[a], q[a]), high[a] = std::max(high[a], q[a]);
+        for (std::size_t a = 0; a < 2; ++a)
+          low[a] = std::min(low[a], q[a]), high[a] = std::max(high[a], q[a]);
       }
       const double area = (high[0] - low[0]) * (high[1] - low[1]);
       if (area < best_area * (1.0 - 1e-9)) best_area = area, best = s;
@@ -342,8 +347,7 @@ class ChartMaker {
     const double scale = std::sqrt(raw.surface / raw.plane);
     for (Double2& p : chart.uv) p = {p[0] * scale, p[1] * scale};
     const Double2 low = min_of(chart.uv), high = max_of(chart.uv);
-    if (options_.max_extent > 0.0 &&
-        std::max(high[0] - low[0], high[1] - low[1]) > 0.7 * options_.max_extent)
+    if (options_.max_extent > 0.0 && std::max(high[0] - low[0], high[1] - low[1]) > 1.5 * options_.max_extent)
       return false;
     for (std::size_t i = 0; i < chart.faces.size(); ++i) {
       const auto& t = chart.corners[i];
@@ -431,7 +435,8 @@ ChartStretch measure_stretch(const TriangleSpan& mesh, const MeshChart& chart) {
 }
 
 std::size_t count_flipped(const MeshChart& chart) {
-  const double least = -kFlipRounding * std::max(chart.extent[0] * chart.extent[0], chart.extent[1] * chart.extent[1]);
+  const double least =
+      -kFlipRounding * std::max(chart.extent[0] * chart.extent[0], chart.extent[1] * chart.extent[1]);
   std::size_t flipped = 0;
   for (const auto& t : chart.corners)
     flipped += twice_area(chart.uv[t[0]], chart.uv[t[1]], chart.uv[t[2]]) < least;

@@ -22,20 +22,23 @@ namespace tessera {
 struct ChartOptions {
   double cone_deg = 50.0;        ///< of charts that are projected, below 90
   double loose_cone_deg = 70.0;  ///< faces of charts of few faces join a neighbour whose axis is so near
-  double unfold_cone_deg = 80.0;  ///< of charts that are unfolded by least squares; not above cone_deg: none are
-  double max_stretch = 1.12;      ///< (L2) of charts that are unfolded
+  double unfold_cone_deg =
+      80.0;                   ///< of charts that are unfolded by least squares; not above cone_deg: none are
+  double max_stretch = 1.12;  ///< (L2) of charts that are unfolded
   std::size_t few_faces = 12;
   std::size_t max_unfolded_faces = 20000;  ///< larger charts are projected
-  double max_extent = 0.0;  ///< units of the mesh; charts of several faces are no wider or higher; 0 = any
+  /// Units of the mesh; charts of several faces grow no wider or higher, which they may be by half once they are turned or
+  /// unfolded; 0 = any.
+  double max_extent = 0.0;
 };
 
 struct MeshChart {
-  std::vector<std::uint32_t> faces;                    ///< of the mesh, ascending
-  std::vector<std::uint32_t> vertices;                 ///< of the mesh, ascending
-  std::vector<std::array<std::uint32_t, 3>> corners;   ///< per face, indices into vertices
-  std::vector<Double2> uv;                             ///< per vertex, units of the mesh, from 0
-  Double2 extent{};                                    ///< largest uv
-  bool unfolded = false;                               ///< not a projection
+  std::vector<std::uint32_t> faces;                   ///< of the mesh, ascending
+  std::vector<std::uint32_t> vertices;                ///< of the mesh, ascending
+  std::vector<std::array<std::uint32_t, 3>> corners;  ///< per face, indices into vertices
+  std::vector<Double2> uv;                            ///< per vertex, units of the mesh, from 0
+  Double2 extent{};                                   ///< largest uv
+  bool unfolded = false;                              ///< not a projection
 };
 
 /// Sums for the stretch of many charts. L2: sqrt(stretch * plane) / surface.

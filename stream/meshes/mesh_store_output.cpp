@@ -7,6 +7,7 @@
 #include "octree/error.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/spill_file.h"
+#include "stream/meshes/store_output_file.h"
 
 namespace tessera {
 namespace {
@@ -63,7 +64,8 @@ class StoreWriter {
   StoreWriter(const MeshStore& store, const MeshStoreOutput& output)
       : store_(store), output_(output), shared_(output.temp), owners_(output.temp), numbers_(output.temp) {}
 
-  MeshStoreOutputReport run() {
+  MeshStoreOutputReport run(
+      const std::function<std::unique_ptr<MeshWriter>(const MeshHeader& header)>& create) {
     if (store_.face_count() == 0) throw EmptyError("the mesh has no faces left: there is nothing to write");
     find_shared();
     count_vertices();
@@ -76,7 +78,7 @@ class StoreWriter {
     header.origin = output_.origin;
     header.shift = store_.info().shift;
     header.comments = output_.comments;
-    const auto file = create_mesh_file(output_.path, header);
+    const auto file = create(header);
     write_vertices(*file);
     number_shared();
     write_faces(*file);
@@ -223,7 +225,14 @@ class StoreWriter {
 }  // namespace
 
 MeshStoreOutputReport write_mesh_store(const MeshStore& store, const MeshStoreOutput& output) {
-  return StoreWriter(store, output).run();
+  return write_mesh_store_as(store, output,
+                             [&](const MeshHeader& header) { return create_mesh_file(output.path, header); });
+}
+
+MeshStoreOutputReport write_mesh_store_as(
+    const MeshStore& store, const MeshStoreOutput& output,
+    const std::function<std::unique_ptr<MeshWriter>(const MeshHeader& header)>& create) {
+  return StoreWriter(store, output).run(create);
 }
 
 std::uint64_t write_mesh_store_bytes(std::uint64_t patch_bytes, std::uint64_t patches,

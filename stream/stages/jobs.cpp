@@ -2,6 +2,7 @@
 
 #include "octree/error.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/bake/bake_job.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/deform/deform_job.h"
 #include "stream/stages/merge/merge_job.h"
@@ -28,6 +29,7 @@ struct Entry {
 };
 constexpr Entry kJobs[] = {
     // one line per job, alphabetical
+    {"bake", from_text<BakeOptions, bake_job>},
     {"csg", from_text<CsgOptions, csg_job>},
     {"decimate", from_text<SimplifyOptions, decimate_job>},
     {"deform", from_text<DeformOptions, deform_job>},

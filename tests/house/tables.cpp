@@ -36,6 +36,14 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/render/render_mesh.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_missing.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_points.cpp", "stream/render/render_scene.h"},
+      {"stream/stages/bake/bake_charts_stage.cpp", "stream/stages/bake/bake_stages.h"},
+      {"stream/stages/bake/bake_pack_stage.cpp", "stream/stages/bake/bake_pages.h"},
+      {"stream/stages/bake/bake_pages_stage.cpp", "stream/stages/bake/bake_stages.h"},
+      {"stream/stages/bake/bake_points_stage.cpp", "stream/stages/bake/bake_stages.h"},
+      {"stream/stages/bake/bake_scale_stage.cpp", "stream/stages/bake/bake_scale.h"},
+      {"stream/stages/bake/bake_texels_stage.cpp", "stream/stages/bake/texel_files.h"},
+      {"stream/stages/bake/bake_write_stage.cpp", "stream/stages/bake/bake_stages.h"},
+      {"stream/formats/meshes/textured_glb.cpp", "stream/formats/meshes/textured_mesh_writer.h"},
       {"stream/stages/merge/merge_cover_stage.cpp", "stream/stages/merge/merge_stages.h"},
       {"stream/stages/merge/merge_joints_stage.cpp", "stream/stages/merge/merge_stages.h"},
       {"stream/stages/merge/merge_meshes.cpp", "stream/stages/merge/merge_stages.h"},
@@ -78,6 +86,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/solid/solid_surface_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/volume/mesh_volume_report.cpp", "stream/volume/mesh_volume.h"},
       {"tools/queue/cancel_command.cpp", "tools/commands.h"},
+      {"tools/bake_command.cpp", "tools/commands.h"},
       {"tools/check_command.cpp", "tools/commands.h"},
       {"tools/convert_command.cpp", "tools/commands.h"},
       {"tools/csg_command.cpp", "tools/commands.h"},
@@ -246,6 +255,10 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/uncross", "stream/stages/weld",
        {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",
         "patch_positions", "uncross_stage", "weld_stage"});
+    by("tools/bake", "stream/stages/bake",
+       {"bake_charts_stage", "bake_job", "bake_options", "bake_pack_stage", "bake_pages_stage",
+        "bake_points_stage", "bake_scale_stage", "bake_stages", "bake_texels_stage", "bake_write_stage",
+        "chart_files", "texel_files", "texture_points"});
     by("tools/tiles", "stream/stages/tiles",
        {"folder_stage", "tile_levels", "tiles_job", "tiles_options", "tiles_stage", "tileset_stage"});
     return all;

@@ -1,0 +1,42 @@
+#include "stream/stages/bake/bake_options.h"
+
+#include <bit>
+
+#include "octree/error.h"
+
+namespace tessera {
+
+OptionTable option_table(BakeOptions& o) {
+  OptionTable t("What it computes");
+  t.add("texel", &o.texel,
+        "width of a texel, units of the mesh; auto = the mean spacing of the points along the surface")
+      .at_least(0)
+      .or_word("auto", 0.0);
+  t.add(
+       "max-distance", &o.max_distance,
+       "points farther from the surface give it no colour, units of the mesh; auto = eight times the spacing")
+      .at_least(0)
+      .or_word("auto", 0.0);
+  t.add("page-size", &o.page_size, "largest width and height of a page, texels, a power of two")
+      .within(64, 16384);
+  t.add("margin", &o.margin, "texels around each chart that continue the surface beyond its border")
+      .within(1, 16);
+  t.add(
+       "max-stretch", &o.max_stretch,
+       "charts that are unfolded by least squares are stretched (L2) no more than this; others are projected")
+      .within(1, 2);
+  t.add("scans", &o.scans, "how many inputs follow the mesh").hidden();
+  t.add("fine-mesh", &o.fine_mesh, "whether what follows is a mesh").hidden();
+  return t;
+}
+
+void BakeOptions::validate() const {
+  if (!std::has_single_bit(page_size))
+    throw UsageError("--page-size " + std::to_string(page_size) + ": is no power of two; " +
+                     std::to_string(std::bit_ceil(page_size)) + " is");
+  if (4 * margin > page_size)
+    throw UsageError("--margin " + std::to_string(margin) + " leaves no room on pages of " +
+                     std::to_string(page_size) + " texels: give less");
+}
+
+}  // namespace tessera

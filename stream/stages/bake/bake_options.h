@@ -1,0 +1,25 @@
+/// \file bake_options.h
+/// What of baked textures users choose; part of a job's identity.
+#pragma once
+#include <cstdint>
+
+#include "stream/runtime/option_table.h"
+
+namespace tessera {
+
+struct BakeOptions {
+  double texel = 0.0;         ///< units of the mesh; 0 = the mean spacing of the points on the surface
+  double max_distance = 0.0;  ///< units of the mesh; 0 = so many spacings (BakeScale)
+  std::uint32_t page_size = 2048;
+  std::uint32_t margin = 2;  ///< texels
+  double max_stretch = 1.12;
+  std::uint64_t scans = 1;  ///< inputs behind the mesh
+  bool fine_mesh = false;   ///< that input is a mesh
+
+  /// \throws UsageError naming the option
+  void validate() const;
+};
+
+OptionTable option_table(BakeOptions& options);
+
+}  // namespace tessera

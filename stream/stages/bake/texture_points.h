@@ -1,0 +1,61 @@
+/// \file texture_points.h
+/// Coloured points by cells of space, in an order that depends on the points alone.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <vector>
+
+#include "octree/lattice.h"
+#include "stream/meshes/mesh_store.h"
+
+namespace tessera {
+
+/// Cells: cubes around a mesh.
+struct TextureCells {
+  Double3 low{};
+  double edge = 1.0;
+  std::uint64_t points = 0;   ///< kept
+  std::uint64_t normals = 0;  ///< whether points have any
+
+  /// Around the bricks of a mesh. \param share  of a brick's edge
+  static TextureCells around(const MeshStore& mesh, double share);
+  Int3 cell_of(const Double3& p) const;
+};
+
+/// Points of some cells.
+struct TexturePointBlock {
+  std::vector<Float3> position;  ///< from the origin asked for
+  std::vector<std::uint32_t> rgba;
+  std::vector<std::uint32_t> normal;  ///< packed (point_colours.h), empty if none is known
+};
+
+/// Hands out points in the frame of the mesh. \param normal  zero where unknown
+using TexturePointSink = std::function<void(const Double3& p, std::uint32_t rgba, const Double3& normal)>;
+
+/// Writes the points that lie within a cell of patches of the mesh, sorted by cell, position and colour.
+/// \param give  hands out all points  \param sort_bytes  memory of the sort
+/// \returns bytes written
+std::uint64_t write_texture_points(const std::filesystem::path& path, const MeshStore& mesh,
+                                   const std::filesystem::path& temp, std::uint64_t sort_bytes, bool normals,
+                                   const std::function<void(const TexturePointSink&)>& give,
+                                   std::uint64_t& given, std::uint64_t& kept);
+
+/// Reads them. Holds the table, 40 bytes a cell. Thread-safe.
+class TexturePoints {
+ public:
+  explicit TexturePoints(const std::filesystem::path& path);
+  ~TexturePoints();
+  const TextureCells& cells() const { return cells_; }
+  /// Of the cells that meet the box.
+  std::uint64_t count(const MeshBox& box) const;
+  TexturePointBlock load(const MeshBox& box, const Double3& origin) const;
+  static constexpr std::uint64_t bytes_per_point() { return 12 + 4 + 4 + 20; }
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+  TextureCells cells_;
+};
+
+}  // namespace tessera

@@ -1,0 +1,157 @@
+// tessera bake as a user runs it: the same bytes whatever must not matter, colours of the scan, textures that others can read.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "octree/portable_math.h"
+#include "stream/files/json.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/shell.h"
+
+namespace bake_test {
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSide = 40;
+
+double height(double x, double y) {
+  return 2.0 * std::sin(0.15 * x) * std::cos(0.1 * y);
+}
+
+/// Hills of coarse faces, without colours.
+fs::path write_hills(const fs::path& path, bool backwards = false) {
+  write_sheet(
+      path, kSide,
+      [](int i, int j) -> Double3 {
+        return {static_cast<double>(i), static_cast<double>(j),
+                static_cast<double>(static_cast<float>(height(i, j)))};
+      },
+      backwards);
+  return path;
+}
+
+/// Sixteen points a square on the hills, as a table: red along x, green along y, a blue border amid.
+fs::path write_points(const fs::path& path, bool backwards = false) {
+  constexpr int kFine = 4 * kSide;
+  std::string text = "x y z r g b\n";
+  const int count = (kFine + 1) * (kFine + 1);
+  for (int n = 0; n < count; ++n) {
+    const int at = backwards ? count - 1 - n : n;
+    const double x = 0.25 * (at % (kFine + 1)), y = 0.25 * (at / (kFine + 1));
+    text += std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(height(x, y)) + " " +
+            std::to_string(static_cast<int>(6 * x)) + " " + std::to_string(static_cast<int>(6 * y)) + " " +
+            (x < 20.1 ? "20" : "220") + "\n";
+  }
+  std::ofstream(path) << text;
+  return path;
+}
+
+std::vector<std::string> words(const fs::path& mesh, const fs::path& from, const fs::path& out,
+                               const std::vector<std::string>& more = {}) {
+  std::vector<std::string> w = {"bake",       mesh.string(), "--from", from.string(), "-o",
+                                out.string(), "--progress",  "none",   "-q"};
+  w.insert(w.end(), more.begin(), more.end());
+  return w;
+}
+
+Json texture_of(const fs::path& out) {
+  return parse_json(file_bytes(out.string() + ".report.json")).at("texture");
+}
+
+}  // namespace
+
+TEST_CASE("bake: same bytes over threads, memory, order of the inputs and kills", "[property]") {
+  const TempFolder folder;
+  const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz");
+  const auto run = [&](const fs::path& m, const fs::path& f, const std::vector<std::string>& more) {
+    const fs::path out = folder.path() / "out.glb";
+    fs::remove(out);
+    const CommandResult r = tessera_command(words(m, f, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    CHECK_FALSE(fs::exists(out.string() + ".tessera"));
+    return file_bytes(out);
+  };
+  const std::string want = run(mesh, from, {"--threads", "1"});
+  CHECK(run(mesh, from, {"--threads", "2", "--memory", "200M"}) == want);
+  CHECK(run(write_hills(folder.path() / "back.ply", true), write_points(folder.path() / "back.xyz", true),
+            {}) == want);
+  const fs::path killed = folder.path() / "killed.glb";
+  const CommandResult r = resumed_after_kills(words(mesh, from, killed));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(file_bytes(killed) == want);
+}
+
+TEST_CASE("bake: colours of the points are on the texture, pages are used, nothing is flipped",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz");
+  const fs::path out = folder.path() / "out.obj";
+  const CommandResult r = tessera_command(words(mesh, from, out));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const Json texture = texture_of(out);
+  CHECK(texture.at("texels").at("psnr_db").get<double>() > 32.0);
+  CHECK(texture.at("texels").at("without_points").get<int>() == 0);
+  CHECK(texture.at("charts").at("flipped").get<int>() == 0);
+  CHECK(texture.at("charts").at("overlapping").get<int>() == 0);
+  CHECK(texture.at("charts").at("stretch_l2").get<double>() < 1.3);
+  CHECK(texture.at("scale").at("spacing").get<double>() == Approx(0.25).epsilon(0.05));
+  // The files beside, and what the OBJ says of them.
+  CHECK(fs::exists(folder.path() / "out.mtl"));
+  CHECK(fs::exists(folder.path() / "out_0.png"));
+  const std::string text = file_bytes(out);
+  CHECK(text.find("mtllib out.mtl") != std::string::npos);
+  CHECK(text.find("usemtl page_0") != std::string::npos);
+  CHECK(file_bytes(folder.path() / "out.mtl").find("map_Kd out_0.png") != std::string::npos);
+}
+
+TEST_CASE("bake: all three formats hold the same mesh", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz");
+  for (const char* name : {"out.ply", "out.obj", "out.glb"}) {
+    const fs::path out = folder.path() / name;
+    const CommandResult r = tessera_command(words(mesh, from, out));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    std::uint64_t faces = 0;
+    open_mesh_file(out)->read_faces([&](std::span<const MeshFace> batch) { faces += batch.size(); });
+    CHECK(faces == 2 * kSide * kSide);
+  }
+  const std::string header = file_bytes(folder.path() / "out.ply").substr(0, 600);
+  CHECK(header.find("comment TextureFile out_0.png") != std::string::npos);
+  CHECK(header.find("property list uchar float texcoord") != std::string::npos);
+}
+
+TEST_CASE("bake: what cannot work is refused", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz");
+  const auto refusal = [&](const std::vector<std::string>& w, int code) {
+    const CommandResult r = tessera_command(w);
+    INFO(r.errors);
+    CHECK(r.code == code);
+    return r.errors;
+  };
+  CHECK(refusal(words(mesh, from, folder.path() / "out.stl"), 2).find(".glb, .obj or .ply") !=
+        std::string::npos);
+  CHECK(refusal({"bake", mesh.string(), "-o", (folder.path() / "out.glb").string()}, 2)
+            .find("--from is missing") != std::string::npos);
+  CHECK(refusal(words(mesh, mesh, folder.path() / "out.glb"), 3).find("no colours") != std::string::npos);
+  CHECK(refusal(words(mesh, from, folder.path() / "out.glb", {"--page-size", "1000"}), 2)
+            .find("no power of two") != std::string::npos);
+  CHECK_FALSE(fs::exists(folder.path() / "out.glb"));
+}
+
+}  // namespace bake_test

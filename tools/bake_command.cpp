@@ -1,0 +1,86 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "octree/error.h"
+#include "stream/files/json.h"
+#include "stream/formats/meshes/textured_mesh_writer.h"
+#include "stream/runtime/job_report.h"
+#include "stream/stages/bake/bake_job.h"
+#include "stream/survey/measured_inputs.h"
+#include "tools/commands.h"
+#include "tools/frame/cli.h"
+
+namespace tessera {
+namespace {
+
+struct BakeCommand {
+  std::vector<std::string> inputs, from;
+  BakeOptions options;
+  JobState state;
+};
+
+void print_texture(const std::filesystem::path& output, const Json& report) {
+  const Json mesh = report.value("mesh", Json::object()), texture = report.value("texture", Json::object());
+  const auto of = [&](const char* stage) { return texture.value(stage, Json::object()); };
+  const Json charts = of("charts"), pack = of("pack"), texels = of("texels"), scale = of("scale");
+  fmt::print("{}: {} faces, {} pages, {} texels of {:.4g}, {}\n", output.string(),
+             mesh.value("faces", std::uint64_t{0}), pack.value("pages", Json::array()).size(),
+             texels.value("texels", std::uint64_t{0}), scale.value("texel", 0.0), cost_text(report));
+  fmt::print("charts: {}, {:.3g} per 1,000 faces, stretch {:.3f}, {:.1f} % of the pages used\n",
+             charts.value("charts", std::uint64_t{0}), charts.value("charts_per_1000_faces", 0.0),
+             charts.value("stretch_l2", 0.0), 100.0 * pack.value("used_share", 0.0));
+  if (texels.contains("psnr_db")) {
+    fmt::print("colours at points: {:.2f} dB (PSNR)", texels.at("psnr_db").get<double>());
+    if (texels.contains("vertex_colours_psnr_db"))
+      fmt::print(", by the colours of vertices {:.2f} dB", texels.at("vertex_colours_psnr_db").get<double>());
+    fmt::print("\n");
+  }
+}
+
+void run_bake(BakeCommand& command) {
+  cli::require_inputs(command.inputs);
+  command.options.validate();
+  JobState& state = command.state;
+  state.inputs = cli::expand_and_tell(command.inputs);
+  state.also_read = cli::also_read(command.inputs);
+  cli::one_input(state.inputs, "textured");
+  cli::require_output(state.output);
+  require_textured_extension(state.output);
+  if (command.from.empty())
+    throw UsageError("--from is missing: the scans, or the finer mesh, that colours come from");
+  const std::vector<std::filesystem::path> from = cli::expand_and_tell(command.from);
+  command.options.scans = from.size();
+  command.options.fine_mesh = measures_vertices(from.front());
+  if (command.options.fine_mesh && from.size() > 1)
+    throw UsageError("--from takes scans, or one mesh: " + from.front().string() + " is a mesh");
+  state.inputs.insert(state.inputs.end(), from.begin(), from.end());
+  state.settings = to_settings(command.options);
+  const Json report = run_job(state, bake_job(command.options), cli::stderr_sink());
+  if (state.run.verbosity < 0) return;
+  cli::print_repairs(state.inputs.front().string(), report);
+  print_texture(state.output, report);
+}
+
+}  // namespace
+
+cli::Command bake_command() {
+  auto shared = std::make_shared<BakeCommand>();
+  BakeCommand& c = *shared;
+  OptionTable t;
+  cli::add_inputs(t, c.inputs);
+  cli::add_output(t, c.state.output,
+                  "the mesh to write: .glb with its textures, .obj or .ply with pictures beside it");
+  t.add("from", &c.from,
+        "what colours come from: scans with colours (files, folders, globs), or one finer mesh with colours")
+      .shown_as("FILE");
+  t.append(option_table(c.options));
+  t.append(option_table(c.state.run));
+  return {"bake",
+          "A mesh of any size gets textures: colours of a scan, or of a finer mesh, on charts in pages. "
+          "Resumable. "
+          "Example: tessera bake small.ply --from scan.laz -o small.glb",
+          t, [shared] { run_bake(*shared); }};
+}
+
+}  // namespace tessera
