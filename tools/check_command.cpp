@@ -145,6 +145,10 @@ cli::Command check_command() {
         "list the first");
   t.add("cleanliness", &c.options.cleanliness,
         "count edges that fold by 70 degrees or more, and tell how ragged borders run");
+  t.add("quality", &c.options.quality,
+        "measure what meshers of volumes and solvers stumble over: angles between faces, and the thinnest "
+        "wall, "
+        "by sampling; e.g. tessera check part.stl --quality --crossings");
   t.add("strict", &c.strict,
         "fail with exit code 6 if there are defects; with --crossings faces that cross are");
   t.add("closed", &c.closed, "like --strict, and boundary edges are defects too");
@@ -171,7 +175,7 @@ cli::Command check_command() {
       .one_of({"exact", "raster", "auto"});
   t.add("borders", &c.with_borders,
         "with --reference: border curves must stay within the tolerance of each other too");
-  cli::add_threads(t, c.threads, "threads for --crossings, --reference and --scan");
+  cli::add_threads(t, c.threads, "threads for --crossings, --quality, --reference and --scan");
   t.add("json,report", &c.json, "also write the result to this file");
   cli::add_force(t, c.force);
   t.add("memory", &c.options.memory_bytes, "cap on memory; larger meshes go through --temp").bytes();

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/check/mesh_shape.h"
 #include "stream/check/mesh_topology.h"
 #include "stream/files/json.h"
@@ -116,7 +117,9 @@ MeshCheck check_mesh(MeshReader& source, const MeshCheckOptions& options) {
   MeshReader& mesh = check.welded ? *welded : source;
 
   // A welded mesh keeps a quarter of the cap for itself.
-  const Shares shares(check.welded ? options.memory_bytes / 4 * 3 : options.memory_bytes);
+  const std::uint64_t own = check.welded ? options.memory_bytes / 4 * 3 : options.memory_bytes;
+  const std::uint64_t quality_bytes = options.quality ? own / 3 : 0;
+  const Shares shares(own - quality_bytes);
   VertexStore positions(options.temp, mesh.header().double_positions, shares.vertices);
   read_vertices(mesh, options, positions, check);
   check.file_vertices = check.welded ? welded->source_vertices() : check.vertices;
@@ -135,11 +138,21 @@ MeshCheck check_mesh(MeshReader& source, const MeshCheckOptions& options) {
     topology->add(sound);
   });
   MeshShape shape(check.min, check.max);
+  const std::uint64_t memory = shares.spill + shares.range + shares.links + shares.chunks;
+  std::optional<MeshQualityPass> quality;
+  if (options.quality && shape.usable()) {
+    quality.emplace(
+        check.faces, (check.min + check.max) * 0.5,
+        MeshQualityOptions{quality_bytes, memory, options.temp, options.threads, options.check_stop});
+    shape.pass_to(*quality);
+  }
   topology->analyse(positions, shape, options.check_stop, check);
   shape.store(check);
-  topology.reset();  // its memory is that of the searches now
+  topology.reset();  // its memory is theirs now
   pool.reset();
-  const std::uint64_t memory = shares.spill + shares.range + shares.links + shares.chunks;
+  if (quality && check.has_shape)
+    check.quality = quality->finish(check.area, check.solid() && check.volume < 0.0);
+  quality.reset();
   if (options.cleanliness)
     check.cleanliness = measure_cleanliness(mesh, positions, {memory, options.temp, options.check_stop});
   if (options.crossings) {

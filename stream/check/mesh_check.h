@@ -12,6 +12,7 @@
 
 #include "stream/check/mesh_cleanliness.h"
 #include "stream/check/mesh_crossings.h"
+#include "stream/check/mesh_quality.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 
@@ -23,8 +24,9 @@ struct MeshCheckOptions {
   bool weld = false;       ///< merge vertices of equal position first; formats without shared vertices always
   bool crossings = false;  ///< search for pairs of faces that cross, too
   bool cleanliness = false;  ///< measure sharp edges and borders, too
-  int threads = 1;           ///< for that search
-  /// May throw StoppedError; called every few milliseconds, with `crossings` from any thread; may be empty.
+  bool quality = false;      ///< measure angles between faces and the thickness of walls, too
+  int threads = 1;           ///< for these
+  /// May throw StoppedError; called every few milliseconds, from any thread; may be empty.
   std::function<void()> check_stop;
 };
 
@@ -95,8 +97,11 @@ struct MeshCheck {
   double min_edge = 0, mean_edge = 0, max_edge = 0;  ///< mean over the sides of all faces
   /// Last: beyond, zero area excluded.
   std::array<std::uint64_t, kAspectBounds.size() + 1> aspect_histogram = {};
-  std::optional<MeshCrossings> crossings;      ///< where they were asked for
-  std::optional<MeshCleanliness> cleanliness;  ///< likewise
+  double min_angle_deg = 0, max_angle_deg = 0;  ///< of faces with an area; 0 without any
+  double max_edge_ratio = 0;                    ///< longest to shortest edge of a face with an area
+  std::optional<MeshQuality> quality;           ///< where it was asked for, and has_shape
+  std::optional<MeshCrossings> crossings;       ///< where they were asked for
+  std::optional<MeshCleanliness> cleanliness;   ///< likewise
 
   /// Every component is closed, manifold and consistently oriented.
   bool solid() const { return components > 0 && solid_components == components; }
@@ -104,7 +109,8 @@ struct MeshCheck {
   std::vector<std::string> defects() const;
 };
 
-/// Reads the mesh: its vertices once, its faces twice, and once more for crossings.
+/// Reads the mesh: its vertices once, its faces twice, and once more for crossings. For quality faces wait on disk, about 250
+/// bytes each, where they do not fit.
 /// \param mesh  opened with MeshReadOptions::keep_bad_faces, else the first bad face throws
 /// \throws InputError from the reader; ResourceError when the cap cannot hold the work, naming one that can
 MeshCheck check_mesh(MeshReader& mesh, const MeshCheckOptions& options);

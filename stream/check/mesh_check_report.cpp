@@ -5,6 +5,7 @@
 
 #include "stream/check/mesh_check.h"
 #include "stream/files/json.h"
+#include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {
@@ -107,8 +108,12 @@ Json to_json(const MeshCheck& check) {
     json["max_edge"] = check.max_edge;
     json["aspect_bounds"] = kAspectBounds;
     json["aspect_histogram"] = check.aspect_histogram;
+    json["min_angle_deg"] = check.min_angle_deg;
+    json["max_angle_deg"] = check.max_angle_deg;
+    json["max_edge_ratio"] = check.max_edge_ratio;
   }
   if (check.cleanliness) json["cleanliness"] = to_json(*check.cleanliness);
+  if (check.quality) json["quality"] = to_json(*check.quality);
   if (check.crossings) json["crossings"] = to_json(*check.crossings);
   return json;
 }
@@ -165,8 +170,13 @@ std::string describe(const MeshCheck& check) {
       aspects += grouped(check.aspect_histogram[i]);
     }
     line("aspect", aspects);
+    line("face angles", number_text(check.min_angle_deg) + " to " + number_text(check.max_angle_deg) +
+                            " degrees; longest to shortest edge of a face at most " +
+                            number_text(check.max_edge_ratio));
   }
   if (check.cleanliness) text += describe(*check.cleanliness);
+  if (check.quality)
+    for (const auto& [name, said] : quality_lines(*check.quality)) line(name, said);
   if (check.crossings) text += describe(*check.crossings);
   const std::vector<std::string> defects = check.defects();
   for (const std::string& defect : defects) line("defect", defect);

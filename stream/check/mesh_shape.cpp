@@ -2,14 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "kernels/mesh/flat_faces.h"
+#include "octree/portable_math.h"
 #include "octree/vector.h"
 
 namespace tessera {
 namespace {
 
 constexpr double kLargestExtent = 1e100;  // its cube, the scale of volumes, stays finite
+
+double degrees_of_cotangent(double cotangent) {
+  return 180.0 / kPi * std::atan2(1.0, cotangent);
+}
 
 }  // namespace
 
@@ -23,6 +29,8 @@ MeshShape::MeshShape(const Double3& min, const Double3& max) {
   area_ = FixedSum(2.0 * largest * largest);
   volume_ = FixedSum(2.0 * largest * largest * largest);
   min_edge2_ = 4.0 * largest * largest;
+  max_cotangent_ = -std::numeric_limits<double>::infinity();
+  min_cotangent_ = std::numeric_limits<double>::infinity();
 }
 
 void MeshShape::add(const Double3& a, const Double3& b, const Double3& c, bool flip) {
@@ -43,6 +51,13 @@ void MeshShape::add(const Double3& a, const Double3& b, const Double3& c, bool f
     ++zero_area_;
     return;
   }
+  const double shortest = std::min({sides[0], sides[1], sides[2]});
+  edge_ratio2_ = std::max(edge_ratio2_, longest / shortest);
+  const double cotangents[3] = {dot(ab, ac) / twice_area, -dot(ab, bc) / twice_area,
+                                dot(ac, bc) / twice_area};
+  max_cotangent_ = std::max({max_cotangent_, cotangents[0], cotangents[1], cotangents[2]});
+  min_cotangent_ = std::min({min_cotangent_, cotangents[0], cotangents[1], cotangents[2]});
+  if (pass_ != nullptr) pass_->add(a, b, c, flip);
   const double aspect = longest / twice_area * 0.8660254037844386;  // longest edge / (2 A / longest edge)
   const auto bin = std::upper_bound(kAspectBounds.begin(), kAspectBounds.end(), aspect);
   ++aspect_[static_cast<std::size_t>(bin - kAspectBounds.begin())];
@@ -57,6 +72,11 @@ void MeshShape::store(MeshCheck& check) const {
   check.max_edge = std::sqrt(max_edge2_);
   check.mean_edge = edges_.value() / (3.0 * static_cast<double>(faces_));
   check.zero_area_faces = zero_area_;
+  if (faces_ > zero_area_) {
+    check.min_angle_deg = degrees_of_cotangent(max_cotangent_);
+    check.max_angle_deg = degrees_of_cotangent(min_cotangent_);
+    check.max_edge_ratio = std::sqrt(edge_ratio2_);
+  }
   check.aspect_histogram = aspect_;
 }
 

@@ -1,9 +1,10 @@
 /// \file mesh_shape.h
-/// Area, volume, edge lengths and aspect of triangles, summed without regard to order.
+/// Area, volume, edge lengths, angles and aspect of triangles, summed without regard to order.
 #pragma once
 #include "octree/lattice.h"
 #include "stream/check/fixed_sum.h"
 #include "stream/check/mesh_check.h"
+#include "stream/check/mesh_quality.h"
 
 namespace tessera {
 
@@ -16,6 +17,8 @@ class MeshShape {
   /// Corners by ascending vertex number, so that one triangle gives the same bits however it is written.
   /// \param flip  the face runs (a, c, b); its volume counts negative
   void add(const Double3& a, const Double3& b, const Double3& c, bool flip);
+  /// Hands every face with an area on to `pass`, which outlives this.
+  void pass_to(MeshQualityPass& pass) { pass_ = &pass; }
   /// Fills the shape part of a check.
   void store(MeshCheck& check) const;
 
@@ -26,6 +29,9 @@ class MeshShape {
   std::uint64_t faces_ = 0;
   std::uint64_t zero_area_ = 0;
   double min_edge2_ = 0, max_edge2_ = 0;
+  double max_cotangent_ = 0, min_cotangent_ = 0;  ///< of the smallest and the largest angle
+  double edge_ratio2_ = 0;                        ///< the largest of longest to shortest edge
+  MeshQualityPass* pass_ = nullptr;
   std::array<std::uint64_t, kAspectBounds.size() + 1> aspect_ = {};
 };
 

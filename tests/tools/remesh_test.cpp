@@ -173,6 +173,30 @@ TEST_CASE("remesh: a number of faces, or a tolerance alone, says how long edges 
   CHECK(file_bytes(out) == bytes);
 }
 
+TEST_CASE("remesh: far more faces than asked for are no result, unless edges or a tolerance ask for them",
+          "[pipeline]") {
+  const TempFolder folder;
+  // Faces apart from each other: none can go.
+  WholeMesh crumbs;
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    const double x = 3.0 * static_cast<double>(i % 50), y = 3.0 * static_cast<double>(i / 50);
+    crumbs.points.insert(crumbs.points.end(), {{x, y, 0}, {x + 1, y, 0}, {x, y + 1, 0}});
+    crumbs.faces.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  crumbs.header.vertices = crumbs.points.size();
+  crumbs.header.faces = crumbs.faces.size();
+  const fs::path in = folder.path() / "crumbs.ply", out = folder.path() / "out.ply";
+  write_whole(in, crumbs);
+  const CommandResult refused = tessera_command(words(in, out, {"--faces", "300"}));
+  CHECK(refused.code == 6);
+  CHECK(refused.errors.find("keep 2000 faces") != std::string::npos);
+  CHECK(refused.errors.find("give --edge") != std::string::npos);
+  CHECK_FALSE(fs::exists(out));
+  CHECK(tessera_command(words(in, out, {"--faces", "1700", "--force"})).code == 0);
+  CHECK(tessera_command(words(in, out, {"--edge", "2.4", "--force"})).code == 0);
+  CHECK(tessera_command(words(in, out, {"--faces", "300", "--tolerance", "0.5", "--force"})).code == 0);
+}
+
 TEST_CASE("remesh: options and inputs that make no sense are refused with one sentence", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");

@@ -11,6 +11,7 @@
 #include "stream/files/json_fields.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/numbers.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/pass_blocks.h"
@@ -24,6 +25,9 @@ namespace {
 constexpr std::uint64_t kTaskFaces = 1u << 17;  ///< of block and weight: a task is worth a file from here
 /// Splits come before collapses, so a block has more faces for a while than it will have.
 constexpr std::uint64_t kCapacityFactor = 3, kMinCapacity = 4096;
+/// Of the faces asked for, how many may come out, and how many more of a small number.
+constexpr double kMostTimesFaces = 1.2;
+constexpr std::uint64_t kAlwaysMoreFaces = 100;
 /// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
 constexpr double kHaloEdges = 4.0;
 
@@ -164,11 +168,26 @@ class RemeshStage : public Stage {
       s.erase("quality");
       add_counts(sum, s);
     }
-    if (is_last()) sum["quality"] = quality_report(quality, sizing_.edge);
+    if (!is_last()) return sum;
+    refuse_far_more(quality.faces);
+    sum["quality"] = quality_report(quality, sizing_.edge);
     return sum;
   }
 
  private:
+  /// A tolerance asks for as many as it needs; edges of a length for as many as there are.
+  /// \throws ValidationError  naming the way to get them all
+  void refuse_far_more(std::uint64_t faces) const {
+    const std::uint64_t asked = options_.faces;
+    if (asked == 0 || options_.tolerance > 0.0 || faces <= asked + kAlwaysMoreFaces ||
+        static_cast<double>(faces) <= kMostTimesFaces * static_cast<double>(asked))
+      return;
+    throw ValidationError("--faces " + std::to_string(asked) +
+                          " cannot be had: creases, borders and needles of this mesh keep " +
+                          std::to_string(faces) + " faces where edges are to be " +
+                          number_text(sizing_.edge) + " long; ask for more, or give --edge " +
+                          number_text(sizing_.edge) + ", which takes as many as there are");
+  }
   /// Of the round: the shape of what it leaves is told.
   bool is_last() const { return pass_.pass + 1 == options_.passes; }
 
