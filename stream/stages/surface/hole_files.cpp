@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t kBuffer = std::size_t{1} << 20;
 constexpr PackedKind kLoopsKind = {"TSLOOPS2", "a file of loops"};
-constexpr PackedKind kFillingsKind = {"TSHOLES2", "a file of fillings"};
+constexpr PackedKind kFillingsKind = {"TSHOLES3", "a file of fillings"};
 
 struct LoopEntry {
   Section section;
@@ -23,7 +23,7 @@ std::span<std::byte> buffer(std::vector<T>& values, std::uint64_t count) {
 
 /// The sections of a fillings file.
 struct FillingSections {
-  Section position, rgba, faces;
+  Section position, rgba, faces, moved;
 };
 
 }  // namespace
@@ -52,8 +52,8 @@ std::vector<NamedLoop> load_loops(const std::filesystem::path& path) {
 
 void HoleFillings::save(const std::filesystem::path& path) const {
   PackedWriter file(path, kFillingsKind, kBuffer);
-  const std::vector<FillingSections> table = {
-      {file.append(bytes_of(position)), file.append(bytes_of(rgba)), file.append(bytes_of(faces))}};
+  const std::vector<FillingSections> table = {{file.append(bytes_of(position)), file.append(bytes_of(rgba)),
+                                               file.append(bytes_of(faces)), file.append(bytes_of(moved))}};
   file.finish(table);
 }
 
@@ -61,7 +61,12 @@ HoleFillings HoleFillings::load(const std::filesystem::path& path) {
   const PackedFile file(path, kFillingsKind, sizeof(FillingSections));
   const FillingSections s = file.table<FillingSections>().at(0);
   return {file.load<Double3>(s.position), file.load<std::uint32_t>(s.rgba),
-          file.load<std::array<std::uint64_t, 3>>(s.faces)};
+          file.load<std::array<std::uint64_t, 3>>(s.faces), file.load<MovedRim>(s.moved)};
+}
+
+std::vector<MovedRim> load_rim_moves(const std::filesystem::path& path) {
+  const PackedFile file(path, kFillingsKind, sizeof(FillingSections));
+  return file.load<MovedRim>(file.table<FillingSections>().at(0).moved);
 }
 
 HoleFillingsHead load_fillings_head(const std::filesystem::path& path) {

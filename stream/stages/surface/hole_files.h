@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "kernels/holes/hole_filling.h"
+#include "octree/vector.h"
 
 namespace tessera {
 
@@ -43,14 +44,25 @@ constexpr std::uint64_t batch_vertices(std::uint64_t max_hole) {
   return max_hole <= kMaxShortEdges ? 25'000 : 200'000;
 }
 /// Memory of a task that fills loops of at most `max_hole` edges: the kernel, and the batch with its fillings.
+/// Of the faces around a filling while its rim is rounded off.
+inline constexpr std::uint64_t kRoundingBytes = std::uint64_t{8} << 20;
 /// \param chained  edges of loops that are chained, 0 = none
 constexpr std::uint64_t hole_task_bytes(std::uint64_t max_hole, std::uint64_t chained = 0) {
-  return std::max(hole_bytes(max_hole), chained > 0 ? hole_bytes(chained, kChainedVertices) : 0) +
+  return std::max(hole_bytes(max_hole),
+                  chained > 0 ? hole_bytes(chained, kChainedVertices) + kRoundingBytes : 0) +
          290 * (batch_vertices(max_hole) + (chained > 0 ? kChainedVertices : 0));
 }
 
 void save_loops(const std::filesystem::path& path, const std::vector<NamedLoop>& loops);
 std::vector<NamedLoop> load_loops(const std::filesystem::path& path);
+
+/// A vertex of a rim that gave way to its filling.
+struct MovedRim {
+  std::uint64_t number = 0;  ///< in the output
+  Float3 to{};               ///< cells, relative to the brick that owns it
+  std::uint32_t unused = 0;
+  bool operator<(const MovedRim& other) const { return number < other.number; }
+};
 
 /// The fillings of one batch.
 struct HoleFillings {
@@ -59,6 +71,7 @@ struct HoleFillings {
   /// Output numbers, or kNew | index of a new vertex of this batch.
   std::vector<std::array<std::uint64_t, 3>> faces;
   static constexpr std::uint64_t kNew = std::uint64_t{1} << 63;
+  std::vector<MovedRim> moved;
 
   void save(const std::filesystem::path& path) const;
   static HoleFillings load(const std::filesystem::path& path);
@@ -70,6 +83,7 @@ struct HoleFillingsHead {
   std::uint64_t faces = 0;
 };
 HoleFillingsHead load_fillings_head(const std::filesystem::path& path);
+std::vector<MovedRim> load_rim_moves(const std::filesystem::path& path);
 
 /// Files in order; none when no holes were asked for.
 std::vector<std::filesystem::path> list_loop_files(const std::filesystem::path& work);

@@ -13,6 +13,7 @@
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/hole_limit.h"
+#include "stream/stages/surface/hole_rounding.h"
 #include "stream/stages/surface/loops_stage.h"
 #include "stream/stages/weld/mesh_around.h"
 #include "stream/stages/weld/weld_stage.h"
@@ -21,6 +22,7 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kFixedBytes = std::uint64_t{8} << 20;
+constexpr std::uint64_t kRimSortBytes = std::uint64_t{8} << 20;
 
 class HolesStage : public Stage {
  public:
@@ -45,7 +47,7 @@ class HolesStage : public Stage {
     const std::vector<NamedLoop> loops = load_loops(files_[task]);
     HoleFillings out;
     std::array<std::uint64_t, kHoleOutcomes> outcomes{};
-    std::uint64_t stiff = 0, crossing = 0, folded = 0;
+    std::uint64_t stiff = 0, crossing = 0, folded = 0, rounded = 0;
     MeshAround around(work_, store_, numbering_);
     for (const NamedLoop& named : loops) {
       context.check_stop();
@@ -72,7 +74,9 @@ class HolesStage : public Stage {
           ++outcomes[static_cast<std::size_t>(smooth)];
         continue;
       }
-      const HoleFilling& filling = found.filling;
+      HoleFilling& filling = found.filling;
+      if (limit_.membranes)
+        rounded += round_rim(named, loop, corner, store_, numbering_, around, filling, out.moved);
       ++outcomes[static_cast<std::size_t>(HoleOutcome::kFilled)];
       folded += smooth != HoleOutcome::kFilled || crossed;
       stiff += !filling.fair;
@@ -96,6 +100,7 @@ class HolesStage : public Stage {
     return {{"loops", loops.size()},
             {"filled", count(HoleOutcome::kFilled)},
             {"folded", folded},
+            {"rounded", rounded},
             {"refused_taken", count(HoleOutcome::kTaken)},
             {"refused_outer", count(HoleOutcome::kOuter)},
             {"left_wide", count(HoleOutcome::kWide)},
@@ -106,16 +111,18 @@ class HolesStage : public Stage {
             {"faces", out.faces.size()}};
   }
 
-  std::uint64_t finish_bytes() const override { return kFixedBytes; }
+  std::uint64_t finish_bytes() const override { return kFixedBytes + finish_sort_bytes(); }
 
-  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     Json total = Json::object();
-    for (const char* key : {"loops", "filled", "folded", "refused_taken", "refused_outer", "left_wide",
-                            "left_sharp", "left_crossing", "not_fair", "vertices", "faces"}) {
+    for (const char* key : {"loops", "filled", "folded", "rounded", "refused_taken", "refused_outer",
+                            "left_wide", "left_sharp", "left_crossing", "not_fair", "vertices", "faces"}) {
       std::uint64_t sum = 0;
       for (const Json& s : summaries) sum += s.at(key).get<std::uint64_t>();
       total[key] = sum;
     }
+    if (limit_.membranes && !files_.empty())
+      total["moved_vertices"] = save_rim_moves(work_, store_, numbering_, finish_sort_bytes(), context);
     return total;
   }
 
@@ -124,6 +131,8 @@ class HolesStage : public Stage {
   }
 
  private:
+  std::uint64_t finish_sort_bytes() const { return limit_.membranes ? kRimSortBytes : 0; }
+
   struct Try {
     HoleFilling filling;
     bool crosses = false;  ///< the mesh

@@ -1,5 +1,5 @@
 /// \file border_moves.h
-/// Where the stages "border" and "blunt" moved vertices, per patch.
+/// Where the stages "border", "blunt" and "holes" moved vertices, per patch.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -18,6 +18,7 @@ struct MovedVertex {
 
 inline constexpr const char* kBorderFolder = "border";
 inline constexpr const char* kBluntFolder = "blunt";
+inline constexpr const char* kRimFolder = "rounded";
 
 class BorderMovesWriter {
  public:

@@ -35,6 +35,14 @@ std::vector<std::uint32_t> NumberedPatches::make_remap(std::size_t patch) const 
   return map;
 }
 
+std::vector<std::uint32_t> NumberedPatches::kept_vertices(std::size_t patch) const {
+  std::vector<std::uint32_t> out;
+  const std::vector<std::uint32_t> map = make_remap(patch);
+  for (std::uint32_t v = 0; v < map.size(); ++v)
+    if (map[v] != kGone) out.push_back(v);
+  return out;
+}
+
 std::uint64_t NumberedPatches::output_index(const VertexSlot& slot) {
   const std::uint64_t base = numbering_->patches[slot.patch].first_vertex;
   if (numbering_->patches[slot.patch].kept_vertices == store_->patches()[slot.patch].vertices)

@@ -49,6 +49,9 @@ class NumberedPatches {
   /// \param position  cells, relative to the brick  \param rgba  empty if the patch has no colour
   void load_kept_vertices(std::size_t patch, std::vector<Float3>& position, std::vector<std::uint32_t>& rgba);
 
+  /// Own vertices that are kept, ascending: the first of them has the patch's first number in the output.
+  std::vector<std::uint32_t> kept_vertices(std::size_t patch) const;
+
   /// Most that the caches take, beyond one patch's faces.
   static constexpr std::uint64_t kCacheBytes = std::uint64_t{16} << 20;
 

@@ -31,6 +31,7 @@ std::uint64_t save_returned(const std::filesystem::path& path, std::vector<std::
 PatchPositions::PatchPositions(const std::filesystem::path& work, const PatchStore& store, int rounds)
     : store_(store), moves_(work), rounds_(static_cast<std::size_t>(std::max(0, rounds))) {
   if (rounds != kBeforeBlunt) blunt_.emplace(work, kBluntFolder);
+  if (rounds == kUncrossRounds) rims_.emplace(work, kRimFolder);
   for (int round = 0; round < rounds; ++round) {
     std::vector<std::uint64_t>& all = rounds_[static_cast<std::size_t>(round)];
     for (const auto& path : list_task_files(work / folder_of_round(round), kReturnedExtension)) {
@@ -75,6 +76,7 @@ void PatchPositions::load(std::size_t patch, std::vector<Float3>& position, std:
       const auto vertex = static_cast<std::uint32_t>(v);
       position.at(vertex) = before.at(vertex);
     }
+  if (rims_) rims_->apply(store_.patches()[patch].key, position);
   if (safe) *safe = std::move(before);
 }
 

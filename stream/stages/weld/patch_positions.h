@@ -1,5 +1,5 @@
 /// \file patch_positions.h
-/// Where the vertices of welded patches lie: as extraction left them, moved by the passes "border" and "blunt", taken back by the rounds of
+/// Where the vertices of welded patches lie: as extraction left them, moved by the passes "border", "blunt" and "holes", taken back by the rounds of
 /// the pass "uncross".
 #pragma once
 #include <cstdint>
@@ -32,7 +32,8 @@ std::uint64_t save_returned(const std::filesystem::path& path, std::vector<std::
 
 class PatchPositions {
  public:
-  /// \param rounds  of the pass "uncross" that count, those of them that there are; or kBeforeBlunt
+  /// \param rounds  of the pass "uncross" that count, those of them that there are; or kBeforeBlunt. All of them: what
+  ///                "holes" moved counts too
   PatchPositions(const std::filesystem::path& work, const PatchStore& store, int rounds = kUncrossRounds);
 
   /// Own vertices. \param position  cells, relative to the brick
@@ -48,7 +49,7 @@ class PatchPositions {
  private:
   const PatchStore& store_;
   BorderMoves moves_;
-  std::optional<BorderMoves> blunt_;
+  std::optional<BorderMoves> blunt_, rims_;
   std::vector<std::vector<std::uint64_t>> rounds_;
 };
 

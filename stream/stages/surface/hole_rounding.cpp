@@ -1,0 +1,165 @@
+#include "stream/stages/surface/hole_rounding.h"
+
+#include <algorithm>
+
+#include "kernels/mesh/block_contacts.h"
+#include "kernels/mesh/orientation_sign.h"
+#include "kernels/smooth/crease_blunting.h"
+#include "stream/files/external_sort.h"
+#include "stream/stages/weld/border_moves.h"
+
+namespace tessera {
+namespace {
+
+/// How far around a filling faces take part, in cells: those of its rim, and what they may meet.
+constexpr double kRoundMargin = 4.0;
+
+std::size_t patch_of_number(const Numbering& numbering, std::uint64_t vertex) {
+  const auto after = std::upper_bound(numbering.patches.begin(), numbering.patches.end(), vertex,
+                                      [](std::uint64_t v, const PatchSpan& p) { return v < p.first_vertex; });
+  return static_cast<std::size_t>(after - numbering.patches.begin()) - 1;
+}
+
+/// Faces around the filling, the filling's own behind them; corners by their index in `name`.
+struct Surroundings {
+  std::vector<ContactFace> faces;
+  std::size_t own = 0;  ///< the first of the filling
+  std::vector<std::uint64_t> name;
+  CreaseMesh mesh;
+};
+
+Surroundings gather_around(const NamedLoop& named, const HoleLoop& loop, const Double3& origin,
+                           const HoleFilling& filling, MeshAround& around) {
+  Surroundings out;
+  const std::size_t n = named.vertex.size();
+  std::vector<ContactFace> own;
+  Double3 low = loop.position[0], high = low;
+  for (const auto& f : filling.faces) {
+    ContactFace face;
+    for (std::size_t k = 0; k < 3; ++k) {
+      face.corner[k] = f[k] < n ? loop.position[f[k]] : filling.position[f[k] - n];
+      face.vertex[k] = f[k] < n ? named.vertex[f[k]] : HoleFillings::kNew | (f[k] - n);
+      for (std::size_t a = 0; a < 3; ++a) {
+        low[a] = std::min(low[a], face.corner[k][a] - kRoundMargin);
+        high[a] = std::max(high[a], face.corner[k][a] + kRoundMargin);
+      }
+    }
+    own.push_back(face);
+  }
+  BoxMask near(low, high, 64);
+  for (const ContactFace& f : own) {
+    Double3 from = f.corner[0], to = from;
+    for (const Double3& p : f.corner)
+      for (std::size_t a = 0; a < 3; ++a) from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
+    for (std::size_t a = 0; a < 3; ++a) from[a] -= kRoundMargin, to[a] += kRoundMargin;
+    near.mark(from, to);
+  }
+  around.gather(origin, low, high, near, out.faces);
+  out.own = out.faces.size();
+  out.faces.insert(out.faces.end(), own.begin(), own.end());
+  for (const ContactFace& f : out.faces) out.name.insert(out.name.end(), f.vertex.begin(), f.vertex.end());
+  std::sort(out.name.begin(), out.name.end());
+  out.name.erase(std::unique(out.name.begin(), out.name.end()), out.name.end());
+  CreaseMesh& mesh = out.mesh;
+  mesh.position.resize(out.name.size());
+  mesh.at_border.assign(out.name.size(), 1);  // stay
+  const auto index = [&](std::uint64_t v) {
+    return static_cast<std::uint32_t>(std::lower_bound(out.name.begin(), out.name.end(), v) -
+                                      out.name.begin());
+  };
+  for (std::size_t f = 0; f < out.faces.size(); ++f) {
+    auto& face = mesh.faces.emplace_back();
+    for (std::size_t k = 0; k < 3; ++k) {
+      face[k] = index(out.faces[f].vertex[k]);
+      mesh.position[face[k]] = out.faces[f].corner[k];
+      if (f >= out.own) mesh.at_border[face[k]] = 0;
+    }
+    mesh.unseen.push_back(f >= out.own);
+  }
+  return out;
+}
+
+}  // namespace
+
+bool round_rim(const NamedLoop& named, const HoleLoop& loop, const Double3& origin, const PatchStore& store,
+               const Numbering& numbering, MeshAround& around, HoleFilling& filling,
+               std::vector<MovedRim>& moves) {
+  Surroundings here = gather_around(named, loop, origin, filling, around);
+  const std::vector<Double3> before = here.mesh.position;
+  if (blunt_creases(here.mesh) == 0) return false;
+  std::vector<MovedRim> moved;
+  for (std::size_t v = 0; v < before.size(); ++v) {
+    Double3& p = here.mesh.position[v];
+    if (p == before[v] || (here.name[v] & HoleFillings::kNew) != 0) continue;
+    // As it will be read again.
+    const Int3 brick = brick_of_key(store.patches()[patch_of_number(numbering, here.name[v])].key);
+    Double3 offset{};
+    for (std::size_t a = 0; a < 3; ++a) offset[a] = double{kBrickCells} * brick[a] - origin[a];
+    moved.push_back({here.name[v], narrow(p - offset)});
+    p = wide(moved.back().to) + offset;
+  }
+  // Faces that changed come first: pairs of others are none of its business.
+  std::vector<ContactFace> faces, others;
+  for (std::size_t f = 0; f < here.faces.size(); ++f) {
+    ContactFace face = here.faces[f];
+    bool changed = f >= here.own;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t v = here.mesh.faces[f][k];
+      changed = changed || here.mesh.position[v] != before[v];
+      face.corner[k] = here.mesh.position[v];
+    }
+    if (collinear(face.corner[0], face.corner[1], face.corner[2])) {
+      if (changed) return false;
+      continue;
+    }
+    (changed ? faces : others).push_back(face);
+  }
+  const std::size_t own = faces.size();
+  faces.insert(faces.end(), others.begin(), others.end());
+  bool crosses = false;
+  block_contacts(faces, kAllSpace,
+                 [&](std::uint32_t i, std::uint32_t, FaceContact) { crosses = crosses || i < own; });
+  if (crosses) return false;
+  for (std::size_t v = 0; v < before.size(); ++v)
+    if ((here.name[v] & HoleFillings::kNew) != 0)
+      filling.position[here.name[v] & ~HoleFillings::kNew] = here.mesh.position[v];
+  moves.insert(moves.end(), moved.begin(), moved.end());
+  return true;
+}
+
+std::uint64_t save_rim_moves(const std::filesystem::path& work, const PatchStore& store,
+                             const Numbering& numbering, std::uint64_t sort_bytes, TaskContext& context) {
+  ExternalSort<MovedRim> sort(work, sort_bytes);
+  for (const auto& file : list_filling_files(work)) {
+    context.check_stop();
+    for (const MovedRim& m : load_rim_moves(file)) sort.add(m);
+  }
+  BorderMovesWriter writer(context.create(border_moves_file_name(0, kRimFolder)));
+  const NumberedPatches numbered(work, store, numbering);
+  std::vector<MovedVertex> moves;
+  std::vector<std::uint32_t> own;  // number in the patch per kept vertex, empty if it kept all
+  std::size_t patch = 0;
+  std::uint64_t count = 0;
+  const auto flush = [&] {
+    writer.add(store.patches()[patch].key, moves);
+    count += moves.size();
+    moves.clear();
+  };
+  sort.drain([&](std::span<const MovedRim> batch) {
+    context.check_stop();
+    for (const MovedRim& m : batch) {
+      const std::size_t p = patch_of_number(numbering, m.number);
+      if (p != patch || own.empty()) {
+        flush();
+        patch = p;
+        own = numbered.kept_vertices(p);
+      }
+      moves.push_back({own[m.number - numbering.patches[p].first_vertex], m.to});
+    }
+  });
+  if (!moves.empty()) flush();
+  context.count_written(writer.finish());
+  return count;
+}
+
+}  // namespace tessera
