@@ -72,7 +72,7 @@ struct PcdHeader {
   std::uint64_t stride = 0;
   std::uint64_t points = 0;
   std::optional<std::uint64_t> grid;  ///< width * height
-  std::optional<Double3> viewpoint;   ///< unless it is the default
+  std::optional<Double3> viewpoint;   ///< unless it is the default of a cloud without a grid
   PcdData data = PcdData::kAscii;
   std::uint64_t data_begin = 0;
   std::uint64_t lines = 0;
@@ -190,6 +190,9 @@ class HeaderParser {
       header_.fields.push_back(std::move(f));
     }
     if (header_.stride == 0) fail("records of no bytes");
+    // The frame of a depth camera, whose origin is the camera; clouds without rows have the default whatever they are.
+    if (!header_.viewpoint && height_.value_or(1) > 1 && width_.value_or(1) > 1)
+      header_.viewpoint = Double3{0, 0, 0};
     if (width_ && height_)
       header_.grid =
           *height_ == 0 || *width_ <= ~std::uint64_t{0} / *height_ ? *width_ * *height_ : ~std::uint64_t{0};

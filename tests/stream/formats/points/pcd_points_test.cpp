@@ -91,6 +91,20 @@ TEST_CASE("pcd points: binary and compressed say the same, whatever the slices",
   CHECK(test::read_points(folder.write("c.pcd", header(count, "binary") + records(n))).info.sensors.empty());
 }
 
+TEST_CASE("pcd points: rows of a depth camera were seen from the origin, unless the file says otherwise",
+          "[unit]") {
+  const test::TempFolder folder;
+  const auto grid = [&](const std::string& width, const std::string& height, const std::string& viewpoint) {
+    return test::read_points(folder.write(
+        "a.pcd", "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH " + width + "\nHEIGHT " + height +
+                     "\nVIEWPOINT " + viewpoint + "\nPOINTS 4\nDATA ascii\n1 2 3\n2 2 3\n1 3 3\n2 3 3\n"));
+  };
+  CHECK(grid("2", "2", "0 0 0 1 0 0 0").info.sensors == std::vector<Double3>{{0, 0, 0}});
+  CHECK(grid("2", "2", "7 8 9 1 0 0 0").info.sensors == std::vector<Double3>{{7, 8, 9}});
+  CHECK(grid("4", "1", "0 0 0 1 0 0 0").info.sensors.empty());
+  CHECK(grid("1", "4", "0 0 0 1 0 0 0").info.sensors.empty());
+}
+
 TEST_CASE("pcd points: ascii, with packed colours as floats and as whole numbers", "[unit]") {
   const test::TempFolder folder;
   for (const std::string end : {"\n", "\r\n"}) {
