@@ -338,14 +338,26 @@ SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHi
   return s;
 }
 
+namespace {
+
+/// Few points show a whole object, whose limbs are a few spacings thick: a finer lattice tells one side from the other. Below
+/// a quarter, where it is h that limits what is told apart, it gets finer sooner.
+double few_factor(std::uint64_t points) {
+  constexpr double kFewPoints = 16384.0, kHalf = 0.5, kFinest = 0.35;
+  const double share = static_cast<double>(points) / kFewPoints;
+  if (share >= kHalf * kHalf) return std::min(std::sqrt(share), 1.0);
+  const double rest = share / (kHalf * kHalf);
+  return std::max(kHalf * rest * std::sqrt(rest), kFinest);
+}
+
+}  // namespace
+
 ChosenSpacing choose_spacing(const SpacingSummary& measured, std::uint64_t points) {
   constexpr double kEven = 1.5;
   constexpr double kDense = 3.0;
   constexpr double kClosable = 2.0;
   constexpr double kLittle = 1.15;
-  constexpr double kFewPoints = 16384.0;
-  constexpr double kFinestOfFew = 0.5;
-  const double few = std::clamp(std::sqrt(static_cast<double>(points) / kFewPoints), kFinestOfFew, 1.0);
+  const double few = few_factor(points);
   const double even = kEven * measured.spacing;
   const double dense = kDense * measured.dense;
   const double closing = measured.wide / kClosable;

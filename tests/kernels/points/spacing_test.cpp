@@ -38,12 +38,13 @@ TEST_CASE("spacing: a point off the plane of most around it is beside a surface"
   }
 }
 
-TEST_CASE("spacing: scans of few points get a finer lattice, down to half", "[unit]") {
+TEST_CASE("spacing: scans of few points get a finer lattice, down to a third", "[unit]") {
   CHECK(choose_spacing(even_scan(0.0)).h == 3.0);
   CHECK(choose_spacing(even_scan(0.0), 16384).h == 3.0);
   CHECK(choose_spacing(even_scan(0.0), 9216).h == Approx(0.75 * 3.0));
-  CHECK(choose_spacing(even_scan(0.0), 3400).h == 1.5);
-  CHECK(choose_spacing(even_scan(0.0), 10).h == 1.5);
+  CHECK(choose_spacing(even_scan(0.0), 4096).h == 1.5);
+  CHECK(choose_spacing(even_scan(0.0), 3400).h == Approx(0.378 * 3.0).epsilon(0.001));
+  CHECK(choose_spacing(even_scan(0.0), 10).h == Approx(0.35 * 3.0));
   CHECK_THAT(choose_spacing(even_scan(0.0), 3400).reason, Catch::Contains("3400 points"));
   CHECK_THAT(choose_spacing(even_scan(0.0), 20000).reason, Catch::StartsWith("1.5 times the spacing"));
 }
