@@ -122,6 +122,26 @@ TEST_CASE("bad input: scans that cannot be read or meshed", "[fault]") {
   CHECK(done >= 30);
 }
 
+TEST_CASE("bad input: of many scans the first bad one is named, whatever thread reads it", "[fault]") {
+  const Files files;
+  const auto none = [](std::string&) {};
+  const auto broken = [](std::string& h) { h[24] = 7; };
+  std::vector<std::string> words = {"reconstruct"};
+  for (int i = 0; i < 40; ++i)
+    words.push_back(files.text("s" + std::to_string(100 + i) + ".las",
+                               i == 17 || i > 18 ? las(50, broken) : las(50, none)));
+  words.insert(words.end(), {"-o", files.out.string(), "-q", "--progress", "none"});
+  for (const char* threads : {"1", "4"}) {
+    std::vector<std::string> all = words;
+    all.insert(all.end(), {"-t", threads});
+    const CommandResult r = tessera_command(all);
+    INFO(r.errors);
+    CHECK(r.code == 3);
+    CHECK(r.errors.find("s117.las") != std::string::npos);
+    std::filesystem::remove_all(files.out.string() + ".tessera");
+  }
+}
+
 TEST_CASE("bad input: options, folders, caps", "[fault]") {
   const Files f;
   std::string sheet;

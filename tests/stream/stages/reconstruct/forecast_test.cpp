@@ -10,6 +10,7 @@
 #include "stream/points/hot_brick.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
+#include "stream/stages/surface/surface_stage.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
@@ -289,6 +290,27 @@ TEST_CASE("forecast: a hot brick of 4.19 million points is told with what normal
   job.run.memory_bytes = 700 * kMiB;
   CHECK_THROWS_WITH(require_resources(forecast, job, 0, [&](std::uint64_t) { return forecast; }),
                     Catch::Contains("stage normals"));
+}
+
+TEST_CASE("forecast: a surface takes longer the noisier it is, and not where crowns are the noise",
+          "[unit]") {
+  Plan plan;
+  RunOptions run;
+  PlannedScan scan{plan, run, {}, {}, {}};
+  const auto time = [&](double noise) {
+    plan.noise_cells = noise;
+    return surface_face_time(scan);
+  };
+  CHECK(time(0.0) < time(0.02));
+  CHECK(time(0.02) < time(0.1));
+  CHECK(time(0.1) < time(0.2));
+  CHECK(time(0.2) == time(0.9));
+  const double noisy = time(0.2);
+  scan.columns.emplace();  // a surface model may stand in for what is strewn
+  CHECK(time(0.02) > time(0.0));
+  CHECK(time(0.4) < noisy);
+  CHECK(time(0.9) < time(0.4));
+  CHECK(time(0.9) > time(0.0));
 }
 
 TEST_CASE("forecast: too small a cap is refused once, with the smallest that would do", "[unit]") {

@@ -70,7 +70,7 @@ TEST_CASE("smoothed patch: what a tile left open gets the bytes of the whole mes
   if (local) CHECK(read_in_parts > read_at_once);
 }
 
-TEST_CASE("smoothed patch: groups are cut until they fit; what not even one vertex fits into is said",
+TEST_CASE("smoothed patch: groups are cut until they fit, what not even one vertex fits into is said",
           "[unit]") {
   const test::TempFolder folder;
   const MeshBlock mesh = test::torn_sheet(40, 200, 3);
