@@ -301,7 +301,7 @@ std::unique_ptr<Stage> make_normals_stage(const JobState& state) {
 namespace {
 
 // Microseconds a point: supporters of points with normals; normals too.
-constexpr double kShapeTime = 0.25, kEstimateTime = 0.68;
+constexpr double kShapeTime = 0.25, kEstimateTime = 0.58;
 
 }  // namespace
 
