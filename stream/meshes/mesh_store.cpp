@@ -340,6 +340,11 @@ MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
     : impl_(std::make_unique<Impl>()) {
   std::vector<std::filesystem::path> paths = files;
   paths.insert(paths.end(), newer.begin(), newer.end());
+  // Newer files of one folder are one pass's; a pass stands in for those before it.
+  std::vector<std::uint32_t> pass(paths.size(), 0);
+  for (std::size_t f = files.size(); f < paths.size(); ++f)
+    pass[f] = pass[f - (f > 0)] +
+              (f == files.size() || paths[f].parent_path() != paths[f - 1].parent_path() ? 1u : 0u);
   for (const auto& path : paths) {
     const PackedFile& file =
         impl_->files.emplace_back(path, kStoreKind, sizeof(MeshPatchEntry), sizeof(DiskInfo));
@@ -366,7 +371,7 @@ MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
     return a.key != b.key ? a.key < b.key : a.file > b.file;
   });
   for (std::size_t i = 1; i < table.size(); ++i) {
-    const bool replaced = table[i - 1].file >= files.size() && table[i].file < files.size();
+    const bool replaced = pass[table[i - 1].file] > pass[table[i].file];
     if (table[i].key == table[i - 1].key && !replaced)
       throw InputError(impl_->files[table[i].file].path().string() + ": brick " +
                        std::to_string(table[i].key) +
