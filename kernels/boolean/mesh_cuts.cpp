@@ -2,18 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <tuple>
 
-#include "kernels/mesh/block_contacts.h"
+#include "kernels/mesh/face_boxes.h"
+#include "kernels/mesh/face_contact.h"
 #include "kernels/mesh/orientation_sign.h"
 
 namespace tessera {
 namespace {
 
+constexpr double kBeyondAll = std::numeric_limits<double>::infinity();
+
 struct CutBox {
-  Double3 low = kAllSpace.high, high = kAllSpace.low;
+  Double3 low = {kBeyondAll, kBeyondAll, kBeyondAll}, high = {-kBeyondAll, -kBeyondAll, -kBeyondAll};
   void add(const Double3& p) {
     for (std::size_t k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
   }
@@ -58,23 +62,45 @@ class CutFinder {
   }
 
  private:
-  /// Pairs of faces of both meshes that meet, ascending.
+  /// Pairs of faces of both meshes that meet, ascending: those of one ask a tree over those of the other.
   void search(const CutBox& first, const CutBox& second) {
-    std::vector<ContactFace> near;
-    std::vector<std::uint32_t> number;
-    for (std::uint32_t f = 0; f < out_.faces.size(); ++f) {
-      CutBox box;
-      for (const std::uint32_t v : out_.faces[f]) box.add(at(v));
-      if (!box.meets(f < out_.first_faces ? second : first)) continue;
-      const Corners& c = out_.faces[f];
-      near.push_back({{at(c[0]), at(c[1]), at(c[2])}, {c[0], c[1], c[2]}});
-      number.push_back(f);
+    CutBox common;
+    for (std::size_t k = 0; k < 3; ++k) {
+      common.low[k] = std::max(first.low[k], second.low[k]);
+      common.high[k] = std::min(first.high[k], second.high[k]);
+      if (!(common.low[k] <= common.high[k])) return;
     }
-    block_contacts(near, kAllSpace, [&](std::uint32_t i, std::uint32_t j, FaceContact) {
-      const auto [f, g] = std::minmax(number[i], number[j]);
-      if (f < out_.first_faces && g >= out_.first_faces) pairs_.emplace_back(f, g);
-    });
+    const auto near = [&](std::uint32_t begin, std::size_t end) {
+      std::vector<std::uint32_t> out;
+      for (std::uint32_t f = begin; f < end; ++f) {
+        CutBox box;
+        for (const std::uint32_t v : out_.faces[f]) box.add(at(v));
+        if (box.meets(common)) out.push_back(f);
+      }
+      return out;
+    };
+    const std::vector<std::uint32_t> ours = near(0, out_.first_faces),
+                                     theirs = near(out_.first_faces, out_.faces.size());
+    if (ours.empty() || theirs.empty()) return;
+    const FaceBoxes range(common.low, common.high);
+    std::vector<FaceBoxes::Box> boxes;
+    boxes.reserve(theirs.size());
+    for (const std::uint32_t g : theirs) boxes.push_back(range.box(contact_face(g).corner));
+    FaceBoxes tree = range;
+    tree.build(boxes, FaceBoxes::Order::kMorton);
+    for (const std::uint32_t f : ours) {
+      const ContactFace here = contact_face(f);
+      tree.for_meeting(range.box(here.corner), [&](std::uint32_t i) {
+        if (face_contact(here, contact_face(theirs[i])) != FaceContact::kNone)
+          pairs_.emplace_back(f, theirs[i]);
+        return true;
+      });
+    }
     std::sort(pairs_.begin(), pairs_.end());
+  }
+  ContactFace contact_face(std::uint32_t f) const {
+    const Corners& c = out_.faces[f];
+    return {{at(c[0]), at(c[1]), at(c[2])}, {c[0], c[1], c[2]}};
   }
 
   const Double3& at(std::uint32_t v) const { return out_.points.near(v); }

@@ -68,7 +68,7 @@ struct MeshCuts {
 };
 
 /// \pre  both closed, no face without area, neither meets itself (face_contact.h) beyond what faces share
-/// \cost block_contacts' over the faces whose boxes meet the other mesh's box, and about 10 us a pair that meets
+/// \cost a tree over faces near the other mesh, and about 10 us a pair that meets
 MeshCuts find_mesh_cuts(const SolidMesh& first, const SolidMesh& second);
 
 }  // namespace tessera
