@@ -8,16 +8,16 @@ namespace {
 constexpr std::size_t kNone = ~std::size_t{0};
 
 /// Where the edge begins that follows `e`, kNone if it is not there. A vertex of a manifold has one border edge out.
-std::size_t next_of(const std::vector<BorderEdge>& border, const BorderEdge& e) {
+std::size_t next_of(const std::vector<BoundaryEdge>& border, const BoundaryEdge& e) {
   const auto next = std::lower_bound(border.begin(), border.end(), e.to,
-                                     [](const BorderEdge& b, std::uint64_t v) { return b.from < v; });
+                                     [](const BoundaryEdge& b, std::uint64_t v) { return b.from < v; });
   return next != border.end() && next->from == e.to ? static_cast<std::size_t>(next - border.begin()) : kNone;
 }
 
-HoleBoundary make_boundary(const std::vector<BorderEdge>& loop, const std::vector<Chord>& chords) {
+HoleBoundary make_boundary(const std::vector<BoundaryEdge>& loop, const std::vector<Chord>& chords) {
   HoleBoundary out;
   std::vector<std::array<std::uint64_t, 2>> order;  // vertex, position in the loop
-  for (const BorderEdge& e : loop) {
+  for (const BoundaryEdge& e : loop) {
     order.push_back({e.from, order.size()});
     out.vertex.push_back(e.from);
     out.third.push_back(e.third);
@@ -65,15 +65,15 @@ void BoundaryMatcher::finish() {
   close();
   faces_ = 0;
   std::sort(border.begin(), border.end(),
-            [](const BorderEdge& a, const BorderEdge& b) { return a.from < b.from; });
+            [](const BoundaryEdge& a, const BoundaryEdge& b) { return a.from < b.from; });
 }
 
 LoopCounts for_each_boundary_loop(const BoundaryMatcher& boundaries, std::uint64_t maximum,
                                   const std::function<void(HoleBoundary&&)>& use) {
-  const std::vector<BorderEdge>& border = boundaries.border;
+  const std::vector<BoundaryEdge>& border = boundaries.border;
   LoopCounts counts;
   std::vector<std::uint8_t> seen(border.size(), 0);
-  std::vector<BorderEdge> loop;
+  std::vector<BoundaryEdge> loop;
   for (std::size_t first = 0; first < border.size(); ++first) {
     if (seen[first]) continue;
     loop.clear();
@@ -95,12 +95,12 @@ LoopCounts for_each_boundary_loop(const BoundaryMatcher& boundaries, std::uint64
 
 std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& boundaries, std::uint64_t first,
                                                std::uint64_t last, std::uint64_t maximum) {
-  const std::vector<BorderEdge>& border = boundaries.border;
+  const std::vector<BoundaryEdge>& border = boundaries.border;
   std::vector<HoleBoundary> out;
-  const auto from = [](const BorderEdge& b, std::uint64_t v) { return b.from < v; };
+  const auto from = [](const BoundaryEdge& b, std::uint64_t v) { return b.from < v; };
   const auto begin =
       static_cast<std::size_t>(std::lower_bound(border.begin(), border.end(), first, from) - border.begin());
-  std::vector<BorderEdge> loop;
+  std::vector<BoundaryEdge> loop;
   for (std::size_t start = begin; start < border.size() && border[start].from < last; ++start) {
     loop.clear();
     std::size_t at = start;

@@ -22,7 +22,7 @@ struct EdgeRecord {
 EdgeRecord edge_record(std::uint64_t a, std::uint64_t b, std::uint64_t c);
 
 /// A boundary edge, directed as a face that fills the hole would run: against the face of the mesh.
-struct BorderEdge {
+struct BoundaryEdge {
   std::uint64_t from = 0;
   std::uint64_t to = 0;
   std::uint64_t third = 0;  ///< the face's other vertex
@@ -36,7 +36,7 @@ class BoundaryMatcher {
   /// After the last record; then `border` is sorted by `from`.
   void finish();
 
-  std::vector<BorderEdge> border;
+  std::vector<BoundaryEdge> border;
   std::vector<Chord> chords;  ///< ascending
 
  private:

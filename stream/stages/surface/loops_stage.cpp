@@ -242,7 +242,7 @@ class LoopsStage : public Stage {
     sort.drain([&](std::span<const EdgeRecord> batch) {
       context.check_stop();
       for (const EdgeRecord& r : batch) boundaries.add(r);
-      if (boundaries.border.size() * sizeof(BorderEdge) + boundaries.chords.size() * sizeof(Chord) >
+      if (boundaries.border.size() * sizeof(BoundaryEdge) + boundaries.chords.size() * sizeof(Chord) >
           table_bytes(state_.run) / 2)
         throw ResourceError(
             "the border of this mesh has more than " + std::to_string(boundaries.border.size()) +
