@@ -7,6 +7,7 @@
 #include "octree/error.h"
 #include "stream/files/json.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/progress_note.h"
 
 namespace tessera {
 namespace {
@@ -33,6 +34,15 @@ std::string short_time(double seconds) {
   if (s < 60) return fmt::format("{} s", s);
   if (s < 3600) return fmt::format("{}:{:02} min", s / 60, s % 60);
   return fmt::format("{}:{:02} h", s / 3600, s / 60 % 60);
+}
+
+double progress_seconds(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+void take_note(const ProgressSink& sink, const JobProgress& at) {
+  if (const auto* notes = sink.write.target<ProgressNotes>(); notes != nullptr && notes->take)
+    notes->take(at);
 }
 
 }  // namespace
@@ -84,6 +94,7 @@ std::uint64_t Progress::stage_peak_bytes() {
 void Progress::end_stage() {
   const std::lock_guard lock(mutex_);
   active_ = false;
+  take_note(sink_, {name_, index_, count_, unit_, done_.load(), total_, progress_seconds(start_), true});
   draw(true);
 }
 
@@ -107,6 +118,7 @@ void Progress::watch() {
     wake_.wait_for(lock, kSample);
     if (quit_ || !active_) continue;
     sampled_peak_ = std::max(sampled_peak_, resident_bytes());
+    take_note(sink_, {name_, index_, count_, unit_, done_.load(), total_, progress_seconds(start_), false});
     if (Clock::now() < next_line_) continue;
     next_line_ =
         Clock::now() + (mode_ == ProgressMode::kBar ? Clock::duration(kRedraw) : Clock::duration(kLine));
@@ -134,7 +146,7 @@ std::string Progress::line(double seconds, std::uint64_t done) const {
 /// \pre the lock is held
 void Progress::draw(bool last) {
   if (mode_ == ProgressMode::kNone) return;
-  const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
+  const double seconds = progress_seconds(start_);
   const std::uint64_t done = done_.load();
   const std::uint64_t fresh = done - std::min(done, before_);
   const double rate = seconds > 0 ? static_cast<double>(fresh) / seconds : 0.0;

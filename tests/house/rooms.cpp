@@ -50,7 +50,7 @@ const std::map<std::string, int> kStreamHeights = {
     {"formats/e57", 2},    {"formats/laz", 2},    {"points", 3},         {"meshes", 3},
     {"import", 4},         {"check", 4},          {"render", 4},         {"commands", 4},
     {"page", 4},           {"survey", 4},         {"survey/pages", 4},   {"survey", 4},
-    {"change", 4},         {"survey", 4},         {"volume", 4},
+    {"change", 4},         {"survey", 4},         {"volume", 4},         {"api", 6},
 };
 constexpr int kStageHeight = 5;  // stages/<job>
 
