@@ -16,7 +16,7 @@ TEST_CASE("pages: their options are those of the commands, word for word", "[pip
   for (const char* command :
        {"reconstruct", "smooth",   "decimate", "remesh",   "resurface", "csg",    "field",
         "deform",      "merge",    "plan",     "resample", "tiles",     "submit", "volume",
-        "raster",      "contours", "section",  "classify", "deviate",   "change"}) {
+        "raster",      "contours", "section",  "classify", "deviate",   "change", "bake"}) {
     const Outcome r = shell(std::string(TESSERA_BINARY " ") + command + " --markdown");
     REQUIRE(r.code == 0);
     std::istringstream rows(r.said);
@@ -38,10 +38,10 @@ TEST_CASE("pages: their options are those of the commands, word for word", "[pip
 
 TEST_CASE("every command has help, and shows what its options are", "[pipeline]") {
   for (const std::string command :
-       {"plan",   "reconstruct", "resurface", "csg",     "field",        "smooth", "decimate", "remesh",
-        "task",   "status",      "cancel",    "check",   "render",       "report", "tiles",    "view",
-        "deform", "merge",       "info",      "convert", "parameterize", "synth",  "doctor",   "resample",
-        "volume", "raster",      "contours",  "section", "classify",     "deviate"}) {
+       {"plan",   "reconstruct", "resurface", "csg",     "field",        "smooth",  "decimate", "remesh",
+        "task",   "status",      "cancel",    "check",   "render",       "report",  "tiles",    "view",
+        "deform", "merge",       "info",      "convert", "parameterize", "synth",   "doctor",   "resample",
+        "volume", "raster",      "contours",  "section", "classify",     "deviate", "bake"}) {
     CAPTURE(command);
     const Outcome r = shell(TESSERA_BINARY " " + command + " --help");
     CHECK(r.code == 0);

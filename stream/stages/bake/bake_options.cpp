@@ -9,7 +9,8 @@ namespace tessera {
 OptionTable option_table(BakeOptions& o) {
   OptionTable t("What it computes");
   t.add("texel", &o.texel,
-        "width of a texel, units of the mesh; auto = the mean spacing of the points along the surface")
+        "width of a texel, units of the mesh; auto = 0.7 times the mean spacing of the points along the "
+        "surface")
       .at_least(0)
       .or_word("auto", 0.0);
   t.add(

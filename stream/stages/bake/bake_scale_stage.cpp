@@ -13,6 +13,9 @@ namespace tessera {
 namespace {
 
 constexpr std::size_t kScaleTaskFaces = 1u << 20, kMaxScaleTasks = 400;
+/// Two texels a point: with one, filtering blurs what points show (30.6 dB instead of 32.3 on a quarry), with four pages are
+/// twice as large for 1 dB more.
+constexpr double kTexelSpacings = 0.7;
 constexpr double kDistanceSpacings = 8.0;
 constexpr double kMaxTexels = 0x1p36;
 
@@ -63,7 +66,7 @@ class BakeScaleStage : public Stage {
     const TexturePoints points(work_ / kBakePoints);
     BakeScale scale;
     scale.spacing = std::sqrt(area / static_cast<double>(points.cells().points));
-    scale.texel = options_.texel > 0.0 ? options_.texel : scale.spacing;
+    scale.texel = options_.texel > 0.0 ? options_.texel : kTexelSpacings * scale.spacing;
     scale.max_distance =
         options_.max_distance > 0.0 ? options_.max_distance : kDistanceSpacings * scale.spacing;
     scale.max_distance = std::max(scale.max_distance, scale.spacing);
