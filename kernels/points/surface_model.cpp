@@ -53,6 +53,12 @@ constexpr std::int32_t kWallMargin = 3 * kCell;
 constexpr std::int32_t kRoughCells = kCell;
 /// A bottom so near the median around it is smooth.
 constexpr std::int32_t kSmoothBottom = kCell;
+/// What hangs is wide where it holds a square of this radius; a line of it has at least so many columns within the other.
+constexpr int kThinRadius = 3, kLineRadius = 8;
+constexpr std::int64_t kLineColumns = 12;
+/// Of what hangs, at least one column in so many shows the ground; points in between are one to so many columns at most; and all
+/// but one column in so many lie at the height of those around.
+constexpr std::int64_t kSeenThrough = 2, kEmptyBelow = 8, kEvenLine = 4;
 /// Pits in what stands, no wider than twice this, are closed.
 constexpr int kPitRadius = 4;
 
@@ -282,6 +288,49 @@ std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vecto
   return out;
 }
 
+/// Columns below wires, and those beside them: 1. `ground` gets the median bottom around.
+std::vector<std::uint8_t> find_thin(Square s, std::span<const ColumnLayers> layers,
+                                    std::vector<std::int32_t>& ground) {
+  const std::size_t n = layers.size();
+  std::vector<std::int32_t> bottom(n), top(n, kNoHeight);
+  std::vector<std::uint8_t> known(n), hanging(n);
+  bool high = false;
+  for (std::size_t i = 0; i < n; ++i) {
+    bottom[i] = layers[i].bottom.height;
+    known[i] = bottom[i] != kNoHeight && !layers[i].synthetic;
+    high = high || (known[i] != 0 && layers[i].top.height - bottom[i] >= kBareStep);
+  }
+  if (!high) return {};
+  ground = median5(s, bottom, known);
+  std::vector<std::int64_t> all(n), through(n), between(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const ColumnLayers& c = layers[i];
+    if (known[i] == 0 || c.top.height - ground[i] < kBareStep) continue;
+    hanging[i] = 1, top[i] = c.top.height;
+    all[i] = 1;
+    through[i] = std::abs(std::int64_t{c.bottom.height} - ground[i]) <= kThinRise;
+    between[i] = c.between;
+  }
+  const std::vector<std::int32_t> smooth = median5(s, top, hanging);
+  std::vector<std::int64_t> even(n);
+  for (std::size_t i = 0; i < n; ++i)
+    even[i] = all[i] != 0 && std::abs(std::int64_t{top[i]} - smooth[i]) <= kCell;
+  const std::vector<std::uint8_t> closed = erode(s, dilate(s, hanging, 1), 1);
+  const std::vector<std::uint8_t> wide = dilate(s, erode(s, closed, kThinRadius), kThinRadius);
+  const std::vector<std::int64_t> line = box_sums(s, all, kLineRadius);
+  for (std::vector<std::int64_t>* v : {&all, &through, &between, &even}) *v = box_sums(s, *v, kNoiseRadius);
+  std::vector<std::uint8_t> thin(n);
+  for (std::size_t i = 0; i < n; ++i)
+    thin[i] = hanging[i] != 0 && wide[i] == 0 && line[i] >= kLineColumns &&
+              kSeenThrough * through[i] >= all[i] && kEmptyBelow * between[i] <= all[i] &&
+              kEvenLine * even[i] >= (kEvenLine - 1) * all[i];
+  // Single points of a wire lie in columns beside its line; what stands there by itself does not go with it.
+  std::vector<std::uint8_t> beside = dilate(s, thin, 1);
+  for (std::size_t i = 0; i < n; ++i)
+    beside[i] = beside[i] != 0 && known[i] != 0 && (thin[i] != 0 || hanging[i] == 0);
+  return beside;
+}
+
 /// The smaller of both slopes where they agree in sign, 0 where not: no overshoot at steps.
 float minmod(float a, float b) {
   return a * b <= 0.0f ? 0.0f : std::fabs(a) < std::fabs(b) ? a : b;
@@ -393,6 +442,8 @@ void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> l
     while (above > 0 && column[above - 1].height - column[bottom - 1].height <= kLayerDepth) --above;
     out.top = layer_of(column.subspan(top, below - top));
     out.bottom = layer_of(column.subspan(above, bottom - above));
+    out.between =
+        static_cast<std::uint16_t>(std::min<std::size_t>(above > below ? above - below : 0, 0xffff));
     measure_walls(column, out);
     first = end;
   }
@@ -409,7 +460,9 @@ std::int32_t SurfaceModel::reach(std::size_t column) const {
   return level + std::min(rise, kBareStep) / 2;
 }
 
-SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, ModelUse use) {
+namespace {
+
+SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse use) {
   const Square s{edge};
   SurfaceModel model;
   model.edge = edge;
@@ -486,6 +539,27 @@ SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, M
     settle_skin(s, layers, model);
   else
     find_ground(s, layers, measured, model);
+  return model;
+}
+
+}  // namespace
+
+SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, ModelUse use) {
+  std::vector<std::int32_t> ground;
+  std::vector<std::uint8_t> thin;
+  if (use != ModelUse::kGround) thin = find_thin({edge}, layers, ground);
+  if (std::find(thin.begin(), thin.end(), 1) == thin.end()) return fit_layers(layers, edge, use);
+  std::vector<ColumnLayers> below(layers.begin(), layers.end());
+  for (std::size_t i = 0; i < below.size(); ++i) {
+    if (thin[i] == 0) continue;
+    ColumnLayers& c = below[i];
+    if (c.bottom.height - ground[i] > kThinRise) c.bottom.height = ground[i];  // a column of wires alone
+    c.top = c.bottom;
+    c.wall_low = c.wall_high = c.bottom.height;
+  }
+  SurfaceModel model = fit_layers(below, edge, use);
+  for (std::size_t i = 0; i < thin.size(); ++i)
+    if (thin[i] != 0 && model.height[i] != kNoHeight) model.flags[i] |= kModelThin;
   return model;
 }
 

@@ -21,6 +21,8 @@ inline constexpr std::int32_t kNoHeight = std::numeric_limits<std::int32_t>::min
 inline constexpr std::int32_t kLevelReach = 6 * kQuantaPerCell;
 /// Columns beyond its rim that the model of a raster depends on.
 inline constexpr int kSurfaceModelHalo = kBrickCells;
+/// Points of a column of kModelThin are on what is thin from so far above its height on, quanta.
+inline constexpr std::int32_t kThinRise = 2 * kQuantaPerCell;
 
 /// A point of a brick column.
 struct ColumnPoint {
@@ -45,6 +47,7 @@ struct ColumnLayers {
   PointLayer top, bottom;
   std::int32_t wall_low = 0, wall_high = 0;  ///< where steep surfaces were measured; equal where none
   std::int8_t wall_u = 0, wall_v = 0;        ///< their mean normal across up, 127 = 1
+  std::uint16_t between = 0;                 ///< points below the top layer and above the bottom one
   bool synthetic = false;  ///< nothing was measured: its top tells where the surface should go on
 };
 
@@ -69,6 +72,7 @@ enum ModelFlag : std::uint8_t {
   kModelStep = 4,     ///< near a step whose wall was not measured; of a skin near any
   kModelSkin = 8,     ///< the model has a height here, and is a skin
   kModelGround = 16,  ///< that is the ground's: no steep points lie on it, and all show up
+  kModelThin = 32,    ///< wires hang over it, which the model leaves out
 };
 
 /// The model over a square of columns, u fastest.
@@ -94,6 +98,9 @@ struct SurfaceModel {
   std::int32_t reach(std::size_t column) const;
 };
 
+/// Wires are left out: they are thinner than a column and would become roofs as wide as their distance. A column is below one
+/// where the scan shows a layer high above the ground around and the ground through it, nothing in between, in a line of columns
+/// that is nowhere seven wide.
 /// \param layers  edge^2, u fastest; the rim of kSurfaceModelHalo columns is context
 SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge,
                                ModelUse use = ModelUse::kStandIn);

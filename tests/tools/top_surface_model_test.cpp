@@ -75,6 +75,24 @@ std::string hall(const TempFolder& folder, bool reversed = false) {
   return folder.write(reversed ? "reversed.xyz" : "hall.xyz", text);
 }
 
+/// A field, and three wires 1.5 apart over it, or a roof as wide as they are together, a line a point.
+std::string field_below(const TempFolder& folder, bool roof) {
+  Random random(7);
+  std::string text;
+  const auto point = [&](double x, double y, double z) {
+    text += std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n";
+  };
+  for (int i = 0; i < 26000; ++i) {
+    const double x = random.in(0, kSide), y = random.in(0, kSide);
+    if (!roof || std::fabs(y - 40) > 1.5) point(x, y, 0.3 * std::sin(0.1 * x));
+  }
+  for (int wire = -1; wire <= 1; ++wire)
+    for (int i = 0; i < 800; ++i)
+      point(random.in(0, kSide), 40 + (roof ? random.in(-1.5, 1.5) : 1.5 * wire + 0.02 * random.gaussian()),
+            10 + 0.02 * random.gaussian());
+  return folder.write(roof ? "roof.xyz" : "wires.xyz", text);
+}
+
 /// Share of the squares of one of [x0, x1) x [y0, y1) over which vertices of the mesh lie between two heights.
 double covered(const WholeMesh& mesh, int x0, int x1, int y0, int y1, double low, double high) {
   std::vector<char> seen(kSide * kSide, 0);
@@ -146,6 +164,25 @@ TEST_CASE("top surface: gaps in steep faces are closed, longer than a brick too,
   const auto bytes = file_bytes(out);
   run({"-t", "2", "--tile-size", "64"});
   CHECK(file_bytes(out) == bytes);
+}
+
+TEST_CASE("top surface: wires are left out and counted, a narrow roof is not", "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const tessera::Json report = reconstructed(field_below(folder, false), out, {});
+  CHECK(stage_result(report, "orient").at("scene") == "from above");
+  CHECK(stage_result(report, "top-points").at("thin_left_out").get<int>() > 2000);
+  const WholeMesh mesh = read_whole(out);
+  CHECK(covered(mesh, 0, kSide, 36, 45, 2, 20) < 0.03);
+  CHECK(covered(mesh, 1, kSide - 1, 1, kSide - 1, -1, 1) > 0.99);
+  const auto tiled = folder.path() / "tiled.ply";
+  reconstructed((folder.path() / "wires.xyz").string(), tiled, {"--tile-size", "64", "-t", "1"});
+  CHECK(file_bytes(tiled) == file_bytes(out));
+
+  const auto house = folder.path() / "house.ply";
+  const tessera::Json roofed = reconstructed(field_below(folder, true), house, {});
+  CHECK(stage_result(roofed, "top-points").at("thin_left_out").get<int>() == 0);
+  CHECK(covered(read_whole(house), 2, kSide - 2, 39, 41, 9, 11) > 0.9);
 }
 
 TEST_CASE("top surface: it replaces no point that is to be measured", "[pipeline]") {

@@ -79,6 +79,7 @@ class TopPointsStage : public Stage {
     return {{"points", counts.points},
             {"volumetric_covered", counts.covered},
             {"volumetric_left_out", counts.left_out},
+            {"thin_left_out", counts.thin},
             {"measured_at_top", counts.at_top},
             {"measured_behind", counts.behind}};
   }
@@ -100,7 +101,8 @@ class TopPointsStage : public Stage {
   struct Counts {
     std::uint64_t points = 0;
     std::uint64_t covered = 0;   ///< strewn points in columns that samples stand in for
-    std::uint64_t left_out = 0;  ///< strewn points elsewhere: wires, poles, what lies below a surface
+    std::uint64_t left_out = 0;  ///< strewn points elsewhere: poles, what lies below a surface
+    std::uint64_t thin = 0;      ///< points of wires, strewn or not
     std::uint64_t at_top = 0;    ///< points of surfaces that samples stand in for
     std::uint64_t behind = 0;    ///< points of surfaces behind the walls of samples, of a skin all off it
   };
@@ -138,6 +140,10 @@ class TopPointsStage : public Stage {
               ? nullptr
               : &model[static_cast<std::size_t>((p.q[axes_.v] >> kQuantumBits & kMask) * kBrickCells +
                                                 (p.q[axes_.u] >> kQuantumBits & kMask))];
+      if (c && (c->flags & kModelThin) != 0 && axes_.sign * p.q[axes_.up] - c->height > kThinRise) {
+        ++counts.thin;
+        return true;
+      }
       const bool stands = c && (c->flags & kModelStands) != 0;
       if (strewn) {
         ++(stands ? counts.covered : counts.left_out);

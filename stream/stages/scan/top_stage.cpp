@@ -23,7 +23,7 @@ namespace tessera {
 namespace {
 
 /// Layers, the model and the rasters of its filters, a column.
-constexpr std::uint64_t kModelColumnBytes = sizeof(ColumnLayers) + 35 + 12 * 8;
+constexpr std::uint64_t kModelColumnBytes = 2 * sizeof(ColumnLayers) + 35 + 12 * 8;
 constexpr std::uint64_t kTopFixedBytes = 12u << 20;
 /// Samples a column while they are put in order: steps between columns are few; a skin of a forest has five a column.
 constexpr std::uint64_t kColumnSampleBytes = 3 * sizeof(PointRecord);
