@@ -69,14 +69,19 @@ class TopSurface {
   double roofed_share() const { return roofed_share_; }
   /// How much of its area the scene shows along up: a half where it faces every way, all of level ground.
   double level_share() const { return level_share_; }
-  /// Little is covered; or it is by crowns alone, and the scene is large enough to tell them from ceilings.
+  /// Share of the columns that hold a wide level surface: most of a landscape, however much of it lies below crowns; none of a
+  /// plant.
+  double ground_share() const { return ground_share_; }
+  /// Little is covered; or it is by crowns alone, and the scene is large enough to tell them from ceilings. From stations on
+  /// the ground crowns show more flanks than level surface: there the ground below them tells. What stands upright alone, as a
+  /// mast, covers nothing, and was not seen from above.
   bool seen_from_above() const;
 
   const TopColumns& columns() const { return columns_; }
 
  private:
   TopColumns columns_;
-  double covered_share_ = 1.0, roofed_share_ = 1.0, level_share_ = 0.0;
+  double covered_share_ = 1.0, roofed_share_ = 1.0, level_share_ = 0.0, ground_share_ = 0.0;
 };
 
 /// Votes for the side that patches show, as VisibilityVotes::sides.

@@ -9,7 +9,7 @@ namespace tessera {
 namespace {
 
 constexpr PackedKind kLinksKind = {"TSLINKS1", "a file of links between patches"};
-constexpr PackedKind kSceneKind = {"TSSCENE1", "a file of the scene's tops"};
+constexpr PackedKind kSceneKind = {"TSSCENE2", "a file of the scene's tops"};
 constexpr PackedKind kAnchorsKind = {"TSANCHR1", "a file of patches and what they hang on"};
 
 constexpr int kBlockBits = 3;  ///< bricks along the edge of the largest block, as a power of two
@@ -18,7 +18,7 @@ constexpr std::uint64_t kMaxPatches = 1 << 16;
 constexpr std::uint64_t kTaskBricks = 512;
 
 struct SceneInfo {
-  double covered = 0.0, roofed = 0.0, level = 0.0;
+  double covered = 0.0, roofed = 0.0, level = 0.0, ground = 0.0;
   std::uint64_t from_above = 0;
 };
 
@@ -101,7 +101,8 @@ PatchGroups PatchLinks::groups(std::size_t block, const std::vector<std::uint64_
 void OrientationScene::save(const std::filesystem::path& path) const {
   PackedWriter file(path, kSceneKind);
   const std::vector<Section> table = {file.append(bytes_of(border)), file.append(bytes_of(columns))};
-  const std::array<SceneInfo, 1> info = {{{covered, roofed, level, from_above ? std::uint64_t{1} : 0}}};
+  const std::array<SceneInfo, 1> info = {
+      {{covered, roofed, level, ground, from_above ? std::uint64_t{1} : 0}}};
   file.finish(table, std::as_bytes(std::span(info)));
 }
 
@@ -114,6 +115,7 @@ OrientationScene OrientationScene::load(const std::filesystem::path& path) {
           info.covered,
           info.roofed,
           info.level,
+          info.ground,
           file.load<std::uint32_t>(table.at(0)),
           file.load<TopColumns::Column>(table.at(1))};
 }

@@ -96,10 +96,10 @@ class PatchLinks {
 struct OrientationScene {
   static constexpr const char* kFile = "links/scene.bin";
 
-  bool from_above = false;                          ///< its tops decide
-  double covered = 0.0, roofed = 0.0, level = 0.0;  ///< shares, see TopSurface
-  std::vector<std::uint32_t> border;                ///< patches with links to other blocks, ascending
-  std::vector<TopColumns::Column> columns;          ///< of scenes from above
+  bool from_above = false;                                        ///< its tops decide
+  double covered = 0.0, roofed = 0.0, level = 0.0, ground = 0.0;  ///< shares, see TopSurface
+  std::vector<std::uint32_t> border;        ///< patches with links to other blocks, ascending
+  std::vector<TopColumns::Column> columns;  ///< of scenes from above
 
   void save(const std::filesystem::path& path) const;
   static OrientationScene load(const std::filesystem::path& path);

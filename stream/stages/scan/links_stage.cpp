@@ -161,7 +161,7 @@ class LinksStage : public Stage {
       }
     });
     scene.covered = tops.covered_share(), scene.roofed = tops.roofed_share(),
-    scene.level = tops.level_share();
+    scene.level = tops.level_share(), scene.ground = tops.ground_share();
     scene.from_above = viewers_.scene == "above" || (viewers_.scene == "auto" && tops.seen_from_above());
     if (scene.from_above)
       scene.columns.assign(tops.columns().columns().begin(), tops.columns().columns().end());

@@ -82,6 +82,40 @@ TEST_CASE("top surface: a forest was seen from above though its crowns cover the
   CHECK_FALSE(roofed.seen_from_above());
 }
 
+TEST_CASE("top surface: ground with trees that show their flanks is land, trees alone are not", "[unit]") {
+  std::vector<JobSurfel> surfels;
+  test::Random random(5);
+  const auto add_trees = [&] {
+    for (float y = 20.0f; y < 400.0f; y += 40.0f)
+      for (float x = 20.0f; x < 400.0f; x += 40.0f) {
+        add_crown(surfels, random, {x, y, 260.0f}, 20.0f);
+        add_limb(surfels, {x, y, 110.0f}, {x, y, 240.0f}, 4.0f);
+      }
+  };
+  add_square(surfels, 4.0f, 400.0f, 100.0f, 0);
+  add_trees();
+  const TopSurface clearing(surfels, {0, 0, 1});
+  CHECK(clearing.covered_share() > 0.3);
+  CHECK(clearing.level_share() < 0.5);
+  CHECK(clearing.ground_share() > 0.6);
+  CHECK(clearing.seen_from_above());
+  surfels.clear();
+  add_trees();
+  const TopSurface trees(surfels, {0, 0, 1});
+  CHECK(trees.covered_share() > 0.3);
+  CHECK(trees.ground_share() < 0.1);
+  CHECK_FALSE(trees.seen_from_above());
+}
+
+TEST_CASE("top surface: a mast covers nothing and was not seen from above", "[unit]") {
+  std::vector<JobSurfel> mast;
+  add_limb(mast, {16, 16, 0}, {16, 16, 200}, 4.0f);
+  add_limb(mast, {16, 16, 200}, {40, 16, 200}, 4.0f);
+  const TopSurface top(mast, {0, 0, 1});
+  CHECK(top.level_share() < 0.3);
+  CHECK_FALSE(top.seen_from_above());
+}
+
 TEST_CASE("top surface: a room was not seen from above, however small or wide", "[unit]") {
   const float wide = GENERATE(60.0f, 400.0f), high = GENERATE(20.0f, 60.0f);
   CAPTURE(wide, high);
