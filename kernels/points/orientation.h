@@ -73,6 +73,8 @@ struct PatchStats {
   std::uint32_t disagree_near = 0;  ///< as far as that is from it, neither side is the right one
   std::int64_t seen = 0;            ///< votes of sensors and `up` for this side, kVoteScale a surfel at most
   std::int64_t hidden = 0;          ///< and for the other
+  std::uint32_t volumetric = 0;     ///< points that lie on no surface; the caller's to count
+  std::uint32_t unused = 0;
 };
 
 struct BrickOrientation {

@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kNormalKind = {"TSNORML3", "a file of normals"};
+constexpr PackedKind kNormalKind = {"TSNORML4", "a file of normals"};
 constexpr PackedKind kDecisionsKind = {"TSDECID2", "a file of orientation decisions"};
 
 }  // namespace

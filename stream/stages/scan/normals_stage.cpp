@@ -189,7 +189,11 @@ class NormalsStage : public Stage {
                                   mode_.each_seen() ? kSureView : kNeverSure});
       normals = Normals(records.size());  // in what orientation left
       for (std::size_t i = 0; i < records.size(); ++i) {
-        if (volumetric[i] != 0) records[i].supporters |= kVolumetric, ++counts.volumetric_points;
+        if (volumetric[i] != 0) {
+          records[i].supporters |= kVolumetric, ++counts.volumetric_points;
+          if (orientation.patch[i] < orientation.stats.size())
+            ++orientation.stats[orientation.patch[i]].volumetric;
+        }
         Float3 n = orientation.normal[i];
         records[i].patch = orientation.patch[i];
         if (sure(o.visible[i])) {

@@ -101,10 +101,14 @@ class OrientStage : public Stage {
     OverlayDecisions decisions;
     Json entry = {{"needed", true}};
     if (mode_.propagate()) {
+      decisions.volumetric = volumetric_use(is_from_above(viewers_.own  ? viewers_.scene
+                                                          : in_blocks() ? kSeenFromAbove
+                                                                        : ""));
       if (viewers_.unknown())
         entry.update({{"covered_fraction", scene_.covered},
                       {"roofed_fraction", scene_.roofed},
-                      {"level_fraction", scene_.level}});
+                      {"level_fraction", scene_.level},
+                      {"ground_fraction", scene_.ground}});
       if (in_blocks()) {
         entry["scene"] = viewers_.own ? viewers_.scene : kSeenFromAbove;
         solve_block_orientation(overlay_, links_, scene_, PatchAnchors(work_), viewers_, context, decisions,
@@ -119,17 +123,11 @@ class OrientStage : public Stage {
     }
     if (mode_.clean) clean(decisions, entry);
     const std::string scene = entry.value("scene", "");
-    const bool from_above = scene == kAirborne || scene == kSeenFromAbove;
-    if (surface_ != "all" && !from_above)
+    if (surface_ != "all" && !is_from_above(scene))
       throw UsageError("--surface " + surface_ + ": the scene was not seen from above (" + scene +
                        "); give --from above if it was, or leave --surface out");
-    if (mode_.propagate()) {
-      if (vegetation_ == "drop" || (vegetation_ == "auto" && from_above))
-        decisions.volumetric = VolumetricUse::kDrop;
-      if (models_top_ && (vegetation_ == "top" || from_above)) decisions.volumetric = VolumetricUse::kTop;
-      if (vegetation_ == "keep") decisions.volumetric = VolumetricUse::kBodies;
+    if (mode_.propagate())
       entry["vegetation"] = {{"points", volumetric_count()}, {"as", name_of(decisions.volumetric)}};
-    }
     decisions.save(context.create(PointOverlay::kDecisionsFile));
     return entry;
   }
@@ -137,6 +135,17 @@ class OrientStage : public Stage {
   std::vector<std::string> obsolete() const override { return {"links/", "anchors/"}; }
 
  private:
+  static bool is_from_above(const std::string& scene) {
+    return scene == kAirborne || scene == kSeenFromAbove;
+  }
+
+  VolumetricUse volumetric_use(bool from_above) const {
+    if (vegetation_ == "keep") return VolumetricUse::kBodies;
+    if (models_top_ && (vegetation_ == "top" || from_above)) return VolumetricUse::kTop;
+    if (vegetation_ == "drop" || (vegetation_ == "auto" && from_above)) return VolumetricUse::kDrop;
+    return VolumetricUse::kSurface;
+  }
+
   /// Patches know their sides: blocks of them can be solved by themselves.
   bool in_blocks() const { return mode_.propagate() && (viewers_.own || scene_.from_above); }
 

@@ -13,7 +13,11 @@ void OrientationTally::add(const PatchStats& stats, int sign, Decider decider, s
   decisions.patch.push_back(
       static_cast<std::uint8_t>((flip ? kPatchFlip : 0) | (uncertain ? kPatchUncertain : 0)));
   ++patches_;
-  decided_[static_cast<std::size_t>(decider)] += stats.points;
+  // What is taken out shows no side: no doubt about it is one about the mesh.
+  const bool gone =
+      decisions.volumetric == VolumetricUse::kDrop || decisions.volumetric == VolumetricUse::kTop;
+  decided_[static_cast<std::size_t>(decider)] +=
+      stats.points - (uncertain && gone ? std::min(stats.volumetric, stats.points) : 0);
   Agreement& a = by_component_[component];
   (flip ? a.disagree : a.agree) += stats.agree;
   (flip ? a.agree : a.disagree) += stats.disagree;

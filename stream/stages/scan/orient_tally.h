@@ -19,6 +19,7 @@ inline double share_of(std::uint64_t part, std::uint64_t all) {
 
 class OrientationTally {
  public:
+  /// Points that `decisions.volumetric` takes out are not in doubt.
   /// \param component  patches that votes of points, sensors or up join
   void add(const PatchStats& stats, int sign, Decider decider, std::uint64_t component,
            OverlayDecisions& decisions);
