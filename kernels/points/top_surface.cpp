@@ -26,8 +26,6 @@ constexpr double kMaxRoofed = 0.15;
 constexpr std::size_t kTellingColumns = 256;
 /// Objects without wide surfaces, as plants, face every way; from above flanks show less.
 constexpr double kMinLevel = 0.52;
-/// Below this it is no land, whatever it covers: 0.22 of a lamp post, 0.5 of a cliff.
-constexpr double kUpright = 0.3;
 /// Share of the columns that hold ground, of a clearing and its trees seen from the ground.
 constexpr double kMinGround = 0.5;
 /// A step of the top between the two sides of a steep surfel says which is free, cells.
@@ -199,9 +197,9 @@ TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up,
     : TopSurface(up, [&](const SurfelBatch& visit) { visit(surfels, group); }) {}
 
 bool TopSurface::seen_from_above() const {
-  if (covered_share_ < kMaxCovered) return level_share_ > kUpright;
-  return columns_.columns().size() >= kTellingColumns && roofed_share_ < kMaxRoofed &&
-         (level_share_ > kMinLevel || ground_share_ > kMinGround);
+  return covered_share_ < kMaxCovered ||
+         (columns_.columns().size() >= kTellingColumns && roofed_share_ < kMaxRoofed &&
+          (level_share_ > kMinLevel || ground_share_ > kMinGround));
 }
 
 std::vector<PatchVote> vote_by_top(std::span<const JobSurfel> surfels, const TopColumns& columns,

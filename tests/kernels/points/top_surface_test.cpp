@@ -107,15 +107,6 @@ TEST_CASE("top surface: ground with trees that show their flanks is land, trees 
   CHECK_FALSE(trees.seen_from_above());
 }
 
-TEST_CASE("top surface: a mast covers nothing and was not seen from above", "[unit]") {
-  std::vector<JobSurfel> mast;
-  add_limb(mast, {16, 16, 0}, {16, 16, 200}, 4.0f);
-  add_limb(mast, {16, 16, 200}, {40, 16, 200}, 4.0f);
-  const TopSurface top(mast, {0, 0, 1});
-  CHECK(top.level_share() < 0.3);
-  CHECK_FALSE(top.seen_from_above());
-}
-
 TEST_CASE("top surface: a room was not seen from above, however small or wide", "[unit]") {
   const float wide = GENERATE(60.0f, 400.0f), high = GENERATE(20.0f, 60.0f);
   CAPTURE(wide, high);
