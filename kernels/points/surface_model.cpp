@@ -54,9 +54,10 @@ constexpr std::int32_t kRoughCells = kCell;
 /// A bottom so near the median around it is smooth.
 constexpr std::int32_t kSmoothBottom = kCell;
 /// What hangs is wide where it holds a square of this radius; a line of it has at least so many columns within the other.
-constexpr int kThinRadius = 3, kLineRadius = 8;
+constexpr int kThinRadius = 3, kLineRadius = 8, kThroughRadius = 4;
 constexpr std::int64_t kLineColumns = 12;
-/// Of what hangs, at least one column in so many shows the ground; points in between are one to so many columns at most; and all
+/// Of what hangs, at least one column in so many shows the ground, within a square as wide as a roof of which only the rims do;
+/// points in between are one to so many columns at most; and all
 /// but one column in so many lie at the height of those around.
 constexpr std::int64_t kSeenThrough = 2, kEmptyBelow = 8, kEvenLine = 4;
 /// Pits in what stands, no wider than twice this, are closed.
@@ -318,11 +319,13 @@ std::vector<std::uint8_t> find_thin(Square s, std::span<const ColumnLayers> laye
   const std::vector<std::uint8_t> closed = erode(s, dilate(s, hanging, 1), 1);
   const std::vector<std::uint8_t> wide = dilate(s, erode(s, closed, kThinRadius), kThinRadius);
   const std::vector<std::int64_t> line = box_sums(s, all, kLineRadius);
-  for (std::vector<std::int64_t>* v : {&all, &through, &between, &even}) *v = box_sums(s, *v, kNoiseRadius);
+  const std::vector<std::int64_t> across = box_sums(s, all, kThroughRadius);
+  through = box_sums(s, through, kThroughRadius);
+  for (std::vector<std::int64_t>* v : {&all, &between, &even}) *v = box_sums(s, *v, kNoiseRadius);
   std::vector<std::uint8_t> thin(n);
   for (std::size_t i = 0; i < n; ++i)
     thin[i] = hanging[i] != 0 && wide[i] == 0 && line[i] >= kLineColumns &&
-              kSeenThrough * through[i] >= all[i] && kEmptyBelow * between[i] <= all[i] &&
+              kSeenThrough * through[i] >= across[i] && kEmptyBelow * between[i] <= all[i] &&
               kEvenLine * even[i] >= (kEvenLine - 1) * all[i];
   // Single points of a wire lie in columns beside its line; what stands there by itself does not go with it.
   std::vector<std::uint8_t> beside = dilate(s, thin, 1);
