@@ -21,6 +21,11 @@ OptionTable option_table(DeformOptions& o) {
        "pieces of the support that touch neither what is fixed nor a handle: follow what is nearest to them, "
        "stay fixed, or refuse them")
       .one_of({"follow", "fixed", "refuse"});
+  t.add(
+       "crossings", &o.crossings,
+       "count: pairs of faces that cross, overlap or touch beyond what they share before and after, those of "
+       "the result listed with places; keep: that is not looked at, which saves reading both meshes twice")
+      .one_of({"count", "keep"});
   t.add("dry-run", &o.dry_run,
         "move nothing, colour the mesh by its regions: support blue, handles green, fixed grey");
   return t;

@@ -14,6 +14,7 @@ struct DeformOptions {
   std::string base = "auto";
   std::uint64_t base_vertices = 100000;
   std::string islands = "follow";
+  std::string crossings = "count";
   bool dry_run = false;
 
   /// \throws UsageError naming the option

@@ -13,6 +13,7 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/runtime/work_dir.h"
+#include "stream/stages/deform/deform_crossings.h"
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
@@ -59,6 +60,15 @@ class DeformWriteStage : public SerialStage {
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
+    Json out = write(context);
+    if (prepares_ || options_.dry_run || options_.crossings == "keep") return out;
+    add_deform_crossings(out, mesh_, output_,
+                         {weld_bytes_, temp_, run_.threads, [&] { context.check_stop(); }});
+    return out;
+  }
+
+ private:
+  Json write(TaskContext& context) const {
     const DeformBasis basis = file_.load();
     const BaseState rest(basis.base.position, basis.base.faces);
     const auto source = open_mesh_file(mesh_);
@@ -70,7 +80,6 @@ class DeformWriteStage : public SerialStage {
     return prepares_ ? prepare(basis, rest, mesh, context) : deform(basis, rest, mesh, context);
   }
 
- private:
   struct Counts {
     std::uint64_t vertices = 0, faces = 0;
   };
