@@ -56,6 +56,8 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/resample/blends_stage.cpp", "stream/stages/resample/resample_stages.h"},
       {"stream/stages/resample/resample_apply_stage.cpp", "stream/stages/resample/resample_stages.h"},
       {"stream/stages/resample/resample_scale_stage.cpp", "stream/stages/resample/resample_stages.h"},
+      {"stream/stages/crossings/crossing_mend_stage.cpp", "stream/stages/crossings/crossing_parts.h"},
+      {"stream/stages/crossings/crossing_search_stage.cpp", "stream/stages/crossings/crossing_parts.h"},
       {"stream/stages/deform/base_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/basis_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/deform_write_stage.cpp", "stream/stages/deform/deform_stages.h"},
@@ -214,7 +216,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",
        {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_needs", "deform_options",
-        "deform_stages", "deform_write_stage", "edit_script", "pose_base", "shape_stage", "vertex_batches"});
+        "deform_crossings", "deform_stages", "deform_write_stage", "edit_script", "pose_base", "shape_stage", "vertex_batches"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});
@@ -246,6 +248,10 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/smooth_command", "stream/stages/smooth",
        {"coarse_files", "coarse_stages", "patch_range", "range_stage", "smooth_job", "smooth_plan",
         "smooth_stage", "smooth_stages", "smooth_tiles"});
+    by("tools/mend_crossings", "stream/stages/crossings",
+       {"crossing_mend_stage", "crossing_pairs", "crossing_parts", "crossing_search_stage", "crossing_stages",
+        "mended_mesh"});
+    by("tools/mend_crossings", "stream/stages/decimate", {"result_mend"});
     by("tools/untangle", "stream/stages/smooth", {"tangled_tile", "untangle_stages", "vertices_back"});
     by("tools/reconstruct_tolerance", "stream/stages/surface",
        {"first_pass", "islands_stage", "samples_stage"});

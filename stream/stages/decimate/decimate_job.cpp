@@ -11,6 +11,7 @@
 #include "stream/runtime/report.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/certify_stage.h"
+#include "stream/stages/decimate/result_mend.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/smooth/smooth_before.h"
@@ -52,6 +53,7 @@ void summarise(Json& report) {
   }
   report["certificate"] = certificate_of(report);
   if (const Json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
+  if (const Json mended = mendings_of(report, kMaxRounds); mended.is_object()) report["crossings"] = mended;
 }
 
 }  // namespace
@@ -94,14 +96,21 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
         stages.push_back(simplify_entry(options, stores, {p, round, true}));
       stages.push_back(simplify_entry(options, stores, {p, round, false}));
     }
+    if (options.crossings != "keep") {
+      const auto tolerance = [=](const JobState& s) { return stores.requested(s, options).tolerance; };
+      for (StageEntry& entry :
+           crossing_stages(result_mend(stores, tolerance, options.passes, round, rounds))) {
+        if (round == 0)
+          entry.forecast = [name = entry.name](const PlannedScan& scan) { return forecast_mend(scan, name); };
+        stages.push_back(std::move(entry));
+      }
+    }
     if (!own)
       for (StageEntry& entry : import_stages({1, "reference"})) stages.push_back(std::move(entry));
     CertifyRequest request;
     request.name = certify_name(round);
     request.tolerance = options.tolerance;
-    request.mesh = [=](const JobState& s) {
-      return open_pass_input(s, stores, {options.passes, round, false});
-    };
+    request.mesh = [=](const JobState& s) { return open_round_result(s, options.passes, round); };
     request.reference = [=](const JobState& s) {
       return own ? stores.reference(s) : open_imported_mesh(s.work, "reference");
     };
@@ -109,7 +118,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
     if (round > 0) {
       request.name_before = certify_name(round - 1);
       request.mesh_before = [=](const JobState& s) {
-        return open_pass_input(s, stores, {options.passes, round - 1, false});
+        return open_round_result(s, options.passes, round - 1);
       };
     }
     stages.push_back({request.name, [=](const JobState& state) {
@@ -125,8 +134,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
                     [=](const JobState& state) {
                       const double tolerance = stores.requested(state, options).tolerance;
                       return make_store_write_stage(
-                          state,
-                          open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
+                          state, open_round_result(state, options.passes, last_round(state.work)),
                           "made by " + made_by + ", tolerance " + dump_json(Json(tolerance)),
                           sort_bytes(state.run), stores.placement(state, tolerance));
                     },
@@ -140,11 +148,16 @@ SimplifyStores imported_stores(const std::string& folder) {
 
 JobDescription decimate_job(const SimplifyOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, kDecimateImport});
-  for (StageEntry& entry : simplify_stages(options, imported_stores(kDecimateImport), "tessera decimate"))
+  const bool repairs = options.crossings == "repair";
+  const CrossingPlan input = input_mend(kDecimateImport);
+  if (repairs)
+    for (StageEntry& entry : crossing_stages(input)) stages.push_back(std::move(entry));
+  for (StageEntry& entry : simplify_stages(
+           options, repairs ? mended_stores(input) : imported_stores(kDecimateImport), "tessera decimate"))
     stages.push_back(std::move(entry));
   JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_crs(), known_origin()},
                         job_page()};
-  job.needs = [options](const JobState& state) {
+  job.needs = [=](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kDecimateImport}, mesh);
     const auto append = [&](const std::vector<StageNeed>& more) {
@@ -155,6 +168,7 @@ JobDescription decimate_job(const SimplifyOptions& options) {
     } else if (options.tolerance == kAutoTolerance) {
       append(noise_needs(mesh));
     }
+    if (repairs) append(crossing_needs(input, mesh, ImportPlan::kBrickVertices));
     append(simplify_needs(state.run, options, mesh.faces));
     if (state.inputs.size() > 1)
       append(import_needs(state.run, {1, "reference"}, claimed_mesh_size(state.inputs[1])));

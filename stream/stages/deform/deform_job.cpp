@@ -52,7 +52,8 @@ JobDescription deform_job(const DeformOptions& options) {
     const SimplifyStores stores = imported_stores(kDeformImport);
     // Of the stages of decimation the passes alone: how far the base is from the mesh is in the details.
     for (StageEntry& entry : simplify_stages(reduce, stores, ""))
-      if (entry.name != "certify" && entry.name != "write")
+      if (entry.name != "certify" && entry.name != "write" && entry.name != "crossings" &&
+          entry.name != "mend")
         job.stages.push_back(unless_own(std::move(entry)));
     const int passes = reduce.passes;
     job.stages.push_back({"base", [=](const JobState& state) {

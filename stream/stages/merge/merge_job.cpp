@@ -5,12 +5,14 @@
 
 #include "octree/error.h"
 #include "stream/files/json.h"
+#include "stream/files/task_files.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
+#include "stream/stages/crossings/crossing_stages.h"
 #include "stream/stages/merge/merge_stages.h"
 
 namespace tessera {
@@ -24,7 +26,25 @@ void summarise(Json& report) {
   for (const char* stage : {"scale", "joints", "cover", "strip", "zip"})
     if (const Json result = result_of(report, stage); result.is_object()) merge[stage] = result;
   report["merge"] = merge;
+  if (const Json mended = mending_of(report); mended.is_object()) report["crossings"] = {{"result", mended}};
   if (const Json written = result_of(report, "write"); written.is_object()) report["mesh"] = written;
+}
+
+/// Pairs that one of the meshes has stay: they are not of the merge.
+CrossingPlan merge_mend(std::size_t meshes) {
+  CrossingPlan plan;
+  plan.mesh = [](const JobState& s) {
+    StoreFiles mesh = {list_task_files(s.work / "kept", ".tmm"), list_task_files(s.work / "cut", ".tmm")};
+    for (const auto& file : list_task_files(s.work / "zipped", ".tmm")) mesh.files.push_back(file);
+    return mesh;
+  };
+  plan.given = [=](const JobState& s) {
+    std::vector<MeshStore> given;
+    for (std::size_t i = 0; i < meshes; ++i) given.push_back(open_imported_mesh(s.work, merge_import(i)));
+    return given;
+  };
+  plan.may_cut = true;
+  return plan;
 }
 
 }  // namespace
@@ -47,6 +67,11 @@ OptionTable option_table(MergeOptions& o) {
   t.add("resolution,voxel", &o.resolution,
         "lattice spacing h along the joints, units of the meshes; 0 = the mean edge of the finest mesh")
       .at_least(0);
+  t.add("crossings", &o.crossings,
+        "refuse: where faces of the result come to cross, overlap or touch others beyond what they share, "
+        "and no "
+        "mesh did as given, they are cut out and the holes closed anew; keep: that is not looked at")
+      .one_of({"refuse", "keep"});
   t.add("meshes", &o.meshes, "how many meshes there are").hidden();
   return t;
 }
@@ -86,8 +111,11 @@ JobDescription merge_job(const MergeOptions& options) {
   stages.push_back({"cover", make_merge_cover_stage});
   stages.push_back({"strip", make_merge_strip_stage});
   stages.push_back({"zip", make_merge_zip_stage});
-  stages.push_back({"write", [](const JobState& s) {
-                      return make_store_write_stage(s, open_merged_mesh(s.work), "made by tessera merge",
+  const CrossingPlan mend = merge_mend(options.meshes);
+  if (options.crossings != "keep")
+    for (StageEntry& entry : crossing_stages(mend)) stages.push_back(std::move(entry));
+  stages.push_back({"write", [=](const JobState& s) {
+                      return make_store_write_stage(s, open_mended(s, mend), "made by tessera merge",
                                                     sort_bytes(s.run));
                     }});
   JobDescription job{"merge", std::move(stages), 0, summarise, {carried_crs(), known_origin()}, job_page()};

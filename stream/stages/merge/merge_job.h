@@ -16,6 +16,7 @@ struct MergeOptions {
   double blend = 0.0;
   double distance = 0.0;
   double resolution = 0.0;
+  std::string crossings = "refuse";
   std::uint64_t meshes = 2;  ///< how many inputs: part of the job, since its stages follow from it
 
   void validate() const {}

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "stream/files/path_text.h"
+#include "stream/files/task_files.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_needs.h"
@@ -18,6 +19,7 @@
 #include "stream/stages/coverage/missing_picture.h"
 #include "stream/stages/coverage/seen_stages.h"
 #include "stream/stages/decimate/decimate_job.h"
+#include "stream/stages/decimate/result_mend.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/plan/forecast_rates.h"
 #include "stream/stages/plan/planned_scan.h"
@@ -102,6 +104,7 @@ void summarise(Json& report) {
     report["samples"]["certified_max"] =
         report["samples"]["certified_max"].get<double>() + certificate.at("rounding").get<double>();
   if (const Json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
+  if (const Json mended = mendings_of(report, kMaxRounds); mended.is_object()) report["crossings"] = mended;
   const Json written = result_of(report, "write");
   if (mesh.is_object() && written.is_object()) {
     mesh.update(written);
@@ -249,7 +252,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
     const SimplifyOptions simplify = reconstruct_simplify_options(options);
     append(simplify_stages(simplify, stores, "tessera reconstruct"));
     const auto result = [=](const JobState& s) {
-      return open_pass_input(s, stores, {simplify.passes, last_round(s.work), false});
+      return open_round_result(s, simplify.passes, last_round(s.work));
     };
     // The last stage ends the job.
     if (options.reference == "points")
@@ -271,18 +274,29 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   };
   if (fuses_stores(options)) {
     append({{"islands", make_islands_stage, forecast_islands}, {"prune", make_prune_stage, forecast_prune}});
-    if (!options.decimates())
-      append({coverage_of(open_full_surface),
+    CrossingPlan mend;
+    mend.mesh = [](const JobState& state) {
+      return StoreFiles{list_task_files(state.work / kFullFolder, ".tmm"),
+                        list_task_files(state.work / kPrunedFullFolder, ".tmm")};
+    };
+    const auto whole = [=](const JobState& state) { return open_mended(state, mend); };
+    if (!options.decimates()) {
+      for (StageEntry& entry : crossing_stages(mend)) {
+        entry.forecast = [name = entry.name](const PlannedScan& scan) { return forecast_mend(scan, name); };
+        append({std::move(entry)});
+      }
+      append({coverage_of(whole),
               {"write",
-               [](const JobState& state) {
-                 return make_store_write_stage(state, open_full_surface(state), "made by tessera reconstruct",
+               [=](const JobState& state) {
+                 return make_store_write_stage(state, whole(state), "made by tessera reconstruct",
                                                sort_bytes(state.run));
                },
                forecast_write}});
-    else if (fuses_first_pass(options))
+    } else if (fuses_first_pass(options)) {
       finish({open_full_surface, open_first_pass, first_pass_blocks, reconstruct_tolerance});
-    else
+    } else {
       finish({open_full_surface, nullptr, nullptr, reconstruct_tolerance});
+    }
     return stages;
   }
   append({{"weld", make_weld_stage, forecast_weld},

@@ -11,6 +11,7 @@
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/decimate_job.h"
+#include "stream/stages/decimate/result_mend.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/remesh/remesh_stage.h"
 #include "stream/stages/remesh/sizing_stage.h"
@@ -39,6 +40,7 @@ void summarise(Json& report) {
   report["input"] = import_report(report, kRemeshImport);
   report["mesh"] = result_of(report, "write");
   report["certificate"] = certificate_of(report);
+  if (const Json mended = mendings_of(report, kMaxRounds); mended.is_object()) report["crossings"] = mended;
   for (const Json& stage : report.at("stages"))
     if (stage.at("result").is_object() && stage.at("result").contains("quality"))
       report["quality"] = stage.at("result").at("quality");
@@ -60,16 +62,12 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
   CertifyRequest request;
   request.name = certify_name(round);
   request.tolerance = options.tolerance;
-  request.mesh = [=](const JobState& s) {
-    return open_pass_input(s, stores, {options.passes, round, false});
-  };
+  request.mesh = [=](const JobState& s) { return open_round_result(s, options.passes, round); };
   request.reference = stores.full;
   if (!last) request.failed_file = failed_faces_file(round);
   if (round > 0) {
     request.name_before = certify_name(round - 1);
-    request.mesh_before = [=](const JobState& s) {
-      return open_pass_input(s, stores, {options.passes, round - 1, false});
-    };
+    request.mesh_before = [=](const JobState& s) { return open_round_result(s, options.passes, round - 1); };
   }
   return {request.name, [=](const JobState& state) {
             if (round > last_round(state.work)) return make_idle_stage(request.name);
@@ -89,8 +87,15 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
   stages.push_back({"sizing", [=](const JobState& state) {
                       return make_sizing_stage(state, before_rounding(state, options));
                     }});
-  const SimplifyStores stores = imported_stores(kRemeshImport);
+  const bool repairs = options.crossings == "repair";
+  const CrossingPlan input = input_mend(kRemeshImport);
+  if (repairs)
+    for (StageEntry& entry : crossing_stages(input)) stages.push_back(std::move(entry));
+  const SimplifyStores stores = repairs ? mended_stores(input) : imported_stores(kRemeshImport);
   const int rounds = options.tolerance > 0.0 ? kMaxRounds : 1;
+  const auto margin = [=](const JobState& state) {
+    return options.tolerance > 0.0 ? options.tolerance : kMeasuredShare * Sizing::of_work(state.work).edge;
+  };
   for (int round = 0; round < rounds; ++round) {
     for (int p = 0; p < options.passes; ++p) {
       const SimplifyPass pass{p, round, false};
@@ -98,19 +103,24 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
                           return make_remesh_stage(state, before_rounding(state, options), stores, pass);
                         }});
     }
+    for (StageEntry& entry : crossing_stages(result_mend(stores, margin, options.passes, round, rounds)))
+      stages.push_back(std::move(entry));
     stages.push_back(certify_entry(options, stores, round, round + 1 == rounds));
   }
-  stages.push_back(
-      {"write", [=](const JobState& state) {
-         return make_store_write_stage(
-             state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-             "made by tessera remesh, edges of " + dump_json(Json(Sizing::of_work(state.work).edge)),
-             sort_bytes(state.run), placement(state, options));
-       }});
+  stages.push_back({"write", [=](const JobState& state) {
+                      return make_store_write_stage(
+                          state, open_round_result(state, options.passes, last_round(state.work)),
+                          "made by tessera remesh, edges of " +
+                              dump_json(Json(Sizing::of_work(state.work).edge)),
+                          sort_bytes(state.run), placement(state, options));
+                    }});
   JobDescription job = {"remesh", std::move(stages), 0, summarise, {known_origin()}, job_page()};
-  job.needs = [options](const JobState& state) {
+  job.needs = [=](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, remesh_source(options), mesh);
+    if (repairs)
+      for (const StageNeed& need : crossing_needs(input, mesh, remesh_source(options).brick_vertices))
+        needs.push_back(need);
     for (int p = 0; p < options.passes; ++p)
       needs.push_back({SimplifyPass{p, 0, false}.stage_name(), remesh_pass_bytes(options, mesh.faces, 1),
                        remesh_pass_bytes(options, mesh.faces, 2 * kMaxAround)});

@@ -2,6 +2,7 @@
 /// What of remeshing users choose; part of a job's identity.
 #pragma once
 #include <cstdint>
+#include <string>
 
 #include "kernels/remesh/remesh.h"
 #include "stream/runtime/option_table.h"
@@ -19,6 +20,7 @@ struct RemeshJobOptions {
   int iterations = 4;  ///< in each pass
   int passes = 3;
   std::uint64_t block_faces = 1u << 16;
+  std::string crossings = "refuse";
 
   /// \throws UsageError naming the option
   void validate() const;

@@ -7,6 +7,7 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/serial_stage.h"
+#include "stream/stages/crossings/crossing_stages.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_needs.h"
 #include "stream/stages/smooth/smooth_stages.h"
@@ -31,6 +32,8 @@ void summarise(Json& report) {
     mesh["largest_move"] = mesh.at("largest_move").get<double>() + mesh.at("rounding").get<double>();
   report["mesh"] = mesh;
   report["input"] = import_report(report, kImport);
+  if (const Json mended = mending_of(report, kInputMendPrefix); mended.is_object())
+    report["crossings"] = {{"input", mended}};
 }
 
 MeshPlacement placement(const JobState& state, const SmoothPlan& plan) {
@@ -75,9 +78,9 @@ OptionTable option_table(SmoothOptions& o) {
         "everywhere in the mesh itself");
   t.add("crossings", &o.crossings,
         "refuse: where faces come to cross, overlap or touch others beyond what they share, vertices of both "
-        "go "
-        "back towards where they were, half the way at first; keep: that is not looked at")
-      .one_of({"refuse", "keep"});
+        "go back towards where they were, half the way at first; repair: those that do as given are cut out "
+        "first and the holes closed anew; keep: that is not looked at")
+      .one_of({"refuse", "repair", "keep"});
   return t;
 }
 
@@ -111,9 +114,18 @@ JobDescription smooth_job(const SmoothOptions& options) {
   plan.keep_crossings = options.crossings == "keep";
   JobDescription job{"smooth",  import_stages({0, kImport}),     0,
                      summarise, {carried_crs(), known_origin()}, job_page()};
-  job.needs = [rounds = plan.rounds](const JobState& state) {
+  const bool repairs = options.crossings == "repair";
+  const CrossingPlan input = input_mend(kImport);
+  if (repairs) {
+    for (StageEntry& entry : crossing_stages(input)) job.stages.push_back(std::move(entry));
+    plan.mesh = [=](const JobState& state) { return open_mended(state, input); };
+  }
+  job.needs = [=, rounds = plan.rounds](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kImport}, mesh);
+    if (repairs)
+      for (const StageNeed& need : crossing_needs(input, mesh, ImportPlan::kBrickVertices))
+        needs.push_back(need);
     for (const StageNeed& need : smooth_needs(rounds, mesh)) needs.push_back(need);
     return needs;
   };

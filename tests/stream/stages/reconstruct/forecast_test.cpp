@@ -190,8 +190,8 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
-    names = {"distribute", "order",  "seen-spacing", "seen",    "normals",  "surface", "islands",
-             "prune",      "pass-2", "pass-3",       "certify", "coverage", "write"};
+    names = {"distribute", "order",  "seen-spacing", "seen", "normals", "surface",  "islands", "prune",
+             "pass-2",     "pass-3", "crossings",    "mend", "certify", "coverage", "write"};
   }
   SECTION("smoothed and decimated") {
     setup.options.tolerance = 0.1;
@@ -200,18 +200,19 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
              "islands",    "prune", "reach",        "noise", "smooth-1", "smooth-2"};
     for (int round = 1; round <= kUntangleRounds; ++round)
       names.push_back("untangle-" + std::to_string(round));
-    for (const char* name :
-         {"untangle", "noise-left", "pass-1", "pass-2", "pass-3", "certify", "coverage", "write"})
+    for (const char* name : {"untangle", "noise-left", "pass-1", "pass-2", "pass-3", "crossings", "mend",
+                             "certify", "coverage", "write"})
       names.emplace_back(name);
   }
   SECTION("decimated against the points, the surface kept: by way of a mesh") {
     setup.options.tolerance = 0.5;
     setup.options.reference = "points";
     setup.options.keep_raw = true;
-    names = {"distribute",    "order",        "seen-spacing", "seen",      "normals",  "surface",
-             "weld",          "uncross-1",    "uncross-2",    "uncross-3", "raw",      "mesh-read",
-             "mesh-vertices", "mesh-corners", "mesh-tiles",   "points",    "pass-1",   "pass-2",
-             "pass-3",        "certify",      "samples",      "coverage",  "keep-raw", "write"};
+    names = {"distribute",    "order",        "seen-spacing", "seen",      "normals", "surface",
+             "weld",          "uncross-1",    "uncross-2",    "uncross-3", "raw",     "mesh-read",
+             "mesh-vertices", "mesh-corners", "mesh-tiles",   "points",    "pass-1",  "pass-2",
+             "pass-3",        "crossings",    "mend",         "certify",   "samples", "coverage",
+             "keep-raw",      "write"};
   }
   Forecasted forecasted;
   const auto reserved = run_all(points, setup, work.path(), forecasted);
@@ -259,7 +260,7 @@ TEST_CASE("forecast: closing and decimation have their stages, with the disk tha
   CHECK(names_of(forecasted.forecast, false) ==
         std::vector<std::string>{"distribute", "order", "seen-spacing", "seen", "normals", "multipole",
                                  "rims", "close", "surface", "islands", "prune", "pass-2", "pass-3",
-                                 "certify", "coverage", "write"});
+                                 "crossings", "mend", "certify", "coverage", "write"});
   for (const char* stage : {"normals", "multipole", "rims"})
     CHECK(find(forecasted.forecast, stage)->task_bytes == reserved.at(stage).task);
   CHECK(find(forecasted.forecast, "close")->memory_bytes() >= reserved.at("close").finish);

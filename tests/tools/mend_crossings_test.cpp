@@ -1,0 +1,245 @@
+// Faces that cross are cut out and the holes closed anew: what the mesh has as given (--crossings repair), and what comes up where
+// no block sees it.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "stream/files/json.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
+#include "tests/helpers/shell.h"
+#include "tests/helpers/surfaces.h"
+#include "tests/helpers/temp_folder.h"
+
+namespace mend_crossings_test {
+
+namespace {
+
+using namespace tessera;
+using namespace tessera::test;
+namespace fs = std::filesystem;
+
+constexpr int kSide = 90, kApart = 15;
+
+void append(WholeMesh& to, const Surface& s) {
+  const auto first = static_cast<std::uint64_t>(to.points.size());
+  to.points.insert(to.points.end(), s.position.begin(), s.position.end());
+  for (const auto& f : s.faces) to.faces.push_back({first + f[0], first + f[1], first + f[2]});
+}
+
+double hills(double x, double y) {
+  return 0.8 * std::sin(0.6 * x) * std::cos(0.5 * y);
+}
+
+/// Two hilly sheets a unit apart; spikes of the lower one reach through the upper one, in rows.
+WholeMesh spikes(bool spiked = true) {
+  WholeMesh mesh;
+  Surface low = height_grid(kSide, kSide, hills);
+  Surface high = low;
+  for (Double3& p : high.position) p[2] += 1.0;
+  if (spiked)
+    for (int j = kApart; j < kSide; j += kApart)
+      for (int i = kApart; i < kSide; i += kApart)
+        low.position[static_cast<std::size_t>(j * (kSide + 1) + i)][2] += 2.3;
+  append(mesh, low);
+  append(mesh, high);
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  return mesh;
+}
+constexpr int kSpikes = (kSide / kApart - 1) * (kSide / kApart - 1);
+
+Json check_of(const fs::path& mesh) {
+  const fs::path report = mesh.string() + ".check.json";
+  REQUIRE(
+      tessera_command({"check", mesh.string(), "--crossings", "--report", report.string(), "--force"}).code ==
+      0);
+  return parse_json(file_bytes(report));
+}
+std::uint64_t pairs_of(const fs::path& mesh) {
+  const Json c = check_of(mesh).at("crossings");
+  return c.at("cross").get<std::uint64_t>() + c.at("overlap").get<std::uint64_t>() +
+         c.at("touch").get<std::uint64_t>();
+}
+Json report_of(const fs::path& out) {
+  return parse_json(file_bytes(out.string() + ".report.json"));
+}
+
+/// What is in both, of what is in the first: vertices by place.
+std::size_t kept_points(const fs::path& before, const fs::path& after) {
+  const WholeMesh was = read_whole(before), is = read_whole(after);
+  const std::set<Double3> there(is.points.begin(), is.points.end());
+  return static_cast<std::size_t>(std::count_if(was.points.begin(), was.points.end(),
+                                                [&](const Double3& p) { return there.count(p) != 0; }));
+}
+
+std::vector<std::string> repair(const std::string& command, const fs::path& in, const fs::path& out) {
+  std::vector<std::string> words = {command, in.string(), "-o", out.string(), "--crossings", "repair", "-q"};
+  const std::vector<std::string> more =
+      command == "smooth"
+          ? std::vector<std::string>{"--method", "laplacian", "--steps", "1", "--lambda", "0.01"}
+      : command == "remesh" ? std::vector<std::string>{"--edge", "1.1"}
+                            : std::vector<std::string>{"--tolerance", "1e-6"};
+  words.insert(words.end(), more.begin(), more.end());
+  words.insert(words.end(), {"--no-html", "--progress", "none"});
+  return words;
+}
+
+}  // namespace
+
+TEST_CASE("mend: --crossings repair leaves none and keeps all else, the same bytes whatever runs",
+          "[property]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", out = folder / "out.ply";
+  write_whole(in, spikes());
+  REQUIRE(pairs_of(in) >= 4 * kSpikes);
+  const auto run = [&](std::vector<std::string> more) {
+    std::vector<std::string> words = repair("decimate", in, out);
+    words.push_back("--force");
+    words.insert(words.end(), more.begin(), more.end());
+    const CommandResult r = tessera_command(words);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return file_bytes(out);
+  };
+  const std::string bytes = run({"-t", "1"});
+  CHECK(pairs_of(out) == 0);
+  const Json input = report_of(out).at("crossings").at("input");
+  CHECK(input.at("crossing_pairs") >= 4 * kSpikes);
+  CHECK(input.at("mended_groups") == kSpikes);
+  CHECK(input.at("left_pairs") == 0);
+  // The curved sheets stay at that tolerance, but for the spikes and a ring or two around them.
+  CHECK(kept_points(in, out) > spikes().points.size() - 40 * kSpikes);
+  const Json check = check_of(out);
+  CHECK(check.at("components") == 2);
+  CHECK(run({"-t", "2", "--tile-size", "64", "--memory", "160M"}) == bytes);
+  CHECK(run({"-t", "2", "--processes"}) == bytes);
+}
+
+TEST_CASE("mend: killed at any moment, the same command ends with the same bytes", "[fault]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", one = folder / "one.ply", two = folder / "two.ply";
+  write_whole(in, spikes());
+  REQUIRE(tessera_command(repair("smooth", in, one)).code == 0);
+  CHECK(resumed_after_kills(repair("smooth", in, two)).code == 0);
+  CHECK(file_bytes(two) == file_bytes(one));
+  CHECK(pairs_of(two) == 0);
+}
+
+TEST_CASE("mend: remesh repairs too, and a mesh without crossings keeps its bytes", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", clean = folder / "clean.ply", out = folder / "out.ply";
+  write_whole(in, spikes());
+  REQUIRE(tessera_command(repair("remesh", in, out)).code == 0);
+  CHECK(pairs_of(out) == 0);
+  write_whole(clean, spikes(false));
+  for (const std::string command : {"decimate", "smooth", "remesh"}) {
+    std::vector<std::string> words = repair(command, clean, out);
+    words.push_back("--force");
+    INFO(command);
+    REQUIRE(tessera_command(words).code == 0);
+    const WholeMesh repaired = read_whole(out);
+    words[5] = "refuse";
+    REQUIRE(tessera_command(words).code == 0);
+    const WholeMesh as_ever = read_whole(out);
+    CHECK(as_ever.points == repaired.points);
+    CHECK(as_ever.faces == repaired.faces);
+  }
+}
+
+TEST_CASE("mend: what passes through another surface stays, and is told", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", out = folder / "out.ply";
+  WholeMesh mesh;
+  append(mesh, height_grid(30, 30, hills));
+  Surface wall = height_grid(30, 30, hills);
+  for (Double3& p : wall.position) p = {p[0], 15.03 + p[2], p[1] - 15.01};
+  append(mesh, wall);
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  write_whole(in, mesh);
+  const std::uint64_t before = pairs_of(in);
+  REQUIRE(before > 50);
+  std::vector<std::string> words = repair("smooth", in, out);
+  words.erase(std::find(words.begin(), words.end(), "-q"));
+  const CommandResult r = tessera_command(words);
+  CHECK(r.code == 0);
+  CHECK(r.errors.find("could not be mended") != std::string::npos);
+  const Json input = report_of(out).at("crossings").at("input");
+  CHECK(input.at("left_pairs") == before);
+  CHECK(input.at("left_groups") == 1);
+  CHECK(input.at("left").size() == 1);
+}
+
+TEST_CASE("mend: a merge adds no crossings", "[property]") {
+  const TempFolder folder;
+  const fs::path one = folder / "one.ply", two = folder / "two.ply", out = folder / "out.ply";
+  // Noise as high as the squares are wide.
+  const auto half = [&](const fs::path& path, double from, double up, std::uint64_t seed) {
+    Random random(seed);
+    WholeMesh mesh;
+    Surface s = height_grid(40, 40.0, [&](double x, double y) {
+      return up + random.in(-0.6, 0.6) + 0.8 * std::sin(0.3 * (x + from)) * std::cos(0.25 * y);
+    });
+    for (Double3& p : s.position) p[0] += from;
+    append(mesh, s);
+    mesh.header.vertices = mesh.points.size();
+    mesh.header.faces = mesh.faces.size();
+    write_whole(path, mesh);
+  };
+  const auto run = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"merge", one.string(), two.string(), "-o", out.string(), "-q", "--no-html",
+                               "--force", "--progress", "none"});
+    REQUIRE(tessera_command(more).code == 0);
+    return file_bytes(out);
+  };
+  std::uint64_t kept = 0;
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    half(one, 0.0, 0.0, seed);
+    half(two, 25.3, 0.6, seed + 10);
+    REQUIRE(pairs_of(one) + pairs_of(two) == 0);
+    run({"--crossings", "keep", "-t", "1"});
+    kept += pairs_of(out);
+    const std::string bytes = run({"-t", "1"});
+    CHECK(pairs_of(out) == 0);
+    const Json result = report_of(out).at("crossings").at("result");
+    INFO(dump_json(result));
+    CHECK(result.at("left_pairs").get<std::uint64_t>() == 0);
+    CHECK(run({"-t", "2", "--tile-size", "64", "--memory", "160M"}) == bytes);
+  }
+  CHECK(kept > 0);
+}
+
+TEST_CASE("mend: deform tells how many pairs meet before and after", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", edit = folder / "edit.json", out = folder / "out.ply";
+  WholeMesh mesh;
+  append(mesh, height_grid(30, 30, [](double, double) { return 0.0; }));
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  write_whole(in, mesh);
+  const auto run = [&](double along) {
+    spill(edit, R"({"regions": [{"role": "support", "box": [[5, -1, -1], [20.5, 31, 1]]},
+      {"role": "handle", "name": "h", "box": [[20.4, -1, -1], [31, 31, 1]]}],
+      "handles": {"h": {"move": [)" +
+                    std::to_string(along) + R"(, 0, 0]}}})");
+    const CommandResult r =
+        tessera_command({"deform", in.string(), edit.string(), "-o", out.string(), "--force", "--no-html"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return std::make_pair(report_of(out).at("mesh").at("crossings"), r.errors);
+  };
+  const auto [still, quiet] = run(0.5);
+  CHECK(still.at("before").at("cross") == 0);
+  CHECK(still.at("after").at("faces") == 0);
+  CHECK(quiet.find("makes faces meet") == std::string::npos);
+  const auto [folded, told] = run(-26.0);  // the handle ends beyond what is fixed
+  CHECK(folded.at("after").at("faces") > 0);
+  CHECK(told.find("makes faces meet") != std::string::npos);
+}
+
+}  // namespace mend_crossings_test
