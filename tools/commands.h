@@ -42,5 +42,6 @@ cli::Command task_command();
 cli::Command tiles_command();
 cli::Command view_command();
 cli::Command volume_command();
+cli::Command watch_command();
 
 }  // namespace tessera

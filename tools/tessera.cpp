@@ -33,6 +33,7 @@ int main(int argc, char** argv) {
       status_command(),
       cancel_command(),
       task_command(),
+      watch_command(),
       check_command(),
       render_command(),
       report_command(),

@@ -68,10 +68,13 @@ TEST_CASE("house: every kernel and every stage has a test, every test has a labe
 }
 
 TEST_CASE("house: the top level is what the design says", "[unit]") {
-  const std::set<std::string> allowed = {"CMakeLists.txt",
+  const std::set<std::string> allowed = {"CHANGELOG.md",
+                                         "CMakeLists.txt",
                                          "CMakePresets.json",
+                                         "CONTRIBUTING.md",
                                          "LICENSE",
                                          "README.md",
+                                         "pyproject.toml",
                                          ".ci",
                                          ".clang-format",
                                          ".clang-tidy",

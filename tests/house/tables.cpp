@@ -116,6 +116,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/survey/volume_command.cpp", "tools/commands.h"},
       {"tools/queue/status_command.cpp", "tools/commands.h"},
       {"tools/queue/submit_command.cpp", "tools/commands.h"},
+      {"tools/queue/watch_command.cpp", "tools/commands.h"},
       {"tools/synth_command.cpp", "tools/commands.h"},
       {"tools/task_command.cpp", "tools/commands.h"},
       {"tools/view_command.cpp", "tools/commands.h"},

@@ -17,6 +17,7 @@
 #include "stream/runtime/long_call.h"
 #include "stream/runtime/stop.h"
 #include "tools/frame/manual.h"
+#include "tools/frame/version_text.h"
 
 namespace tessera::cli {
 namespace {
@@ -301,7 +302,7 @@ void run_words(const std::string& name, const std::vector<Command>& commands,
 int run(const std::string& name, const std::string& description, const std::vector<Command>& commands,
         int argc, char** argv) {
   CLI::App app(description, name);
-  app.set_version_flag("--version", name + " " TESSERA_VERSION);
+  app.set_version_flag("--version", [name] { return version_text(name); });
   app.require_subcommand(1);
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is told like a full disk
   const int code = guarded([&] {
