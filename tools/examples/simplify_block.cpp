@@ -24,8 +24,9 @@ int main() {
   const tessera::MeshBlock reference = block;
   const auto report = tessera::decimate(block, reference, {.tolerance = 0.001});
   const tessera::ClosestFaces closest(reference.position, reference.faces, {0.5, 0.5, 0.0});
-  const auto proof = tessera::certify_deviation({block.position, block.faces}, nullptr, closest,
-                                                {.tolerance = 0.001, .max_distance = 0.01});
+  const auto proof =
+      tessera::certify_deviation({block.position, block.faces}, nullptr, closest,
+                                 {.tolerance = 0.001, .max_distance = 0.01, .area_unit = 1e-9});
   std::cout << "Tessera " TESSERA_VERSION_STRING ": " << report.faces_in << " faces became "
             << report.faces_out << ", at most " << proof.upper << " away\n";
   return proof.upper <= 0.001 && report.faces_out < report.faces_in / 10 ? 0 : 1;

@@ -3,7 +3,8 @@
 // and nothing inline may be shared with files that are compiled for more.
 #include <unistd.h>
 
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if !defined(TESSERA_PORTABLE) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
 namespace {
 
 constexpr char kMessage[] =
