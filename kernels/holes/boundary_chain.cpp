@@ -4,7 +4,7 @@
 
 namespace tessera {
 
-std::size_t BoundaryChain::new_path(const BorderEdge& edge) {
+std::size_t BoundaryChain::new_path(const BoundaryEdge& edge) {
   if (free_.empty()) {
     free_.push_back(paths_.size());
     paths_.emplace_back();
@@ -20,7 +20,7 @@ std::size_t BoundaryChain::new_path(const BorderEdge& edge) {
 void BoundaryChain::forget(Path& path) {
   open_ -= path.edges.size();
   path.forgotten = true;
-  std::vector<BorderEdge>().swap(path.edges);
+  std::vector<BoundaryEdge>().swap(path.edges);
 }
 
 /// \pre the front's last vertex is the back's first
@@ -47,22 +47,22 @@ void BoundaryChain::close(std::size_t path, const std::function<void(HoleBoundar
   by_last_.erase(p.last);
   free_.push_back(path);
   open_ -= p.edges.size();
-  const std::vector<BorderEdge> edges = std::move(p.edges);
+  const std::vector<BoundaryEdge> edges = std::move(p.edges);
   p = {};
   if (edges.size() < 3) return;
   const auto smallest = std::min_element(
-      edges.begin(), edges.end(), [](const BorderEdge& a, const BorderEdge& b) { return a.from < b.from; });
+      edges.begin(), edges.end(), [](const BoundaryEdge& a, const BoundaryEdge& b) { return a.from < b.from; });
   const auto start = static_cast<std::size_t>(smallest - edges.begin());
   HoleBoundary out;
   for (std::size_t i = 0; i < edges.size(); ++i) {
-    const BorderEdge& e = edges[(start + i) % edges.size()];
+    const BoundaryEdge& e = edges[(start + i) % edges.size()];
     out.vertex.push_back(e.from);
     out.third.push_back(e.third);
   }
   use(std::move(out));
 }
 
-void BoundaryChain::add(const BorderEdge& edge, const std::function<void(HoleBoundary&&)>& use) {
+void BoundaryChain::add(const BoundaryEdge& edge, const std::function<void(HoleBoundary&&)>& use) {
   if (by_first_.contains(edge.from) || by_last_.contains(edge.to))
     return;  // no manifold: its paths stay open
   std::size_t path = new_path(edge);

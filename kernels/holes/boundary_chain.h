@@ -20,7 +20,7 @@ class BoundaryChain {
 
   /// Each edge once, in any order; a vertex has one edge out and one in. Order by place keeps few paths open.
   /// \param use  gets the loop that it closes, if it has 3 to max_edges edges; without chords. Its smallest number comes first.
-  void add(const BorderEdge& edge, const std::function<void(HoleBoundary&&)>& use);
+  void add(const BoundaryEdge& edge, const std::function<void(HoleBoundary&&)>& use);
 
   std::uint64_t open_edges() const { return open_; }
   /// Loops and paths that max_open cut short.
@@ -34,11 +34,11 @@ class BoundaryChain {
   struct Path {
     std::uint64_t first = 0, last = 0;  ///< the first edge's `from`, the last one's `to`
     bool forgotten = false;
-    std::vector<BorderEdge> edges;
+    std::vector<BoundaryEdge> edges;
   };
   using Ends = std::unordered_map<std::uint64_t, std::size_t>;
 
-  std::size_t new_path(const BorderEdge& edge);
+  std::size_t new_path(const BoundaryEdge& edge);
   void forget(Path& path);
   void join(std::size_t front, std::size_t back);
   void close(std::size_t path, const std::function<void(HoleBoundary&&)>& use);

@@ -142,12 +142,12 @@ class LoopsStage : public Stage {
       for (HoleBoundary& boundary : short_boundary_loops(boundaries, first_vertex, end, limit_.edges))
         batches.add(std::move(boundary));
       if (!border) continue;
-      for (const BorderEdge& e : boundaries.border)
+      for (const BoundaryEdge& e : boundaries.border)
         if (e.from >= first_vertex && e.from < end) border->write(&e, sizeof e), ++edges;
     }
     batches.flush();
     if (border) border->finish();
-    context.count_written(edges * sizeof(BorderEdge));
+    context.count_written(edges * sizeof(BoundaryEdge));
     return {{"to_fill", batches.loops()}, {"torn", torn}};
   }
 
@@ -167,16 +167,16 @@ class LoopsStage : public Stage {
   Json chain_bricks(TaskContext& context) const {
     LoopBatches batches = make_batches(task_count(), context);
     BoundaryChain chain(limit_.chained, kMaxOpenEdges);
-    std::vector<BorderEdge> buffer(kBorderBuffer / sizeof(BorderEdge));
+    std::vector<BoundaryEdge> buffer(kBorderBuffer / sizeof(BoundaryEdge));
     std::uint64_t edges = 0, loops = 0;
     for (std::size_t k = 0; k < task_count(); ++k) {
       const ReadFile file(state_.work / border_file_name(k));
       for (std::uint64_t at = 0; at < file.size();) {
         context.check_stop();
         const std::uint64_t bytes =
-            std::min<std::uint64_t>(file.size() - at, buffer.size() * sizeof(BorderEdge));
+            std::min<std::uint64_t>(file.size() - at, buffer.size() * sizeof(BoundaryEdge));
         file.read_at(at, buffer.data(), bytes);
-        for (std::size_t i = 0; i < bytes / sizeof(BorderEdge); ++i, ++edges)
+        for (std::size_t i = 0; i < bytes / sizeof(BoundaryEdge); ++i, ++edges)
           chain.add(buffer[i], [&](HoleBoundary&& boundary) {
             ++loops;
             if (boundary.vertex.size() > limit_.edges) batches.add(std::move(boundary));

@@ -12,7 +12,7 @@ using namespace tessera;
 namespace {
 
 struct Rings {
-  std::vector<BorderEdge> edges;
+  std::vector<BoundaryEdge> edges;
   std::map<std::uint64_t, std::size_t> length;  ///< of the ring with that smallest number
 };
 
@@ -39,7 +39,7 @@ Rings make_rings(std::size_t count, std::uint64_t seed) {
   return out;
 }
 
-void shuffle_edges(std::vector<BorderEdge>& edges, std::uint64_t seed) {
+void shuffle_edges(std::vector<BoundaryEdge>& edges, std::uint64_t seed) {
   test::Random random(seed);
   for (std::size_t i = edges.size(); i > 1; --i) std::swap(edges[i - 1], edges[random.below(i)]);
 }
@@ -51,11 +51,11 @@ TEST_CASE("boundary chain: every loop that is short enough, once, in any order o
   Rings rings = make_rings(60, seed);
   shuffle_edges(rings.edges, seed + 10);
   std::map<std::uint64_t, std::uint64_t> next;
-  for (const BorderEdge& e : rings.edges) next[e.from] = e.to;
+  for (const BoundaryEdge& e : rings.edges) next[e.from] = e.to;
   constexpr std::size_t kLongest = 25;
   BoundaryChain chain(kLongest, 1'000'000);
   std::map<std::uint64_t, std::size_t> found;
-  for (const BorderEdge& e : rings.edges)
+  for (const BoundaryEdge& e : rings.edges)
     chain.add(e, [&](HoleBoundary&& loop) {
       REQUIRE(*std::min_element(loop.vertex.begin(), loop.vertex.end()) == loop.vertex[0]);
       for (std::size_t i = 0; i < loop.vertex.size(); ++i) {
@@ -73,12 +73,12 @@ TEST_CASE("boundary chain: every loop that is short enough, once, in any order o
 
 TEST_CASE("boundary chain: what is open is bounded, and loops behind are whole again", "[unit]") {
   const Rings rings = make_rings(40, 7);
-  std::vector<BorderEdge> shuffled = rings.edges;
+  std::vector<BoundaryEdge> shuffled = rings.edges;
   shuffle_edges(shuffled, 8);
   BoundaryChain chain(100, 50);
   std::size_t loops = 0;
   const auto count = [&](HoleBoundary&&) { ++loops; };
-  for (const BorderEdge& e : shuffled) {
+  for (const BoundaryEdge& e : shuffled) {
     chain.add(e, count);
     REQUIRE(chain.open_edges() <= 50);
   }
@@ -86,7 +86,7 @@ TEST_CASE("boundary chain: what is open is bounded, and loops behind are whole a
   CHECK(loops < rings.length.size());
   // Edges that come loop by loop need no more than one loop's.
   loops = 0;
-  for (BorderEdge e : rings.edges) {
+  for (BoundaryEdge e : rings.edges) {
     e.from += 5'000, e.to += 5'000;
     chain.add(e, count);
   }
