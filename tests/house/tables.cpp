@@ -259,6 +259,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/surface/surface", "stream/stages/surface",
        {"close_stage", "closing_stages", "hole_files", "hole_limit", "holes_stage", "loops_stage",
         "multipole_stage", "output_frame", "rims_stage", "surface_stage", "tiling", "write_stage"});
+    by("tools/top_surface_model", "stream/stages/surface", {"hole_rounding", "loop_batches"});
+    by("tools/top_surface_model", "stream/stages/weld", {"blunt_stage"});
     by("tools/uncross", "stream/stages/weld",
        {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",
         "patch_positions", "uncross_stage", "weld_stage"});

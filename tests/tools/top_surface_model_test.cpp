@@ -42,7 +42,8 @@ std::string wood(const TempFolder& folder, bool up_is_y = false) {
   return folder.write(up_is_y ? "turned.xyz" : "wood.xyz", text);
 }
 
-/// A noisy cliff of 80 degrees over a field. A gap in it of 1 x 40 has a rim that no brick sees whole. One point a line.
+/// A noisy cliff over a field, a part of it unseen. A gap in it of 3.5 x 30 has a border that no brick sees whole. One point a
+/// line.
 std::string cliff(const TempFolder& folder) {
   Random random(8);
   std::string text;
@@ -50,11 +51,11 @@ std::string cliff(const TempFolder& folder) {
     for (const double c : {x, y, z}) text += std::to_string(c + 0.05 * random.gaussian()) + " ";
     text += "\n";
   };
-  for (int i = 0; i < 60000; ++i) point(random.in(0, 40), random.in(0, 60), 0.0);
-  for (int i = 0; i < 60000; ++i) point(random.in(45, 85), random.in(0, 60), 30.0);
   for (int i = 0; i < 60000; ++i) {
+    point(random.in(0, 40), random.in(0, 60), 0.0);
+    point(random.in(40, 80), random.in(0, 60), 30.0);
     const double up = random.in(0, 30), y = random.in(0, 60);
-    if (std::fabs(up - 15) > 0.5 || std::fabs(y - 30) > 20) point(40 + up / 6, y, up);
+    if (y < 45 && (std::fabs(up - 15) > 1.75 || std::fabs(y - 25) > 15)) point(40, y, up);
   }
   return folder.write("cliff.xyz", text);
 }
@@ -158,7 +159,6 @@ TEST_CASE("top surface: gaps in steep faces are closed, longer than a brick too,
        tessera::dump_json(stage_result(report, "blunt")));
   CHECK(loops.at("chained").get<int>() >= 1);
   CHECK(loops.at("given_up").get<int>() == 0);
-  CHECK(stage_result(report, "blunt").at("moved_vertices").get<int>() > 0);
   CHECK(holes.at("filled").get<int>() > stage_result(open, "holes").at("filled").get<int>());
   CHECK(tessera_command({"check", out.string(), "--strict"}).code == 0);
   const auto bytes = file_bytes(out);
