@@ -6,6 +6,9 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "kernels/points/column_filters.h"
+#include "kernels/points/thin_columns.h"
+
 namespace tessera {
 namespace {
 
@@ -53,89 +56,19 @@ constexpr std::int32_t kWallMargin = 3 * kCell;
 constexpr std::int32_t kRoughCells = kCell;
 /// A bottom so near the median around it is smooth.
 constexpr std::int32_t kSmoothBottom = kCell;
-/// What hangs is wide where it holds a square of this radius; a line of it has at least so many columns within the other.
-constexpr int kThinRadius = 3, kLineRadius = 8, kThroughRadius = 4;
-constexpr std::int64_t kLineColumns = 12;
-/// Of what hangs, at least one column in so many shows the ground, within a square as wide as a roof of which only the rims do;
-/// points in between are one to so many columns at most; and all
-/// but one column in so many lie at the height of those around.
-constexpr std::int64_t kSeenThrough = 2, kEmptyBelow = 8, kEvenLine = 4;
 /// Pits in what stands, no wider than twice this, are closed.
 constexpr int kPitRadius = 4;
 
-/// Columns of a square, u fastest.
-struct Square {
-  int edge;
-  std::size_t at(int u, int v) const {
-    return static_cast<std::size_t>(v) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(u);
-  }
-};
-
-/// Sums over squares of columns of this radius, cut off at the rim.
-std::vector<std::int64_t> box_sums(Square s, const std::vector<std::int64_t>& in, int radius) {
-  std::vector<std::int64_t> rows(in.size()), out(in.size());
-  const auto slide = [&](const std::vector<std::int64_t>& from, std::vector<std::int64_t>& to, auto index) {
-    for (int line = 0; line < s.edge; ++line) {
-      std::int64_t sum = 0;
-      for (int k = 0; k < std::min(radius, s.edge); ++k) sum += from[index(k, line)];
-      for (int k = 0; k < s.edge; ++k) {
-        if (k + radius < s.edge) sum += from[index(k + radius, line)];
-        if (k - radius - 1 >= 0) sum -= from[index(k - radius - 1, line)];
-        to[index(k, line)] = sum;
-      }
-    }
-  };
-  slide(in, rows, [&](int k, int line) { return s.at(k, line); });
-  slide(rows, out, [&](int k, int line) { return s.at(line, k); });
-  return out;
-}
-
-/// Columns within `radius` of a set (chessboard); with `set` false of what is not in it, turned over: what is left of it.
-std::vector<std::uint8_t> dilate(Square s, const std::vector<std::uint8_t>& mask, int radius,
-                                 bool set = true) {
-  std::vector<std::int64_t> count(mask.size());
-  for (std::size_t i = 0; i < mask.size(); ++i) count[i] = (mask[i] != 0) == set;
-  const std::vector<std::int64_t> sums = box_sums(s, count, radius);
-  std::vector<std::uint8_t> out(mask.size());
-  for (std::size_t i = 0; i < mask.size(); ++i) out[i] = (sums[i] > 0) == set;
-  return out;
-}
 /// Columns within `radius` of those with this flag.
-std::vector<std::uint8_t> dilate_flags(Square s, const std::vector<std::uint8_t>& flags, std::uint8_t flag,
-                                       int radius) {
+std::vector<std::uint8_t> dilate_flags(ColumnSquare s, const std::vector<std::uint8_t>& flags,
+                                       std::uint8_t flag, int radius) {
   std::vector<std::uint8_t> mask(flags.size());
   for (std::size_t i = 0; i < flags.size(); ++i) mask[i] = (flags[i] & flag) != 0;
   return dilate(s, mask, radius);
 }
-std::vector<std::uint8_t> erode(Square s, const std::vector<std::uint8_t>& mask, int radius) {
-  return dilate(s, mask, radius, false);
-}
-
-/// Lower median of the heights around every wanted column.
-std::vector<std::int32_t> median5(Square s, const std::vector<std::int32_t>& height,
-                                  const std::vector<std::uint8_t>& wanted) {
-  std::vector<std::int32_t> out = height;
-  std::array<std::int32_t, 25> near;
-  for (int v = 0; v < s.edge; ++v)
-    for (int u = 0; u < s.edge; ++u) {
-      if (wanted[s.at(u, v)] == 0 || height[s.at(u, v)] == kNoHeight) continue;
-      std::size_t n = 0;
-      for (int dv = -2; dv <= 2; ++dv)
-        for (int du = -2; du <= 2; ++du) {
-          if (u + du < 0 || v + dv < 0 || u + du >= s.edge || v + dv >= s.edge) continue;
-          const std::int32_t h = height[s.at(u + du, v + dv)];
-          if (h != kNoHeight) near[n++] = h;
-        }
-      const auto middle = near.begin() + static_cast<std::ptrdiff_t>((n - 1) / 2);
-      std::nth_element(near.begin(), middle, near.begin() + static_cast<std::ptrdiff_t>(n));
-      out[s.at(u, v)] = *middle;
-    }
-  return out;
-}
-
 /// Heights and colours of empty columns inside, from the low sides: by rounds, each column from its neighbours of the round
 /// before, so that it depends on no more columns than there are rounds.
-void fill_empty(Square s, const std::vector<std::uint8_t>& inside, std::vector<std::int32_t>& height,
+void fill_empty(ColumnSquare s, const std::vector<std::uint8_t>& inside, std::vector<std::int32_t>& height,
                 std::vector<std::uint32_t>& rgba) {
   std::vector<std::size_t> empty;
   for (int v = 1; v + 1 < s.edge; ++v)
@@ -160,7 +93,7 @@ void fill_empty(Square s, const std::vector<std::uint8_t>& inside, std::vector<s
 }
 
 /// The lowest or highest of the columns around those wanted; kNoHeight elsewhere.
-std::vector<std::int32_t> extreme_around(Square s, const std::vector<std::int32_t>& height,
+std::vector<std::int32_t> extreme_around(ColumnSquare s, const std::vector<std::int32_t>& height,
                                          const std::vector<std::uint8_t>& wanted, int radius, bool highest) {
   std::vector<std::int32_t> out(height.size(), kNoHeight);
   for (int v = 0; v < s.edge; ++v)
@@ -177,7 +110,7 @@ std::vector<std::int32_t> extreme_around(Square s, const std::vector<std::int32_
 }
 
 /// Closes pits where it is wanted: the lowest of the highest around.
-void close_pits(Square s, const std::vector<std::uint8_t>& wanted, std::vector<std::int32_t>& height) {
+void close_pits(ColumnSquare s, const std::vector<std::uint8_t>& wanted, std::vector<std::int32_t>& height) {
   const std::vector<std::int32_t> high =
       extreme_around(s, height, dilate(s, wanted, kPitRadius), kPitRadius, true);
   const std::vector<std::int32_t> closed = extreme_around(s, high, wanted, kPitRadius, false);
@@ -186,7 +119,7 @@ void close_pits(Square s, const std::vector<std::uint8_t>& wanted, std::vector<s
 }
 
 /// Steps of diffusion between neighbours no farther apart than the step that the noise allows.
-void diffuse(Square s, const std::vector<std::uint8_t>& active, const std::vector<std::int32_t>& noise,
+void diffuse(ColumnSquare s, const std::vector<std::uint8_t>& active, const std::vector<std::int32_t>& noise,
              int steps, std::vector<std::int32_t>& height) {
   std::vector<std::size_t> columns;
   for (int v = 1; v + 1 < s.edge; ++v)
@@ -289,51 +222,6 @@ std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vecto
   return out;
 }
 
-/// Columns below wires, and those beside them: 1. `ground` gets the median bottom around.
-std::vector<std::uint8_t> find_thin(Square s, std::span<const ColumnLayers> layers,
-                                    std::vector<std::int32_t>& ground) {
-  const std::size_t n = layers.size();
-  std::vector<std::int32_t> bottom(n), top(n, kNoHeight);
-  std::vector<std::uint8_t> known(n), hanging(n);
-  bool high = false;
-  for (std::size_t i = 0; i < n; ++i) {
-    bottom[i] = layers[i].bottom.height;
-    known[i] = bottom[i] != kNoHeight && !layers[i].synthetic;
-    high = high || (known[i] != 0 && layers[i].top.height - bottom[i] >= kBareStep);
-  }
-  if (!high) return {};
-  ground = median5(s, bottom, known);
-  std::vector<std::int64_t> all(n), through(n), between(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const ColumnLayers& c = layers[i];
-    if (known[i] == 0 || c.top.height - ground[i] < kBareStep) continue;
-    hanging[i] = 1, top[i] = c.top.height;
-    all[i] = 1;
-    through[i] = std::abs(std::int64_t{c.bottom.height} - ground[i]) <= kThinRise;
-    between[i] = c.between;
-  }
-  const std::vector<std::int32_t> smooth = median5(s, top, hanging);
-  std::vector<std::int64_t> even(n);
-  for (std::size_t i = 0; i < n; ++i)
-    even[i] = all[i] != 0 && std::abs(std::int64_t{top[i]} - smooth[i]) <= kCell;
-  const std::vector<std::uint8_t> closed = erode(s, dilate(s, hanging, 1), 1);
-  const std::vector<std::uint8_t> wide = dilate(s, erode(s, closed, kThinRadius), kThinRadius);
-  const std::vector<std::int64_t> line = box_sums(s, all, kLineRadius);
-  const std::vector<std::int64_t> across = box_sums(s, all, kThroughRadius);
-  through = box_sums(s, through, kThroughRadius);
-  for (std::vector<std::int64_t>* v : {&all, &between, &even}) *v = box_sums(s, *v, kNoiseRadius);
-  std::vector<std::uint8_t> thin(n);
-  for (std::size_t i = 0; i < n; ++i)
-    thin[i] = hanging[i] != 0 && wide[i] == 0 && line[i] >= kLineColumns &&
-              kSeenThrough * through[i] >= across[i] && kEmptyBelow * between[i] <= all[i] &&
-              kEvenLine * even[i] >= (kEvenLine - 1) * all[i];
-  // Single points of a wire lie in columns beside its line; what stands there by itself does not go with it.
-  std::vector<std::uint8_t> beside = dilate(s, thin, 1);
-  for (std::size_t i = 0; i < n; ++i)
-    beside[i] = beside[i] != 0 && known[i] != 0 && (thin[i] != 0 || hanging[i] == 0);
-  return beside;
-}
-
 /// The smaller of both slopes where they agree in sign, 0 where not: no overshoot at steps.
 float minmod(float a, float b) {
   return a * b <= 0.0f ? 0.0f : std::fabs(a) < std::fabs(b) ? a : b;
@@ -355,8 +243,8 @@ void measure_walls(std::span<const ColumnPoint> points, ColumnLayers& out) {
 }
 
 /// Where what stands hides a smooth bottom whose points are called strewn, for the scatter above them: the ground below crowns.
-void find_ground(Square s, std::span<const ColumnLayers> layers, const std::vector<std::uint8_t>& measured,
-                 SurfaceModel& model) {
+void find_ground(ColumnSquare s, std::span<const ColumnLayers> layers,
+                 const std::vector<std::uint8_t>& measured, SurfaceModel& model) {
   const std::size_t n = layers.size();
   std::vector<std::int32_t> bottom(n);
   for (std::size_t i = 0; i < n; ++i) bottom[i] = layers[i].bottom.height;
@@ -384,7 +272,7 @@ void find_ground(Square s, std::span<const ColumnLayers> layers, const std::vect
 
 /// Of a skin, samples stand too in columns of which no measured point will be kept, or it would have holes; the others have the
 /// height of their own layer, not of the smooth surface around, so that the samples beside them go down to their points.
-void settle_skin(Square s, std::span<const ColumnLayers> layers, SurfaceModel& model) {
+void settle_skin(ColumnSquare s, std::span<const ColumnLayers> layers, SurfaceModel& model) {
   for (int v = 1; v + 1 < s.edge; ++v)
     for (int u = 1; u + 1 < s.edge; ++u) {
       const std::size_t i = s.at(u, v);
@@ -466,7 +354,7 @@ std::int32_t SurfaceModel::reach(std::size_t column) const {
 namespace {
 
 SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse use) {
-  const Square s{edge};
+  const ColumnSquare s{edge};
   SurfaceModel model;
   model.edge = edge;
   model.use = use;
@@ -550,7 +438,7 @@ SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse
 SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge, ModelUse use) {
   std::vector<std::int32_t> ground;
   std::vector<std::uint8_t> thin;
-  if (use != ModelUse::kGround) thin = find_thin({edge}, layers, ground);
+  if (use != ModelUse::kGround) thin = find_thin_columns(layers, edge, ground);
   if (std::find(thin.begin(), thin.end(), 1) == thin.end()) return fit_layers(layers, edge, use);
   std::vector<ColumnLayers> below(layers.begin(), layers.end());
   for (std::size_t i = 0; i < below.size(); ++i) {

@@ -3,7 +3,6 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
-#include <functional>
 #include <vector>
 
 #include "kernels/points/surface_model.h"
@@ -317,51 +316,6 @@ TEST_CASE("surface model: a column depends on nothing beyond the halo", "[proper
       stands += (part.flags[b] & kModelStands) != 0;
     }
   CHECK(stands > 500);
-}
-
-/// Ground at 5, and wires over it at 40: lines of columns every so many; in one column of four the ground below was not seen.
-std::vector<ColumnLayers> wires(const std::function<bool(int, int)>& hangs, int between = 0) {
-  return layers_of([&](int u, int v) {
-    ColumnLayers c = column(5.0);
-    if (!hangs(u, v)) return c;
-    c.top.height = cells(40.0);
-    c.between = static_cast<std::uint16_t>(between);
-    if ((u + v) % 4 == 0) c.bottom = c.top;
-    return c;
-  });
-}
-
-TEST_CASE("surface model: wires are left out and make no roof", "[unit]") {
-  const int far = GENERATE(1, 2, 3);
-  const bool slanted = GENERATE(false, true);
-  CAPTURE(far, slanted);
-  const auto hangs = [&](int u, int v) {
-    const int across = slanted ? v - u / 2 - 20 : v - 45;
-    return across >= 0 && across <= 2 * far && across % far == 0;
-  };
-  const SurfaceModel model = fit_surface_model(wires(hangs), kEdge);
-  std::uint64_t thin = 0, below = 0;
-  for (int v = kBrickCells; v < 2 * kBrickCells; ++v)
-    for (int u = kBrickCells; u < 2 * kBrickCells; ++u) {
-      below += hangs(u, v);
-      thin += hangs(u, v) && (model.flags[model.at(u, v)] & kModelThin) != 0;
-      CHECK(std::abs(model.height[model.at(u, v)] - cells(5.0)) < kCell);
-    }
-  CHECK(thin == below);
-  CHECK(samples_of(model).empty());
-}
-
-TEST_CASE("surface model: roofs, crowns and lone bushes are no wires", "[unit]") {
-  const auto roof = [](int u, int v) { return in_square(u, v, 40, 56); };
-  CHECK(count_of(fit_surface_model(wires(roof), kEdge), kModelThin) == 0);
-  const auto line = [](int, int v) { return v >= 45 && v < 48; };
-  CHECK(count_of(fit_surface_model(wires(line), kEdge), kModelThin) > 0);
-  CHECK(count_of(fit_surface_model(wires(line, 1), kEdge), kModelThin) == 0);  // leaves below the line
-  const auto bush = [](int u, int v) { return in_square(u, v, 45, 48); };
-  CHECK(count_of(fit_surface_model(wires(bush), kEdge), kModelThin) == 0);
-  const auto solid =
-      layers_of([&](int u, int v) { return column(line(u, v) ? 40.0 : 5.0); });  // a narrow roof
-  CHECK(count_of(fit_surface_model(solid, kEdge), kModelThin) == 0);
 }
 
 TEST_CASE("column layers: what lies between the top and the bottom is counted", "[unit]") {

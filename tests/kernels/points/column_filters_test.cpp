@@ -1,0 +1,70 @@
+// Filters over squares of columns against what they say, column by column.
+#include <catch2/catch.hpp>
+#include <cstdlib>
+
+#include "kernels/points/column_filters.h"
+#include "tests/helpers/random.h"
+
+namespace column_filters_test {
+
+using namespace tessera;
+
+namespace {
+
+constexpr ColumnSquare kSquare{17};
+
+/// Calls use for the columns within `radius` of one.
+template <class Use>
+void around(int u, int v, int radius, const Use& use) {
+  for (int y = std::max(0, v - radius); y <= std::min(kSquare.edge - 1, v + radius); ++y)
+    for (int x = std::max(0, u - radius); x <= std::min(kSquare.edge - 1, u + radius); ++x)
+      use(kSquare.at(x, y));
+}
+
+}  // namespace
+
+TEST_CASE("column filters: sums, dilation, erosion and medians are those of the columns around", "[unit]") {
+  test::Random random(4);
+  const std::size_t n = kSquare.at(0, kSquare.edge);
+  std::vector<std::int64_t> values(n);
+  std::vector<std::uint8_t> mask(n);
+  std::vector<std::int32_t> height(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    values[i] = static_cast<std::int64_t>(random.in(-100, 100));
+    mask[i] = random.unit() < 0.2;
+    height[i] = random.unit() < 0.3 ? kNoHeight : static_cast<std::int32_t>(random.in(-100, 100));
+  }
+  for (const int radius : {1, 3, 20}) {
+    const auto sums = box_sums(kSquare, values, radius);
+    const auto more = dilate(kSquare, mask, radius), less = erode(kSquare, mask, radius);
+    for (int v = 0; v < kSquare.edge; ++v)
+      for (int u = 0; u < kSquare.edge; ++u) {
+        std::int64_t sum = 0;
+        bool any = false, all = true;
+        around(u, v, radius, [&](std::size_t i) {
+          sum += values[i];
+          any = any || mask[i] != 0, all = all && mask[i] != 0;
+        });
+        CHECK(sums[kSquare.at(u, v)] == sum);
+        CHECK((more[kSquare.at(u, v)] != 0) == any);
+        CHECK((less[kSquare.at(u, v)] != 0) == all);
+      }
+  }
+  const auto medians = median5(kSquare, height, mask);
+  for (int v = 0; v < kSquare.edge; ++v)
+    for (int u = 0; u < kSquare.edge; ++u) {
+      const std::size_t at = kSquare.at(u, v);
+      if (mask[at] == 0 || height[at] == kNoHeight) {
+        CHECK(medians[at] == height[at]);
+        continue;
+      }
+      std::vector<std::int32_t> near;
+      around(u, v, 2, [&](std::size_t i) {
+        if (height[i] != kNoHeight) near.push_back(height[i]);
+      });
+      std::sort(near.begin(), near.end());
+      CHECK(medians[at] == near[(near.size() - 1) / 2]);
+    }
+}
+
+}  // namespace column_filters_test
