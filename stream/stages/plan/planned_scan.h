@@ -32,6 +32,12 @@ struct PlannedColumns {
   std::map<std::pair<int, int>, std::uint64_t> points;
   std::uint64_t fullest = 0;           ///< points of a column
   std::int64_t width = 0, height = 0;  ///< of all
+  /// Of their number those in which bricks without a point lie between others: ceilings leave some above floors, slopes none and
+  /// crowns few.
+  double gapped_share = 0.0;
+  static constexpr std::size_t kTelling = 64;  ///< of fewer columns it tells nothing
+  bool look_open() const { return points.size() >= kTelling && gapped_share < 0.1; }
+  bool look_closed() const { return points.size() >= kTelling && gapped_share > 0.4; }
 };
 
 struct PlannedScan {

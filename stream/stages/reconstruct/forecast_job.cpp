@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <array>
 #include <initializer_list>
+#include <map>
 #include <string_view>
+#include <utility>
 
 #include "kernels/field/field.h"
 #include "stream/points/top_store.h"
@@ -33,16 +35,27 @@ std::optional<PlannedColumns> planned_columns(const PlannedScan& scan) {
   const ViewAxes axes = ViewAxes::along(options.up.value_or(Double3{0, 0, 1}));
   const Int3 first = brick_of_key(scan.bricks.front().key);
   std::array<int, 2> low = {first[axes.u], first[axes.v]}, high = low;
+  struct Extent {
+    int low, high, bricks;
+  };
+  std::map<std::pair<int, int>, Extent> extents;
   for (const BrickEntry& b : scan.bricks) {
     const Int3 at = brick_of_key(b.key);
     const std::array<int, 2> position = {at[axes.u], at[axes.v]};
     std::uint64_t& column = columns.points[{position[0], position[1]}];
     column += b.points;
     columns.fullest = std::max(columns.fullest, column);
+    Extent& extent =
+        extents.try_emplace({position[0], position[1]}, Extent{at[axes.up], at[axes.up], 0}).first->second;
+    extent = {std::min(extent.low, at[axes.up]), std::max(extent.high, at[axes.up]), extent.bricks + 1};
     for (std::size_t a = 0; a < 2; ++a)
       low[a] = std::min(low[a], position[a]), high[a] = std::max(high[a], position[a]);
   }
   columns.width = high[0] - low[0] + 1, columns.height = high[1] - low[1] + 1;
+  const auto gapped = std::count_if(extents.begin(), extents.end(), [](const auto& entry) {
+    return entry.second.high - entry.second.low >= entry.second.bricks;
+  });
+  columns.gapped_share = static_cast<double>(gapped) / static_cast<double>(extents.size());
   return columns;
 }
 
@@ -60,8 +73,11 @@ PlannedScan planned_scan(const Plan& plan, const std::vector<PlanBrick>& bricks,
   scan.has_overlay = mode.needed();
   scan.estimates_normals = mode.propagate();
   scan.knows_sides = mode.each_seen();
-  scan.oriented_in_blocks = scan.knows_sides || options.from == "above";
   scan.columns = planned_columns(scan);
+  // Where nobody is known to have seen the points, the stage asks their columns, more closely than this.
+  const bool asks = options.from == "auto" && !mode.by_sensor && !mode.completes;
+  scan.oriented_in_blocks =
+      scan.knows_sides || options.from == "above" || (asks && scan.columns && scan.columns->look_open());
   scan.closes = HolesMode(options.holes).close;
   scan.fuses_stores = fuses_stores(options);
   const HoleLimit holes = hole_limit(options, plan, true);

@@ -215,12 +215,13 @@ StageForecast forecast_top_points(const PlannedScan& scan) {
   if (!scan.columns) return idle_forecast();
   const std::uint64_t skins = model_use(scan.options) == ModelUse::kStandIn ? 1 : 2;
   const std::uint64_t buckets = scan.plan.buckets.size();
+  const double used = scan.columns->look_closed() ? 0.0 : 1.0;  // as of the surface model
   return {.tasks = buckets,
           .task_bytes = top_points_task_bytes(scan.largest_brick, skins * kBrickSamples),
           .disk_bytes = scan.store_bytes,
           .files = buckets,
-          .processor_us = scan.points * kTopPointsTime,
-          .moved_bytes = static_cast<double>(2 * scan.store_bytes + scan.overlay_bytes)};
+          .processor_us = used * scan.points * kTopPointsTime,
+          .moved_bytes = used * static_cast<double>(2 * scan.store_bytes + scan.overlay_bytes)};
 }
 
 }  // namespace tessera

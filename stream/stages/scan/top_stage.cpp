@@ -240,12 +240,13 @@ StageForecast forecast_top(const PlannedScan& scan) {
   const int edge = top_group_columns(scan.run, use);
   std::set<std::pair<int, int>> groups;
   for (const auto& [at, n] : scan.columns->points) groups.emplace(at.first / edge, at.second / edge);
+  const double used = scan.columns->look_closed() ? 0.0 : 1.0;  // told with its memory, but not done in rooms
   return {.tasks = groups.size(),
           .task_bytes = top_task_bytes(edge, scan.columns->fullest, scan.largest_brick, use),
           .disk_bytes = bytes_of(scan.points, use == ModelUse::kStandIn ? kForestBytes : kSkinBytes),
           .files = groups.size(),
-          .processor_us = scan.points * kTopTime,
-          .moved_bytes = static_cast<double>(scan.store_bytes + scan.overlay_bytes)};
+          .processor_us = used * scan.points * kTopTime,
+          .moved_bytes = used * static_cast<double>(scan.store_bytes + scan.overlay_bytes)};
 }
 
 }  // namespace tessera

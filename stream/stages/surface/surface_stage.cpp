@@ -242,8 +242,9 @@ double surface_face_time(const PlannedScan& scan) {
   // From field scans of five kinds, and without noise from simulated ones.
   constexpr std::array<Measured, 5> kMeasured = {
       {{0.0, 0.42}, {0.05, 2.0}, {0.15, 2.9}, {0.4, 1.9}, {0.6, 1.0}}};
-  const double noise =
-      scan.columns ? scan.plan.noise_cells : std::min(scan.plan.noise_cells, kMeasured[2].noise);
+  const double noise = scan.columns && !scan.columns->look_closed()
+                           ? scan.plan.noise_cells
+                           : std::min(scan.plan.noise_cells, kMeasured[2].noise);
   for (std::size_t i = 1; i < kMeasured.size(); ++i) {
     const auto &a = kMeasured[i - 1], &b = kMeasured[i];
     if (noise < b.noise) return a.time + (b.time - a.time) * (noise - a.noise) / (b.noise - a.noise);

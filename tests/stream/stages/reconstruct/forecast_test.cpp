@@ -308,10 +308,42 @@ TEST_CASE("forecast: a surface takes longer the noisier it is, and not where cro
   CHECK(time(0.2) == time(0.9));
   const double noisy = time(0.2);
   scan.columns.emplace();  // a surface model may stand in for what is strewn
+  for (int i = 0; i < 100; ++i) scan.columns->points[{i, 0}] = 1;
+  scan.columns->gapped_share = 0.8;  // but not in rooms
+  CHECK(time(0.4) == noisy);
+  scan.columns->gapped_share = 0.0;
   CHECK(time(0.02) > time(0.0));
   CHECK(time(0.4) < noisy);
   CHECK(time(0.9) < time(0.4));
   CHECK(time(0.9) > time(0.0));
+}
+
+TEST_CASE("forecast: rooms have no surface model, open scenes are oriented in blocks", "[unit]") {
+  const auto forecast_of = [](const std::vector<TestPoint>& points) {
+    const TempFolder work;
+    ChainSetup setup;
+    setup.h = 1.0;
+    setup.options.normals = "estimate";
+    JobState job = chain_job(work.path(), setup);
+    job.output = work.path() / "mesh.ply";
+    const auto inputs = chain_inputs(points, setup);
+    run_stage(SurveyStage(job, inputs, setup.h, 0), job.work);
+    return tell(job, *inputs).forecast;
+  };
+  std::vector<TestPoint> ground, room;
+  for (int i = 0; i < 12 * 32; ++i)
+    for (int j = 0; j < 12 * 32; ++j) {
+      TestPoint p;
+      p.p = {2.0 * i, 2.0 * j, 0.0};
+      ground.push_back(p), room.push_back(p);
+      p.p[2] = 300.0;
+      room.push_back(p);
+    }
+  const Forecast open = forecast_of(ground), closed = forecast_of(room);
+  CHECK(find(open, "top")->seconds > 0.0);
+  CHECK(find(closed, "top")->seconds == 0.0);
+  CHECK(find(closed, "top")->task_bytes > 0);
+  CHECK(find(closed, "top-points")->seconds == 0.0);
 }
 
 TEST_CASE("forecast: too small a cap is refused once, with the smallest that would do", "[unit]") {
