@@ -38,6 +38,7 @@ CrossingPlan result_mend(const SimplifyStores& stores,
     };
     plan.given_margin = tolerance;
   }
+  plan.may_cut = true;
   plan.due = [=](const JobState& state) {
     return round <= last_round(state.work) && (rounds == 1 || round + 1 < rounds);
   };

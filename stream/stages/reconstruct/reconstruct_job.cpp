@@ -275,6 +275,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   if (fuses_stores(options)) {
     append({{"islands", make_islands_stage, forecast_islands}, {"prune", make_prune_stage, forecast_prune}});
     CrossingPlan mend;
+    mend.may_cut = true;
     mend.mesh = [](const JobState& state) {
       return StoreFiles{list_task_files(state.work / kFullFolder, ".tmm"),
                         list_task_files(state.work / kPrunedFullFolder, ".tmm")};
