@@ -142,10 +142,6 @@ std::vector<StageNeed> early_needs(const JobState& state) {
   return needs;
 }
 
-}  // namespace
-
-namespace {
-
 StageEntry coverage_of(const std::function<MeshStore(const JobState&)>& store) {
   return {"coverage",
           [=](const JobState& state) {
@@ -155,10 +151,6 @@ StageEntry coverage_of(const std::function<MeshStore(const JobState&)>& store) {
           },
           forecast_coverage};
 }
-
-}  // namespace
-
-namespace {
 
 /// Of an import stage of the raw mesh: microseconds a face.
 struct ImportRate {

@@ -43,8 +43,7 @@ Soup spheres(std::size_t count, int level, double step, std::uint64_t seed) {
   Soup soup;
   const test::Icosphere sphere = test::icosphere(level);
   for (std::size_t s = 0; s < count; ++s)
-    soup.add(sphere.positions, sphere.faces,
-             {random.in(0.0, 4.0), random.in(0.0, 4.0), random.in(0.0, 2.0)});
+    soup.add(sphere.positions, sphere.faces, {random.in(0.0, 4.0), random.in(0.0, 4.0), random.in(0.0, 2.0)});
   if (step > 0.0)
     for (Double3& p : soup.points)
       for (double& x : p) x = std::round(x / step) * step;
