@@ -38,7 +38,8 @@ CrossingPlan result_mend(const SimplifyStores& stores,
     };
     plan.given_margin = tolerance;
   }
-  plan.may_cut = true;
+  // What is cut off at a border is farther than a tolerance as a rule: the rounds would come back with more faces and the pair.
+  plan.may_cut = rounds == 1;
   plan.due = [=](const JobState& state) {
     return round <= last_round(state.work) && (rounds == 1 || round + 1 < rounds);
   };
