@@ -126,6 +126,10 @@ TEST_CASE("csg --exact: solids that share faces, edges, corners or all", "[pipel
   CHECK(join(box({0, 0, 0}, {.5, 1, 1}), "-") == .5);
   CHECK(join(box({.25, .25, 0}, {.75, .75, 1}), "-") == .75);
   CHECK(join(box({.25, .25, .25}, {.75, .75, .75}), "-") == .875);
+  WholeMesh inward = box({.25, .25, 0}, {.75, .75, 1});
+  for (MeshFace& f : inward.faces) std::swap(f[1], f[2]);
+  CHECK(join(inward, "-") == .75);
+  CHECK(report_of(folder / "o.ply").at("mesh").at("warnings").size() == 1);
 }
 
 TEST_CASE("csg --exact: a tree of several meshes, moved ones, and formats of floats", "[pipeline]") {

@@ -75,6 +75,19 @@ bool all_floats(const SolidMesh& mesh) {
                      [](const Double3& p) { return is_float(p[0]) && is_float(p[1]) && is_float(p[2]); });
 }
 
+/// Whether the faces of a closed mesh look inward as a whole.
+bool is_inside_out(const SolidMesh& mesh) {
+  double sum = 0.0;
+  for (const auto& f : mesh.faces) {
+    const Double3& from = mesh.points[0];
+    sum += dot(mesh.points[f[0]] - from, cross(mesh.points[f[1]] - from, mesh.points[f[2]] - from));
+  }
+  return sum < 0.0;
+}
+void reverse_faces(SolidMesh& mesh) {
+  for (auto& f : mesh.faces) std::swap(f[1], f[2]);
+}
+
 std::string advice_for(const std::string& file) {
   return ": --exact takes closed meshes that do not cross themselves; tessera check --closed --crossings " +
          file +
@@ -107,11 +120,17 @@ struct ExactWork {
   bool floats = false;
   SolidMesh result;
   ExactSum sum;
+  std::vector<std::string> turned;  ///< inputs that were inside out
 
   void run() {
-    for (std::size_t i = 0; i < meshes.size(); ++i)
+    for (std::size_t i = 0; i < meshes.size(); ++i) {
+      if (is_inside_out(meshes[i])) {
+        reverse_faces(meshes[i]);
+        turned.push_back(names[i]);
+      }
       if (const auto fault = solid_fault(meshes[i]))
         throw InputError(names[i] + ": " + *fault + advice_for(names[i]));
+    }
     std::vector<SolidMesh> stack;
     for (const ExactStep& step : steps) {
       if (step.input) {
@@ -133,8 +152,7 @@ struct ExactWork {
   static SolidMesh placed(SolidMesh mesh, const Placement& placement) {
     if (placement == Placement{}) return mesh;
     for (Double3& p : mesh.points) p = placement.apply(p);
-    if (placement.determinant() < 0.0)
-      for (auto& f : mesh.faces) std::swap(f[1], f[2]);
+    if (placement.determinant() < 0.0) reverse_faces(mesh);
     return mesh;
   }
 
@@ -268,6 +286,8 @@ class ExactStage : public SerialStage {
     result["rounding_met"] = work.sum.rounding.met;
     result["rounding_moved"] = work.sum.rounding.moved;
     result["rounding_farthest"] = work.sum.rounding.farthest;
+    for (const std::string& name : work.turned)
+      result["warnings"].push_back(json_text(name) + " is inside out: its faces were turned");
     if (s.split_vertices > 0)
       result["warnings"].push_back("the result touches itself: " + std::to_string(s.split_vertices) +
                                    " vertices stand in it more than once, so that every edge has two faces; "
