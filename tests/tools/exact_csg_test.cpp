@@ -126,6 +126,9 @@ TEST_CASE("csg --exact: solids that share faces, edges, corners or all", "[pipel
   CHECK(join(box({0, 0, 0}, {.5, 1, 1}), "-") == .5);
   CHECK(join(box({.25, .25, 0}, {.75, .75, 1}), "-") == .75);
   CHECK(join(box({.25, .25, .25}, {.75, .75, .75}), "-") == .875);
+  // A plate that check takes for nothing, and is told.
+  CHECK(join(box({0x1p-46, 0, 0}, {2, 1, 1}), "-") == 0x1p-46);
+  CHECK(report_of(folder / "o.ply").at("mesh").at("flat_faces").get<int>() >= 8);
   WholeMesh inward = box({.25, .25, 0}, {.75, .75, 1});
   for (MeshFace& f : inward.faces) std::swap(f[1], f[2]);
   CHECK(join(inward, "-") == .75);

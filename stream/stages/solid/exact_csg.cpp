@@ -10,6 +10,7 @@
 #include "kernels/boolean/exact_boolean.h"
 #include "kernels/boolean/settle_rounding.h"
 #include "kernels/mesh/face_components.h"
+#include "kernels/mesh/flat_faces.h"
 #include "octree/error.h"
 #include "octree/placement.h"
 #include "stream/files/json.h"
@@ -286,6 +287,16 @@ class ExactStage : public SerialStage {
     result["rounding_met"] = work.sum.rounding.met;
     result["rounding_moved"] = work.sum.rounding.moved;
     result["rounding_farthest"] = work.sum.rounding.farthest;
+    const SolidMesh& mesh = work.result;
+    const auto flat = std::count_if(mesh.faces.begin(), mesh.faces.end(), [&](const auto& f) {
+      return face_extent(mesh.points[f[0]], mesh.points[f[1]], mesh.points[f[2]]).is_flat();
+    });
+    result["flat_faces"] = flat;
+    if (flat > 0)
+      result["warnings"].push_back(std::to_string(flat) +
+                                   " of the faces written are so thin that tessera check --strict takes them "
+                                   "for lines: surfaces nearly "
+                                   "coincide there; tessera decimate drops them");
     for (const std::string& name : work.turned)
       result["warnings"].push_back(json_text(name) + " is inside out: its faces were turned");
     if (s.split_vertices > 0)
