@@ -203,7 +203,7 @@ const std::map<std::string, std::string>& covering_tests() {
         "offset_stage", "placed_shape", "resurface_job", "solid_mesh", "solid_stages", "solid_surface_stage",
         "solid_tiles"});
 
-    by("tools/exact_csg", "stream/stages/solid", {"exact_csg"});
+    by("tools/exact_csg", "stream/stages/solid", {"exact_csg", "exact_tree"});
     by("tools/field", "stream/stages/solid", {"far_stages", "field_job", "field_stages", "surface_distance"});
     by("stream/import/mesh_import", "stream/import",
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
