@@ -94,8 +94,10 @@ MeshQualityPass::~MeshQualityPass() = default;
 
 void MeshQualityPass::add(const Double3& a, const Double3& b, const Double3& c, bool flip) {
   State& s = *state_;
-  const Corners corner = flip ? Corners{a, c, b} : Corners{a, b, c};
-  const Double3 normal = unit(cross(b - a, c - a)) * (flip ? -1.0 : 1.0);
+  // From the same corner on however the face is written: products round alike.
+  Corners corner = flip ? Corners{a, c, b} : Corners{a, b, c};
+  std::rotate(corner.begin(), std::min_element(corner.begin(), corner.end()), corner.end());
+  const Double3 normal = unit(cross(corner[1] - corner[0], corner[2] - corner[0]));
   for (std::size_t k = 0; k < 3; ++k) {
     const Double3 &from = corner[k], &to = corner[(k + 1) % 3];
     const bool forwards = from < to;

@@ -71,8 +71,8 @@ TEST_CASE("mesh quality: the balls of a torus are its tube, and its dihedral ang
           "[unit]") {
   const MeshCheck c = quality(test::torus(120, 60));
   REQUIRE(c.quality);
-  CHECK(c.quality->walls.thinnest == Approx(2.0).epsilon(0.01));
-  CHECK(c.quality->walls.median == Approx(2.0).epsilon(0.01));
+  CHECK(c.quality->walls.thinnest == Approx(2.0).epsilon(0.03));
+  CHECK(c.quality->walls.median == Approx(2.0).epsilon(0.02));
   CHECK(c.quality->dihedral.edges == c.edges);
   CHECK(c.quality->dihedral.min > 170.0);
   CHECK(c.quality->dihedral.max > 180.0);  // on its inner side
@@ -127,7 +127,7 @@ TEST_CASE("mesh quality: a sheet has no wall, and what folds back on itself has 
 
 TEST_CASE("mesh quality: neither the cap, nor threads, nor the order of faces and vertices changes a bit",
           "[property]") {
-  const MemoryMesh torus = test::torus(400, 200);
+  const MemoryMesh torus = test::torus(200, 100);
   const std::string want = dump_json(to_json(*quality(torus).quality));
   std::vector<MeshFace> faces = torus.faces();
   std::reverse(faces.begin(), faces.end());
