@@ -122,8 +122,9 @@ class ImportTilesStage : public Stage {
     sort.drain([&](std::span<const PlacedFix> batch) { file.write(batch.data(), batch.size_bytes()); });
     context.count_written(file.finish());
     if (sum.value("faces", std::uint64_t{0}) == 0)
-      throw EmptyError("the mesh has no face with three different vertices: there is nothing to work on; export it with "
-                       "its triangles");
+      throw EmptyError(
+          "the mesh has no face with three different vertices: there is nothing to work on; export it with "
+          "its triangles");
     return sum;
   }
 
