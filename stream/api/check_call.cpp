@@ -5,6 +5,7 @@
 #include "octree/error.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 
 namespace tessera {
@@ -24,7 +25,10 @@ Json CheckCall::run() const {
   if (!reference.empty()) {
     CompareOptions of_comparison = compare;
     of_comparison.check_stop = check_stop;
-    const MeshComparison comparison = compare_mesh_files(mesh, reference, of_comparison, how);
+    RunOptions of_run = how;
+    if (of_run.memory_bytes == 0) of_run.memory_bytes = detect_memory_cap().bytes;
+    of_run.threads = of_check.threads;
+    const MeshComparison comparison = compare_mesh_files(mesh, reference, of_comparison, of_run);
     report["deviation"] = to_json(comparison);
     report["deviation"]["reference"] = json_text(reference);
     report["deviation"]["complaint"] = comparison.complaint(false);

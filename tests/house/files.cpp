@@ -24,11 +24,11 @@ void limit(Findings& out, const Source& s, const std::string& what, std::size_t 
                   std::to_string(maximum));
 }
 
-/// Declared elsewhere: main, a fuzz target, the global operators that a program replaces, what runs before it.
+/// Declared elsewhere: main, a fuzz target, the global operators that a program replaces, what runs before it, a Python module.
 bool is_program(const Source& s) {
   return std::any_of(s.lines.begin(), s.lines.end(), [](const std::string& line) {
     return line.starts_with("int main(") || line.starts_with("void* operator new(") ||
-           line.find(".preinit_array") != std::string::npos ||
+           line.find(".preinit_array") != std::string::npos || line.starts_with("PYBIND11_MODULE(") ||
            line.find("int LLVMFuzzerTestOneInput(") != std::string::npos;
   });
 }

@@ -2,6 +2,20 @@
 
 #include <catch2/catch.hpp>
 
+#include "octree/vector_operators.h"
+
+namespace vector_lookup_test {
+
+// Outside of the namespace, where no argument leads to it.
+TEST_CASE("vector: operators are found outside of the namespace where they are asked for", "[unit]") {
+  using namespace tessera::operators;
+  const tessera::Double3 a = {1, 2, 3}, b = {4, -5, 6};
+  CHECK(-(a + b) * 2.0 == tessera::Double3{-10, 6, -18});
+  CHECK((a - b) / 3.0 == tessera::Double3{-1, 7.0 / 3.0, -1});
+}
+
+}  // namespace vector_lookup_test
+
 namespace tessera::vector_test {
 
 TEST_CASE("vector: products, lengths and normals of small numbers are exact", "[unit]") {

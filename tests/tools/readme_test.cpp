@@ -14,9 +14,9 @@ using namespace tessera::test;
 TEST_CASE("pages: their options are those of the commands, word for word", "[pipeline]") {
   std::set<std::string> known;
   for (const char* command :
-       {"reconstruct", "smooth",   "decimate", "remesh",   "resurface", "csg",    "field",
-        "deform",      "merge",    "plan",     "resample", "tiles",     "submit", "volume",
-        "raster",      "contours", "section",  "classify", "deviate",   "change", "bake"}) {
+       {"reconstruct", "smooth",   "decimate", "remesh", "resurface", "csg",    "field",  "deform",
+        "merge",       "plan",     "resample", "tiles",  "submit",    "volume", "raster", "contours",
+        "section",     "classify", "deviate",  "change", "bake",      "watch"}) {
     const Outcome r = shell(std::string(TESSERA_BINARY " ") + command + " --markdown");
     REQUIRE(r.code == 0);
     std::istringstream rows(r.said);
@@ -41,7 +41,7 @@ TEST_CASE("every command has help, and shows what its options are", "[pipeline]"
        {"plan",   "reconstruct", "resurface", "csg",     "field",        "smooth",  "decimate", "remesh",
         "task",   "status",      "cancel",    "check",   "render",       "report",  "tiles",    "view",
         "deform", "merge",       "info",      "convert", "parameterize", "synth",   "doctor",   "resample",
-        "volume", "raster",      "contours",  "section", "classify",     "deviate", "bake"}) {
+        "volume", "raster",      "contours",  "section", "classify",     "deviate", "bake",     "watch"}) {
     CAPTURE(command);
     const Outcome r = shell(TESSERA_BINARY " " + command + " --help");
     CHECK(r.code == 0);

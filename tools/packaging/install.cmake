@@ -34,9 +34,9 @@ install(FILES ${CMAKE_BINARY_DIR}/package/TesseraConfig.cmake ${CMAKE_BINARY_DIR
 configure_file(tools/packaging/version.h.in ${CMAKE_BINARY_DIR}/package/version.h @ONLY)
 install(FILES ${CMAKE_BINARY_DIR}/package/version.h DESTINATION ${include_dir} COMPONENT library)
 foreach(floor octree solvers kernels stream)
-  install(FILES ${floor}/${floor}.h DESTINATION ${include_dir} COMPONENT library)
+  install(FILES tools/packaging/${floor}.h DESTINATION ${include_dir} COMPONENT library)
   install(DIRECTORY ${floor} DESTINATION ${include_dir}/floors COMPONENT library
-    FILES_MATCHING PATTERN "*.h" PATTERN "${floor}/${floor}.h" EXCLUDE)
+    FILES_MATCHING PATTERN "*.h")
 endforeach()
 
 # The module, where the system's Python finds it.

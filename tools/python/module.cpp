@@ -6,9 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <chrono>
 #include <cmath>
-#include <condition_variable>
 #include <cstring>
 #include <deque>
 #include <exception>
@@ -19,7 +17,6 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -36,6 +33,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/runtime/long_call.h"
+#include "tools/python/patient_call.h"
 
 namespace py = pybind11;
 
@@ -72,52 +70,6 @@ std::span<const Element> rows_of(const Array<T>& array, const char* name) {
   return {reinterpret_cast<const Element*>(array.data()), static_cast<std::size_t>(array.shape(0))};
 }
 
-/// Work on a thread of its own, while this one looks for signals of Python, and for what there is to tell.
-class PatientCall {
- public:
-  /// \param tell  called with the interpreter held, about ten times a second; what it throws stops the work
-  /// \param stop  asks the work to end; any thread
-  static void run(const std::function<void()>& work, const std::function<void()>& tell,
-                  const std::function<void()>& stop) {
-    std::mutex mutex;
-    std::condition_variable ended;
-    bool done = false;
-    std::exception_ptr failure, thrown;
-    std::thread worker([&] {
-      try {
-        work();
-      } catch (...) {
-        failure = std::current_exception();
-      }
-      const std::lock_guard lock(mutex);
-      done = true;
-      ended.notify_all();
-    });
-    for (;;) {
-      {
-        const py::gil_scoped_release free;
-        std::unique_lock lock(mutex);
-        if (ended.wait_for(lock, std::chrono::milliseconds(100), [&] { return done; })) break;
-      }
-      if (thrown) continue;
-      try {
-        if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-        tell();
-      } catch (...) {
-        thrown = std::current_exception();
-        stop();
-      }
-    }
-    {
-      const py::gil_scoped_release free;
-      worker.join();
-    }
-    if (thrown) std::rethrow_exception(thrown);
-    if (failure) std::rethrow_exception(failure);
-    tell();
-  }
-};
-
 py::dict dict_of(const JobProgress& p) {
   using namespace pybind11::literals;
   return py::dict("stage"_a = p.stage, "stage_index"_a = p.stage_index, "stages"_a = p.stages,
@@ -130,8 +82,8 @@ std::pair<Json, Json> split_options(const std::string& text) {
   RunOptions run;
   const OptionTable of_run = option_table(run);
   Json options = Json::object(), how = Json::object();
-  for (const auto& [key, value] : parse_json(text).items())
-    (of_run.find(key) != nullptr ? how : options)[key] = value;
+  const Json given = parse_json(text);
+  for (const auto& [key, value] : given.items()) (of_run.find(key) != nullptr ? how : options)[key] = value;
   return {options, how};
 }
 
@@ -184,65 +136,6 @@ std::string check(const std::string& mesh, bool crossings, const std::string& re
   PatientCall::run([&] { report = dump_json(call.run()); }, [] {}, [&] { go_on = false; });
   return report;
 }
-
-/// Pieces that a reader hands out, two ahead of who takes them.
-template <class Piece>
-class PieceQueue {
- public:
-  explicit PieceQueue(std::function<void(const std::function<void(Piece&&)>&)> read)
-      : worker_([this, read = std::move(read)] {
-          try {
-            read([this](Piece&& piece) { put(std::move(piece)); });
-          } catch (const Closed&) {
-          } catch (...) {
-            failure_ = std::current_exception();
-          }
-          const std::lock_guard lock(mutex_);
-          ended_ = true;
-          changed_.notify_all();
-        }) {}
-  ~PieceQueue() {
-    {
-      const std::lock_guard lock(mutex_);
-      closed_ = true;
-      changed_.notify_all();
-    }
-    worker_.join();
-  }
-  /// The next one, nothing at the end.
-  std::optional<Piece> take() {
-    std::optional<Piece> piece;
-    {
-      const py::gil_scoped_release free;
-      std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return ended_ || !waiting_.empty(); });
-      if (!waiting_.empty()) {
-        piece = std::move(waiting_.front());
-        waiting_.pop_front();
-        changed_.notify_all();
-      }
-    }
-    if (!piece && failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
-    return piece;
-  }
-
- private:
-  struct Closed {};
-  void put(Piece&& piece) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return closed_ || waiting_.size() < 2; });
-    if (closed_) throw Closed();
-    waiting_.push_back(std::move(piece));
-    changed_.notify_all();
-  }
-
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<Piece> waiting_;
-  bool ended_ = false, closed_ = false;
-  std::exception_ptr failure_;
-  std::thread worker_;
-};
 
 py::dict dict_of(PointChunk&& chunk) {
   py::dict out;

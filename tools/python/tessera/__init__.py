@@ -88,7 +88,7 @@ def _on_arrays(job: str, vertices: Any, faces: Any, progress: Optional[Progress]
     with tempfile.TemporaryDirectory(prefix="tessera-", dir=options.get("temp")) as folder:
         source, made = os.path.join(folder, "in.ply"), os.path.join(folder, "out.ply")
         write_mesh(source, vertices, faces)
-        report = run(job, source, made, progress=progress, **{"page": False, **options})
+        report = run(job, source, made, progress=progress, **{"no_html": True, **options})
         result_vertices, result_faces = read_mesh(made)
     return result_vertices, result_faces, report
 
