@@ -2,9 +2,9 @@
 /// Which texels show a chart, and where on the surface their centres lie.
 ///
 /// Texel (i, j) has its centre at uv = texel * (i + 0.5 - margin, j + 0.5 - margin): the chart lies `margin` texels from the
-/// sides. Around it a margin of texels continues the surface beyond the border of the chart: across an edge that another face
-/// shares, in the plane of that face (as if both were unfolded into one plane), so that texels on both sides of a seam see
-/// the same surface and bilinear filtering shows no seam; where the surface ends, at its border.
+/// sides. Around it a margin, half a texel narrower, continues the surface: across an edge that another face shares, in
+/// the plane of that face (as if both were unfolded into one plane), so that texels on both sides of a seam see the same
+/// surface and bilinear filtering shows no seam; where the surface ends, at its border.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -41,16 +41,16 @@ ChartRaster raster_chart(const MeshChart& chart, double texel, int margin);
 
 struct TexelPlace {
   Double3 position{};
-  Double3 normal{};         ///< unit, or zero
-  std::uint32_t face = 0;   ///< of the mesh; that of the border for a texel of the margin
-  Double3 weights{};        ///< of the corners of `face`: of the texel, in the margin of the foot on the border
+  Double3 normal{};        ///< unit, or zero
+  std::uint32_t face = 0;  ///< of the mesh; that of the border for a texel of the margin
+  Double3 weights{};  ///< of the corners of `face`: of the texel, in the margin of the foot on the border
 };
 
 /// The third corner of the face across edge `corner` of a face of the mesh, none where the surface ends.
 using FaceAcross = std::function<std::optional<Double3>(std::uint32_t face, std::uint32_t corner)>;
 
 /// \pre  the texel is not empty
-TexelPlace texel_place(const TriangleSpan& mesh, const MeshChart& chart, const ChartRaster& raster, int x, int y,
-                       const FaceAcross& across);
+TexelPlace texel_place(const TriangleSpan& mesh, const MeshChart& chart, const ChartRaster& raster, int x,
+                       int y, const FaceAcross& across);
 
 }  // namespace tessera

@@ -88,7 +88,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/solid/solid_surface_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/volume/mesh_volume_report.cpp", "stream/volume/mesh_volume.h"},
       {"tools/queue/cancel_command.cpp", "tools/commands.h"},
-      {"tools/bake_command.cpp", "tools/commands.h"},
+      {"tools/survey/bake_command.cpp", "tools/commands.h"},
       {"tools/check_command.cpp", "tools/commands.h"},
       {"tools/convert_command.cpp", "tools/commands.h"},
       {"tools/csg_command.cpp", "tools/commands.h"},
@@ -267,9 +267,9 @@ const std::map<std::string, std::string>& covering_tests() {
        {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",
         "patch_positions", "uncross_stage", "weld_stage"});
     by("tools/bake", "stream/stages/bake",
-       {"bake_charts_stage", "bake_job", "bake_options", "bake_pack_stage", "bake_pages_stage",
-        "bake_points_stage", "bake_scale_stage", "bake_stages", "bake_texels_stage", "bake_write_stage",
-        "chart_files", "texel_files", "texture_points"});
+       {"bake_charts_stage", "bake_job", "bake_options", "bake_pack_stage", "bake_pages", "bake_scale",
+        "bake_pages_stage", "bake_points_stage", "bake_scale_stage", "bake_stages", "bake_texels_stage",
+        "bake_write_stage", "chart_files", "texel_files", "texture_points"});
     by("tools/tiles", "stream/stages/tiles",
        {"folder_stage", "tile_levels", "tiles_job", "tiles_options", "tiles_stage", "tileset_stage"});
     return all;

@@ -121,7 +121,7 @@ TEST_CASE("bake: colours of the points are on the texture, pages are used, nothi
 TEST_CASE("bake: all three formats hold the same mesh", "[pipeline]") {
   const TempFolder folder;
   const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz");
-  for (const char* name : {"out.ply", "out.obj", "out.glb"}) {
+  for (const char* name : {"a.ply", "b.obj", "c.glb"}) {
     const fs::path out = folder.path() / name;
     const CommandResult r = tessera_command(words(mesh, from, out));
     INFO(r.errors);
@@ -130,8 +130,8 @@ TEST_CASE("bake: all three formats hold the same mesh", "[pipeline]") {
     open_mesh_file(out)->read_faces([&](std::span<const MeshFace> batch) { faces += batch.size(); });
     CHECK(faces == 2 * kSide * kSide);
   }
-  const std::string header = file_bytes(folder.path() / "out.ply").substr(0, 600);
-  CHECK(header.find("comment TextureFile out_0.png") != std::string::npos);
+  const std::string header = file_bytes(folder.path() / "a.ply").substr(0, 600);
+  CHECK(header.find("comment TextureFile a_0.png") != std::string::npos);
   CHECK(header.find("property list uchar float texcoord") != std::string::npos);
 }
 
