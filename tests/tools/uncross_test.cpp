@@ -103,6 +103,11 @@ TEST_CASE("uncross: a noisy scan with torn borders does not cross itself, the sa
     const std::string bytes = run({"-t", "1"});
     CHECK(pairs_found(out) > 0);
     check_sound(out);
+    if (border == "auto") {  // borders of holes move for their fillings
+      const Json report = parse_json(file_bytes(out.string() + ".report.json"));
+      CHECK(stage_result(report, "blunt").at("moved_vertices").get<int>() > 0);
+      CHECK(stage_result(report, "holes").at("rounded").get<int>() > 0);
+    }
     CHECK(run({"-t", "2", "--tile-size", "64"}) == bytes);
   }
 }
