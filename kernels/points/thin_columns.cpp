@@ -1,5 +1,6 @@
 #include "kernels/points/thin_columns.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -14,10 +15,27 @@ constexpr int kAroundRadius = 2;
 /// What hangs is wide where it holds a square of this radius; a line of it has at least so many columns within the other.
 constexpr int kThinRadius = 3, kLineRadius = 8, kThroughRadius = 4;
 constexpr std::int64_t kLineColumns = 12;
-/// Of what hangs, at least one column in so many shows the ground, within a square as wide as a roof of which only the rims do;
-/// points in between are one to so many columns at most; and all
-/// but one column in so many lie at the height of those around.
-constexpr std::int64_t kSeenThrough = 2, kEmptyBelow = 8, kEvenLine = 4;
+/// Of what hangs, three in five columns show the ground, within a square as wide as a roof of which only the rims do; points in
+/// between are one to so many columns at most; and all but one column in so many lie at the height of those around.
+constexpr std::int64_t kEmptyBelow = 8, kEvenLine = 4;
+
+/// The lowest bottom within kThroughRadius: below roofs no wider than that it is the ground beside them.
+std::vector<std::int32_t> lowest_around(ColumnSquare s, const std::vector<std::int32_t>& bottom) {
+  const auto pass = [&](const std::vector<std::int32_t>& in, bool along_u) {
+    std::vector<std::int32_t> out(in.size(), kNoHeight);
+    for (int v = 0; v < s.edge; ++v)
+      for (int u = 0; u < s.edge; ++u) {
+        std::int32_t& lowest = out[s.at(u, v)];
+        const int at = along_u ? u : v;
+        for (int k = std::max(0, at - kThroughRadius); k <= std::min(s.edge - 1, at + kThroughRadius); ++k) {
+          const std::int32_t h = in[along_u ? s.at(k, v) : s.at(u, k)];
+          if (h != kNoHeight && (lowest == kNoHeight || h < lowest)) lowest = h;
+        }
+      }
+    return out;
+  };
+  return pass(pass(bottom, true), false);
+}
 
 }  // namespace
 
@@ -34,7 +52,7 @@ std::vector<std::uint8_t> find_thin_columns(std::span<const ColumnLayers> layers
     high = high || (known[i] != 0 && layers[i].top.height - bottom[i] >= kThinHeight);
   }
   if (!high) return {};
-  ground = median5(s, bottom, known);
+  ground = lowest_around(s, bottom);
   std::vector<std::int64_t> all(n), through(n), between(n);
   for (std::size_t i = 0; i < n; ++i) {
     const ColumnLayers& c = layers[i];
@@ -56,9 +74,8 @@ std::vector<std::uint8_t> find_thin_columns(std::span<const ColumnLayers> layers
   for (std::vector<std::int64_t>* v : {&all, &between, &even}) *v = box_sums(s, *v, kAroundRadius);
   std::vector<std::uint8_t> thin(n);
   for (std::size_t i = 0; i < n; ++i)
-    thin[i] = hanging[i] != 0 && wide[i] == 0 && line[i] >= kLineColumns &&
-              kSeenThrough * through[i] >= across[i] && kEmptyBelow * between[i] <= all[i] &&
-              kEvenLine * even[i] >= (kEvenLine - 1) * all[i];
+    thin[i] = hanging[i] != 0 && wide[i] == 0 && line[i] >= kLineColumns && 5 * through[i] >= 3 * across[i] &&
+              kEmptyBelow * between[i] <= all[i] && kEvenLine * even[i] >= (kEvenLine - 1) * all[i];
   // Single points of a wire lie in columns beside its line; what stands there by itself does not go with it.
   std::vector<std::uint8_t> beside = dilate(s, thin, 1);
   for (std::size_t i = 0; i < n; ++i)
