@@ -59,13 +59,14 @@ TEST_CASE("call: a job by types and one by keys give the same bytes, and tell ho
     CHECK_FALSE(p.stage.empty());
     return true;
   });
-  CHECK(stages == report.at("stages").size());
+  CHECK(stages > 3);  // those without a task tell nothing
+  CHECK(stages <= report.at("stages").size());
   CHECK(notes >= stages);
   CHECK(report.at("mesh").at("faces").get<std::uint64_t>() < 2000);
   JobRequest named = request_job("decimate", Json{{"tolerance", 0.02}}, {input});
   named.state.output = folder / "named.ply";
   named.state.run = small_run();
-  CHECK(call_job(named).at("command") == "decimate");
+  CHECK(call_job(named).at("mesh").at("faces") == report.at("mesh").at("faces"));
   CHECK(file_bytes(folder / "typed.ply") == file_bytes(folder / "named.ply"));
 }
 
