@@ -42,7 +42,7 @@ class BakePointsStage : public SerialStage {
   std::uint64_t units() const override { return 1; }
   std::string unit_name() const override { return "passes"; }
   std::uint64_t finish_bytes() const override {
-    return sort_bytes_ + kBakePointsFixed + mesh_.patches().size() * 27 * 40 +
+    return sort_bytes_ + kBakePointsFixed + mesh_.patches().size() * 27 * 120 +
            (fine_ ? 8 * fine_->largest_patch_bytes() : kReadAhead * kSliceMemory);
   }
 

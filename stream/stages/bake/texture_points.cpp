@@ -4,7 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <compare>
-#include <unordered_set>
+#include <unordered_map>
 
 #include "kernels/texture/point_colours.h"
 #include "octree/error.h"
@@ -16,8 +16,10 @@ namespace {
 
 constexpr PackedKind kTexturePoints = {"TSTEXPT1", "a file of coloured points"};
 constexpr double kMaxTextureCells = 1 << 18;  ///< along an axis
-constexpr double kNearCellShare =
-    0.125;  ///< of a brick: cells in which points are kept reach so far around patches
+constexpr double kNearCellShare = 0.125;      ///< of a brick: edge of the cells
+/// Of a brick: points so near to the box of a patch are kept. About an edge of the mesh; with more, points beside a mesh of
+/// a part of the scan would count as points on it, and texels would be too fine.
+constexpr double kNearShare = 0x1p-5;
 
 struct TexturePoint {
   float x, y, z;  ///< from the low corner of the cell
@@ -69,21 +71,27 @@ std::uint64_t write_texture_points(const std::filesystem::path& path, const Mesh
   TextureCells cells = TextureCells::around(mesh, kNearCellShare);
   const TextureCells wide_cells = TextureCells::around(mesh, 1.0);
   const MeshBox all = grown(mesh.box(), brick_edge(mesh));
-  std::unordered_set<std::uint64_t> near;
+  std::unordered_map<std::uint64_t, std::vector<MeshBox>> near;  // of patches, by cell
   for (const MeshPatchEntry& patch : mesh.patches()) {
-    const MeshBox box = grown(patch.box, kNearCellShare * brick_edge(mesh));
+    const MeshBox box = grown(patch.box, kNearShare * brick_edge(mesh));
     const Int3 low = wide_cells.cell_of(box.low), high = wide_cells.cell_of(box.high);
     for (int k = low[2]; k <= high[2]; ++k)
       for (int j = low[1]; j <= high[1]; ++j)
-        for (int i = low[0]; i <= high[0]; ++i) near.insert(brick_key({i, j, k}));
+        for (int i = low[0]; i <= high[0]; ++i) near[brick_key({i, j, k})].push_back(box);
   }
+  const auto is_near = [&](const Double3& p) {
+    const auto at = near.find(brick_key(wide_cells.cell_of(p)));
+    return at != near.end() && std::any_of(at->second.begin(), at->second.end(), [&](const MeshBox& box) {
+             return overlap(box, {p, p});
+           });
+  };
   ExternalSort<SortedPoint> sort(temp, sort_bytes);
   given = kept = 0;
   give([&](const Double3& p, std::uint32_t rgba, const Double3& normal) {
     ++given;
     for (std::size_t a = 0; a < 3; ++a)
       if (!(p[a] >= all.low[a] && p[a] <= all.high[a])) return;  // nor a number
-    if (near.count(brick_key(wide_cells.cell_of(p))) == 0) return;
+    if (!is_near(p)) return;
     const Int3 cell = cells.cell_of(p);
     SortedPoint s{};
     s.cell = brick_key(cell);
