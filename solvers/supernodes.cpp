@@ -43,7 +43,7 @@ ColumnList parents_of(const SparseMatrix& a, std::span<const std::int32_t> order
   return parent;
 }
 
-/// ColumnList in postorder; children of a column by ascending `weight`, then by their number; roots by their number.
+/// Columns in postorder; children of a column by ascending `weight`, then by their number; roots by their number.
 ColumnList postorder_of(const ColumnList& parent, const ColumnList* weight) {
   const std::size_t n = parent.size();
   ColumnList by_weight(n);
@@ -121,7 +121,7 @@ ColumnList counts_of(const SparseMatrix& a, std::span<const std::int32_t> order,
   return count;
 }
 
-/// ColumnList taken together, and the rows of the first of them.
+/// Columns taken together, and the rows of the first of them.
 struct ColumnGroup {
   std::int32_t first = 0, columns = 0, rows = 0;
   std::int64_t zeros = 0;  ///< entries that are none of the factor
@@ -134,7 +134,7 @@ bool few_zeros(std::int32_t columns, double share) {
          share < 0.05;
 }
 
-/// ColumnList that follow each other with the same rows: one child, the next one.
+/// Columns that follow each other with the same rows: one child, the next one.
 std::vector<ColumnGroup> fundamental_groups(const EliminationTree& tree) {
   const std::size_t n = tree.parent.size();
   ColumnList children(n, 0);
