@@ -15,6 +15,7 @@
 #include "stream/formats/line_reader.h"
 #include "stream/formats/lzf_reader.h"
 #include "stream/formats/points/point_records.h"
+#include "stream/formats/points/pose_look.h"
 
 namespace tessera {
 
@@ -72,7 +73,9 @@ struct PcdHeader {
   std::uint64_t stride = 0;
   std::uint64_t points = 0;
   std::optional<std::uint64_t> grid;  ///< width * height
-  std::optional<Double3> viewpoint;   ///< unless it is the default of a cloud without a grid
+  std::optional<Double3> viewpoint;   ///< unless it is the default
+  std::uint64_t row_points =
+      0;  ///< of a cloud with rows and the default viewpoint, which may be where its camera was
   PcdData data = PcdData::kAscii;
   std::uint64_t data_begin = 0;
   std::uint64_t lines = 0;
@@ -190,9 +193,7 @@ class HeaderParser {
       header_.fields.push_back(std::move(f));
     }
     if (header_.stride == 0) fail("records of no bytes");
-    // The frame of a depth camera, whose origin is the camera; clouds without rows have the default whatever they are.
-    if (!header_.viewpoint && height_.value_or(1) > 1 && width_.value_or(1) > 1)
-      header_.viewpoint = Double3{0, 0, 0};
+    if (!header_.viewpoint && height_.value_or(1) > 1 && width_.value_or(1) > 1) header_.row_points = *width_;
     if (width_ && height_)
       header_.grid =
           *height_ == 0 || *width_ <= ~std::uint64_t{0} / *height_ ? *width_ * *height_ : ~std::uint64_t{0};
@@ -237,6 +238,10 @@ class PcdPoints final : public PointFile {
       layout_.colour_scale = header_.data == PcdData::kBinary
                                  ? sample_colour_scale(file, header_.data_begin, count_.usable, layout_)
                                  : colour_scale_for(layout_.colour[0].type, largest_colour(file));
+    if (header_.row_points > 0 && header_.grid == header_.points && is_seen_from_origin()) {
+      info_.attributes.sensor = true;
+      info_.sensors.push_back({});
+    }
     for (const PcdField& f : header_.fields)
       if (f.name != "_" && !equal_any_case(f.name, "intensity") &&
           std::find(used_.begin(), used_.end(), &f) == used_.end())
@@ -276,6 +281,20 @@ class PcdPoints final : public PointFile {
  private:
   [[noreturn]] void fail(const std::string& what) const {
     throw InputError(input_.path().string() + ": " + what);
+  }
+
+  /// The frame of a depth camera has the camera at its origin; clouds that were moved keep rows and the default viewpoint, too.
+  bool is_seen_from_origin() const {
+    PoseLook look({}, header_.points / header_.row_points, header_.row_points);
+    std::uint64_t next = 0;
+    for (const InputSlice& slice : slices(0, header_.data == PcdData::kAscii ? input_.size() : kBlockBytes))
+      read(slice, [&](const PointChunk& chunk) {
+        for (std::size_t i = 0; i < chunk.size(); ++i, ++next)
+          if (look.wants_next(next) && std::isfinite(chunk.x[i]) && std::isfinite(chunk.y[i]) &&
+              std::isfinite(chunk.z[i]))
+            look.add(next, {chunk.x[i], chunk.y[i], chunk.z[i]});
+      });
+    return look.verdict(false, next == header_.points) == ScanPose::kHolds;
   }
 
   /// What is spelt as `name` is comes before what differs in capitals.

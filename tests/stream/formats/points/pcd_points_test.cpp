@@ -91,18 +91,31 @@ TEST_CASE("pcd points: binary and compressed say the same, whatever the slices",
   CHECK(test::read_points(folder.write("c.pcd", header(count, "binary") + records(n))).info.sensors.empty());
 }
 
-TEST_CASE("pcd points: rows of a depth camera were seen from the origin, unless the file says otherwise",
-          "[unit]") {
+TEST_CASE(
+    "pcd points: rows of a depth camera were seen from the origin, unless they do not fit or are told "
+    "otherwise",
+    "[unit]") {
   const test::TempFolder folder;
-  const auto grid = [&](const std::string& width, const std::string& height, const std::string& viewpoint) {
-    return test::read_points(folder.write(
-        "a.pcd", "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH " + width + "\nHEIGHT " + height +
-                     "\nVIEWPOINT " + viewpoint + "\nPOINTS 4\nDATA ascii\n1 2 3\n2 2 3\n1 3 3\n2 3 3\n"));
+  constexpr int kWidth = 64, kHeight = 48;
+  // A camera before bumps; moved away, the rays of a row lie in no plane with the origin.
+  const auto cloud = [&](const Double3& camera, const std::string& size, const std::string& viewpoint) {
+    std::string out = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\n" + size + "\nVIEWPOINT " +
+                      viewpoint + "\nPOINTS 3072\nDATA ascii\n";
+    for (int row = 0; row < kHeight; ++row)
+      for (int column = 0; column < kWidth; ++column) {
+        const double depth = 2.0 + 0.6 * std::sin(0.4 * column) * std::cos(0.5 * row);
+        out += std::to_string(camera[0] + depth * (column - kWidth / 2) / 60.0) + " " +
+               std::to_string(camera[1] + depth * (row - kHeight / 2) / 60.0) + " " +
+               std::to_string(camera[2] + depth) + "\n";
+      }
+    return test::read_points(folder.write("a.pcd", out)).info.sensors;
   };
-  CHECK(grid("2", "2", "0 0 0 1 0 0 0").info.sensors == std::vector<Double3>{{0, 0, 0}});
-  CHECK(grid("2", "2", "7 8 9 1 0 0 0").info.sensors == std::vector<Double3>{{7, 8, 9}});
-  CHECK(grid("4", "1", "0 0 0 1 0 0 0").info.sensors.empty());
-  CHECK(grid("1", "4", "0 0 0 1 0 0 0").info.sensors.empty());
+  const std::string grid = "WIDTH 64\nHEIGHT 48", none = "0 0 0 1 0 0 0";
+  CHECK(cloud({}, grid, none) == std::vector<Double3>{{0, 0, 0}});
+  CHECK(cloud({}, grid, "7 8 9 1 0 0 0") == std::vector<Double3>{{7, 8, 9}});
+  CHECK(cloud({}, "WIDTH 3072\nHEIGHT 1", none).empty());
+  CHECK(cloud({3, -2, 1}, grid, none).empty());
+  CHECK(cloud({400000, 5000000, 300}, grid, none).empty());
 }
 
 TEST_CASE("pcd points: ascii, with packed colours as floats and as whole numbers", "[unit]") {
