@@ -37,13 +37,13 @@ TESSERA_EMULATED To loaded(const From* from) {
 }
 
 TESSERA_EMULATED __m256 fma_ps(const __m256& a, const __m256& b, const __m256& c, float product, float sum) {
-  __m256 r;
+  __m256 r{};
   for (int i = 0; i < 8; ++i) r[i] = std::fma(product * a[i], b[i], sum * c[i]);
   return r;
 }
 TESSERA_EMULATED __m256d fma_pd(const __m256d& a, const __m256d& b, const __m256d& c, double product,
                                 double sum) {
-  __m256d r;
+  __m256d r{};
   for (int i = 0; i < 4; ++i) r[i] = std::fma(product * a[i], b[i], sum * c[i]);
   return r;
 }
@@ -117,7 +117,7 @@ TESSERA_EMULATED int signs(const V& a) {
 }
 template <class V, int kLanes>
 TESSERA_EMULATED V roots(const V& a) {
-  V r;
+  V r{};
   for (int i = 0; i < kLanes; ++i) r[i] = std::sqrt(a[i]);
   return r;
 }
@@ -131,31 +131,31 @@ TESSERA_EMULATED V masked(const T* from, const __m256i& mask) {
 }
 TESSERA_EMULATED __m256 permuted_ps(const __m256& a, const __m256i& index) {
   const V8i at = bits<V8i>(index);
-  __m256 r;
+  __m256 r{};
   for (int i = 0; i < 8; ++i) r[i] = a[at[i] & 7];
   return r;
 }
 TESSERA_EMULATED __m128 permuted_4(const __m128& a, const __m128i& index) {
   std::int32_t at[4];
   std::memcpy(at, &index, sizeof at);
-  __m128 r;
+  __m128 r{};
   for (int i = 0; i < 4; ++i) r[i] = a[at[i] & 3];
   return r;
 }
 TESSERA_EMULATED __m256i bytes_as_ints(const __m128i& bytes) {
   std::uint8_t b[16];
   std::memcpy(b, &bytes, sizeof b);
-  V8i r;
+  V8i r{};
   for (int i = 0; i < 8; ++i) r[i] = b[i];
   return bits<__m256i>(r);
 }
 TESSERA_EMULATED __m256 halves(const __m128& high, const __m128& low) {
-  __m256 r;
+  __m256 r{};
   for (int i = 0; i < 4; ++i) r[i] = low[i], r[i + 4] = high[i];
   return r;
 }
 TESSERA_EMULATED __m128 half(const __m256& a, int which) {
-  __m128 r;
+  __m128 r{};
   for (int i = 0; i < 4; ++i) r[i] = a[4 * which + i];
   return r;
 }
@@ -163,7 +163,7 @@ TESSERA_EMULATED __m128i half_i(const __m256i& a, int which) {
   return __m128i{a[2 * which], a[2 * which + 1]};
 }
 TESSERA_EMULATED __m256 two_halves(const __m256& a, const __m256& b, int control) {
-  __m256 r;
+  __m256 r{};
   for (int side = 0; side < 2; ++side) {
     const int c = control >> 4 * side & 15;
     for (int i = 0; i < 4; ++i)
@@ -172,30 +172,30 @@ TESSERA_EMULATED __m256 two_halves(const __m256& a, const __m256& b, int control
   return r;
 }
 TESSERA_EMULATED __m256 shuffled(const __m256& a, const __m256& b, int control) {
-  __m256 r;
+  __m256 r{};
   for (int side = 0; side < 8; side += 4)
     for (int i = 0; i < 4; ++i) r[side + i] = (i < 2 ? a : b)[side + (control >> 2 * i & 3)];
   return r;
 }
 TESSERA_EMULATED __m256 unpacked(const __m256& a, const __m256& b, int first) {
-  __m256 r;
+  __m256 r{};
   for (int side = 0; side < 8; side += 4)
     for (int i = 0; i < 2; ++i)
       r[side + 2 * i] = a[side + first + i], r[side + 2 * i + 1] = b[side + first + i];
   return r;
 }
 TESSERA_EMULATED __m256d blended_by(const __m256d& a, const __m256d& b, int mask) {
-  __m256d r;
+  __m256d r{};
   for (int i = 0; i < 4; ++i) r[i] = (mask >> i & 1) != 0 ? b[i] : a[i];
   return r;
 }
 TESSERA_EMULATED __m128 narrowed(const __m256d& a) {
-  __m128 r;
+  __m128 r{};
   for (int i = 0; i < 4; ++i) r[i] = static_cast<float>(a[i]);
   return r;
 }
 TESSERA_EMULATED __m256d widened(const __m128& a) {
-  __m256d r;
+  __m256d r{};
   for (int i = 0; i < 4; ++i) r[i] = static_cast<double>(a[i]);
   return r;
 }
