@@ -50,8 +50,9 @@ void BoundaryChain::close(std::size_t path, const std::function<void(HoleBoundar
   const std::vector<BoundaryEdge> edges = std::move(p.edges);
   p = {};
   if (edges.size() < 3) return;
-  const auto smallest = std::min_element(
-      edges.begin(), edges.end(), [](const BoundaryEdge& a, const BoundaryEdge& b) { return a.from < b.from; });
+  const auto smallest =
+      std::min_element(edges.begin(), edges.end(),
+                       [](const BoundaryEdge& a, const BoundaryEdge& b) { return a.from < b.from; });
   const auto start = static_cast<std::size_t>(smallest - edges.begin());
   HoleBoundary out;
   for (std::size_t i = 0; i < edges.size(); ++i) {

@@ -52,9 +52,8 @@ std::vector<std::uint32_t> overlapping_faces(std::span<const Double2> uv,
         low[a] = std::min(low[a], uv[v][a]), high[a] = std::max(high[a], uv[v][a]);
   const double extent = std::max(high[0] - low[0], high[1] - low[1]);
   if (!(extent > 0.0)) return out;
-  const std::size_t cells =
-      std::clamp<std::size_t>(static_cast<std::size_t>(std::sqrt(static_cast<double>(faces.size()))), 1,
-                              kMaxOverlapCells);
+  const std::size_t cells = std::clamp<std::size_t>(
+      static_cast<std::size_t>(std::sqrt(static_cast<double>(faces.size()))), 1, kMaxOverlapCells);
   const double per_cell = static_cast<double>(cells) / extent * (1.0 - 1e-12);
   struct Entry {
     std::uint32_t face, next;

@@ -92,7 +92,8 @@ Int3 PointColours::cell_of(const Double3& p) const {
 void PointColours::gather(const Double3& at, const Double3& normal, const Int3& cell,
                           std::vector<Near>& out) const {
   const std::uint64_t key = cell_key(cell);
-  for (std::size_t s = mix(key) & (slots_.size() - 1); slots_[s].end != 0; s = (s + 1) & (slots_.size() - 1)) {
+  for (std::size_t s = mix(key) & (slots_.size() - 1); slots_[s].end != 0;
+       s = (s + 1) & (slots_.size() - 1)) {
     if (slots_[s].key != key) continue;
     const double limit = options_.max_distance * options_.max_distance;
     for (std::uint32_t o = slots_[s].first; o < slots_[s].end; ++o) {

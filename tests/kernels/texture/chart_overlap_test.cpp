@@ -8,7 +8,7 @@ using namespace tessera;
 
 TEST_CASE("chart overlap: neighbours do not, crossing and containing ones do", "[unit]") {
   const std::array<Double2, 3> a = {{{0, 0}, {4, 0}, {0, 4}}};
-  CHECK_FALSE(triangles_overlap(a, {{{4, 0}, {4, 4}, {0, 4}}}, 1e-9));  // beside the long edge
+  CHECK_FALSE(triangles_overlap(a, {{{4, 0}, {4, 4}, {0, 4}}}, 1e-9));    // beside the long edge
   CHECK_FALSE(triangles_overlap(a, {{{0, 0}, {-4, 0}, {0, -4}}}, 1e-9));  // a corner
   CHECK(triangles_overlap(a, {{{1, 1}, {5, 1}, {1, 5}}}, 1e-9));
   CHECK(triangles_overlap(a, {{{0.5, 0.5}, {1, 0.5}, {0.5, 1}}}, 1e-9));

@@ -1,7 +1,7 @@
 #include "kernels/texture/chart_raster.h"
 
-#include <catch2/catch.hpp>
 #include <algorithm>
+#include <catch2/catch.hpp>
 #include <cmath>
 #include <map>
 
@@ -32,7 +32,8 @@ struct Painted {
   std::vector<int> value;
 
   double bilinear(const Double2& uv) const {
-    const double x = uv[0] / raster.texel + raster.margin - 0.5, y = uv[1] / raster.texel + raster.margin - 0.5;
+    const double x = uv[0] / raster.texel + raster.margin - 0.5,
+                 y = uv[1] / raster.texel + raster.margin - 0.5;
     const int i = static_cast<int>(std::floor(x)), j = static_cast<int>(std::floor(y));
     const double s = x - i, t = y - j;
     const auto at = [&](int a, int b) {
@@ -93,7 +94,8 @@ TEST_CASE("chart raster: no seam of a painted gradient shows under bilinear filt
     REQUIRE(charts.size() > 3);
     const double gradient = 73.0 * std::sqrt(3.0) * texel;
     // The same place of an edge seen from both of its faces.
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<std::pair<const Painted*, std::array<Double2, 2>>>>
+    std::map<std::pair<std::uint32_t, std::uint32_t>,
+             std::vector<std::pair<const Painted*, std::array<Double2, 2>>>>
         edges;
     for (const Painted& c : charts)
       for (std::size_t i = 0; i < c.chart.faces.size(); ++i)

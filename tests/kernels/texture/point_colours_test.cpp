@@ -21,13 +21,15 @@ void add_lattice(Coloured& c, float z, std::uint32_t blue, const Double3& normal
   for (int j = 0; j < 40; ++j)
     for (int i = 0; i < 40; ++i) {
       c.position.push_back({static_cast<float>(i), static_cast<float>(j), z});
-      c.rgba.push_back(static_cast<std::uint32_t>(5 * i) | static_cast<std::uint32_t>(5 * j) << 8 | blue << 16);
+      c.rgba.push_back(static_cast<std::uint32_t>(5 * i) | static_cast<std::uint32_t>(5 * j) << 8 |
+                       blue << 16);
       c.normal.push_back(pack_normal(normal));
     }
 }
 
 std::array<int, 3> channels(std::uint32_t rgba) {
-  return {static_cast<int>(rgba & 255), static_cast<int>(rgba >> 8 & 255), static_cast<int>(rgba >> 16 & 255)};
+  return {static_cast<int>(rgba & 255), static_cast<int>(rgba >> 8 & 255),
+          static_cast<int>(rgba >> 16 & 255)};
 }
 
 }  // namespace
