@@ -2,6 +2,7 @@
 /// The floor stream in one include: jobs as calls, meshes and scans of any size in and out. Installed as <tessera/stream.h>, target
 /// Tessera::stream.
 #pragma once
+#include "octree/error.h"
 #include "stream/api/check_call.h"
 #include "stream/api/job_call.h"
 #include "stream/files/json.h"
