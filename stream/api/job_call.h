@@ -20,7 +20,7 @@
 #include "stream/runtime/job.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/options.h"
-#include "stream/runtime/progress_note.h"
+#include "stream/runtime/progress.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/merge/merge_job.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"

@@ -7,7 +7,6 @@
 #include "octree/error.h"
 #include "stream/files/json.h"
 #include "stream/runtime/memory_budget.h"
-#include "stream/runtime/progress_note.h"
 
 namespace tessera {
 namespace {
