@@ -274,10 +274,10 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
     };
     const auto whole = [=](const JobState& state) { return open_mended(state, mend); };
     if (!options.decimates()) {
-      for (StageEntry& entry : crossing_stages(mend)) {
-        entry.forecast = [name = entry.name](const PlannedScan& scan) { return forecast_mend(scan, name); };
-        append({std::move(entry)});
-      }
+      std::vector<StageEntry> found = crossing_stages(mend);
+      for (StageEntry& e : found)
+        e.forecast = [name = e.name](const PlannedScan& scan) { return forecast_mend(scan, name); };
+      append(std::move(found));
       append({coverage_of(whole),
               {"write",
                [=](const JobState& state) {
@@ -333,9 +333,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
   job.sidecars.push_back(known_origin());
   if (options.keep_raw) {
     job.sidecars.push_back({raw_output_path, "--keep-raw", true});
-    const auto path = [](const std::filesystem::path& output) {
-      return stl_shift_path(raw_output_path(output));
-    };
+    const auto path = [](const std::filesystem::path& out) { return stl_shift_path(raw_output_path(out)); };
     job.sidecars.push_back({path, "the origin beside --keep-raw", false,
                             [](const Json& report) { return origin_text(result_of(report, "keep-raw")); }});
   }
@@ -344,8 +342,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
 
 JobDescription plan_job() {
   JobDescription job = reconstruct_job();
-  while (job.stages[job.only_stages++].name != "forecast") {
-  }
+  while (job.stages[job.only_stages++].name != "forecast") continue;
   return job;
 }
 
