@@ -250,7 +250,7 @@ TEST_CASE("classify: what cannot be classified is refused in one sentence", "[pi
   refused({in, in + "x", "-o", path("out.las")}, 3, "in.lasx");
   folder.write("other.las", bytes);
   refused({in, path("other.las"), "-o", path("out.las")}, 2, "name a folder");
-  refused({in, "-o", path("out.las"), "--memory", "30M"}, 4, "--memory");
+  refused({in, "-o", path("out.las"), "--memory", "24M"}, 4, "--memory");
   refused({in, "-o", path("out.las"), "--cell", "0.01"}, 2, "--window");
   refused({in, "-o", path("out.las"), "--water", "on", "--water-width", "500"}, 2, "--water-width");
   folder.write("scan.ply", "ply\nformat ascii 1.0\nelement vertex 0\nend_header\n");

@@ -18,9 +18,9 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kBluntVertexBytes = std::uint64_t{8} << 20;
-constexpr std::uint64_t kBluntViewBytes = std::uint64_t{24} << 20;
+constexpr std::uint64_t kBluntViewBytes = std::uint64_t{16} << 20;
 /// Faces of a piece: beyond, a brick is torn to shreds and stays as it is.
-constexpr std::size_t kMaxBluntFaces = 150'000;
+constexpr std::size_t kMaxBluntFaces = 80'000;
 /// Of one face in the kernel: itself, three half-edges, half a vertex, and the names of its corners.
 constexpr std::uint64_t kBluntFaceBytes = 220;
 /// How far from a face that nobody saw faces take part, in cells: its rings, and one more.
