@@ -19,59 +19,57 @@ namespace avx2_emulation_test::processor {
   inline to name(a x, a y, a z) {  \
     return _mm256_##name(x, y, z); \
   }
-#define FLOATS_TWO(USE)                                                                     \
-  USE(__m256, add_ps, __m256)                                                               \
-  USE(__m256, sub_ps, __m256)                                                               \
-  USE(__m256, mul_ps, __m256)                                                               \
-  USE(__m256, div_ps, __m256) USE(__m256, max_ps, __m256) USE(__m256, min_ps, __m256)       \
-      USE(__m256, and_ps, __m256) USE(__m256, or_ps, __m256) USE(__m256, andnot_ps, __m256) \
-          USE(__m256, unpacklo_ps, __m256) USE(__m256, unpackhi_ps, __m256)
-#define DOUBLES_TWO(USE)                                                                       \
-  USE(__m256d, add_pd, __m256d)                                                                \
-  USE(__m256d, sub_pd, __m256d)                                                                \
-  USE(__m256d, mul_pd, __m256d)                                                                \
-  USE(__m256d, div_pd, __m256d) USE(__m256d, max_pd, __m256d) USE(__m256d, min_pd, __m256d)    \
-      USE(__m256d, and_pd, __m256d) USE(__m256d, or_pd, __m256d) USE(__m256d, xor_pd, __m256d) \
-          USE(__m256d, andnot_pd, __m256d)
-#define WHOLE_TWO(USE)                                                                                     \
-  USE(__m256i, add_epi32, __m256i)                                                                         \
-  USE(__m256i, sub_epi32, __m256i)                                                                         \
-  USE(__m256i, cmpeq_epi32, __m256i)                                                                       \
+// clang-format off
+#define FLOATS_TWO(USE) \
+  USE(__m256, add_ps, __m256) USE(__m256, sub_ps, __m256) USE(__m256, mul_ps, __m256) \
+  USE(__m256, div_ps, __m256) USE(__m256, max_ps, __m256) USE(__m256, min_ps, __m256) \
+  USE(__m256, and_ps, __m256) USE(__m256, or_ps, __m256) USE(__m256, andnot_ps, __m256) \
+  USE(__m256, unpacklo_ps, __m256) USE(__m256, unpackhi_ps, __m256)
+#define DOUBLES_TWO(USE) \
+  USE(__m256d, add_pd, __m256d) USE(__m256d, sub_pd, __m256d) USE(__m256d, mul_pd, __m256d) \
+  USE(__m256d, div_pd, __m256d) USE(__m256d, max_pd, __m256d) USE(__m256d, min_pd, __m256d) \
+  USE(__m256d, and_pd, __m256d) USE(__m256d, or_pd, __m256d) USE(__m256d, xor_pd, __m256d) \
+  USE(__m256d, andnot_pd, __m256d)
+#define WHOLE_TWO(USE) \
+  USE(__m256i, add_epi32, __m256i) USE(__m256i, sub_epi32, __m256i) USE(__m256i, cmpeq_epi32, __m256i) \
   USE(__m256i, cmpeq_epi64, __m256i) USE(__m256i, cmpgt_epi32, __m256i) USE(__m256i, cmpgt_epi16, __m256i) \
-      USE(__m256i, or_si256, __m256i)
-#define FLOATS_THREE(USE)       \
-  USE(__m256, fmadd_ps, __m256) \
-  USE(__m256, fnmadd_ps, __m256) USE(__m256, fmsub_ps, __m256) USE(__m256, blendv_ps, __m256)
-#define DOUBLES_THREE(USE)        \
-  USE(__m256d, fmadd_pd, __m256d) \
-  USE(__m256d, fnmadd_pd, __m256d) USE(__m256d, fmsub_pd, __m256d) USE(__m256d, blendv_pd, __m256d)
-#define FLOATS_BY(USE)                                                                      \
-  USE(__m256, cmp_ps, __m256, _CMP_GE_OQ)                                                   \
-  USE(__m256, cmp_ps, __m256, _CMP_GT_OQ)                                                   \
-  USE(__m256, cmp_ps, __m256, _CMP_LE_OQ)                                                   \
-  USE(__m256, cmp_ps, __m256, _CMP_LT_OQ) USE(__m256, cmp_ps, __m256, _CMP_EQ_OQ)           \
-      USE(__m256, cmp_ps, __m256, _CMP_NEQ_OQ) USE(__m256, cmp_ps, __m256, _CMP_NGE_UQ)     \
-          USE(__m256, cmp_ps, __m256, _CMP_NLE_UQ) USE(__m256, shuffle_ps, __m256, 0xd8)    \
-              USE(__m256, shuffle_ps, __m256, 0x44) USE(__m256, permute2f128_ps, __m256, 1) \
-                  USE(__m256, permute2f128_ps, __m256, 0x20) USE(__m256, permute2f128_ps, __m256, 0x31)
-#define DOUBLES_BY(USE)                                                                \
-  USE(__m256d, cmp_pd, __m256d, _CMP_GE_OQ)                                            \
-  USE(__m256d, cmp_pd, __m256d, _CMP_GT_OQ)                                            \
-  USE(__m256d, cmp_pd, __m256d, _CMP_LE_OQ)                                            \
-  USE(__m256d, cmp_pd, __m256d, _CMP_LT_OQ) USE(__m256d, cmp_pd, __m256d, _CMP_NEQ_OQ) \
-      USE(__m256d, cmp_pd, __m256d, _CMP_NGE_UQ) USE(__m256d, blend_pd, __m256d, 8)    \
-          USE(__m256d, blend_pd, __m256d, 5)
+  USE(__m256i, or_si256, __m256i)
+#define FLOATS_THREE(USE) \
+  USE(__m256, fmadd_ps, __m256) USE(__m256, fnmadd_ps, __m256) USE(__m256, fmsub_ps, __m256) \
+  USE(__m256, blendv_ps, __m256)
+#define DOUBLES_THREE(USE) \
+  USE(__m256d, fmadd_pd, __m256d) USE(__m256d, fnmadd_pd, __m256d) USE(__m256d, fmsub_pd, __m256d) \
+  USE(__m256d, blendv_pd, __m256d)
+#define FLOATS_BY(USE) \
+  USE(__m256, cmp_ps, __m256, _CMP_GE_OQ) USE(__m256, cmp_ps, __m256, _CMP_GT_OQ) USE(__m256, cmp_ps, __m256, _CMP_LE_OQ) \
+  USE(__m256, cmp_ps, __m256, _CMP_LT_OQ) USE(__m256, cmp_ps, __m256, _CMP_EQ_OQ) USE(__m256, cmp_ps, __m256, _CMP_NEQ_OQ) \
+  USE(__m256, cmp_ps, __m256, _CMP_NGE_UQ) USE(__m256, cmp_ps, __m256, _CMP_NLE_UQ) USE(__m256, shuffle_ps, __m256, 0xd8) \
+  USE(__m256, shuffle_ps, __m256, 0x44) USE(__m256, permute2f128_ps, __m256, 1) USE(__m256, permute2f128_ps, __m256, 0x20) \
+  USE(__m256, permute2f128_ps, __m256, 0x31)
+#define DOUBLES_BY(USE) \
+  USE(__m256d, cmp_pd, __m256d, _CMP_GE_OQ) USE(__m256d, cmp_pd, __m256d, _CMP_GT_OQ) USE(__m256d, cmp_pd, __m256d, _CMP_LE_OQ) \
+  USE(__m256d, cmp_pd, __m256d, _CMP_LT_OQ) USE(__m256d, cmp_pd, __m256d, _CMP_NEQ_OQ) USE(__m256d, cmp_pd, __m256d, _CMP_NGE_UQ) \
+  USE(__m256d, blend_pd, __m256d, 8) USE(__m256d, blend_pd, __m256d, 5)
 FLOATS_TWO(TWO)
 DOUBLES_TWO(TWO)
 WHOLE_TWO(TWO)
-FLOATS_THREE(THREE) DOUBLES_THREE(THREE) ONE(__m256, sqrt_ps, __m256) ONE(__m256d, sqrt_pd, __m256d)
-    ONE(int, movemask_ps, __m256) ONE(int, movemask_pd, __m256d) ONE(int, movemask_epi8, __m256i)
-        ONE(__m128, cvtpd_ps, __m256d) ONE(__m256d, cvtps_pd, __m128) ONE(__m128i, cvttpd_epi32, __m256d)
-            ONE(__m256i, cvtepu8_epi32, __m128i) TWO(int, testz_ps, __m256)
-                THREE(__m256i, blendv_epi8, __m256i)
+FLOATS_THREE(THREE)
+DOUBLES_THREE(THREE)
+ONE(__m256, sqrt_ps, __m256)
+ONE(__m256d, sqrt_pd, __m256d)
+ONE(int, movemask_ps, __m256)
+ONE(int, movemask_pd, __m256d)
+ONE(int, movemask_epi8, __m256i)
+ONE(__m128, cvtpd_ps, __m256d)
+ONE(__m256d, cvtps_pd, __m128)
+ONE(__m128i, cvttpd_epi32, __m256d)
+ONE(__m256i, cvtepu8_epi32, __m128i)
+TWO(int, testz_ps, __m256)
+THREE(__m256i, blendv_epi8, __m256i)
+// clang-format on
 
-                    template <int kPredicate>
-                    __m256 cmp_ps(__m256 x, __m256 y) {
+template <int kPredicate>
+__m256 cmp_ps(__m256 x, __m256 y) {
   return _mm256_cmp_ps(x, y, kPredicate);
 }
 template <int kPredicate>

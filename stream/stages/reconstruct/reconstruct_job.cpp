@@ -37,14 +37,13 @@
 #include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
-#include "stream/stages/surface/holes_stage.h"
 #include "stream/stages/surface/islands_stage.h"
 #include "stream/stages/surface/level_surface_stage.h"
 #include "stream/stages/surface/levels_stage.h"
-#include "stream/stages/surface/loops_stage.h"
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/samples_stage.h"
 #include "stream/stages/surface/surface_stage.h"
+#include "stream/stages/surface/uncross_holes_stage.h"
 #include "stream/stages/surface/write_stage.h"
 #include "stream/stages/weld/blunt_stage.h"
 #include "stream/stages/weld/border_stage.h"
@@ -108,7 +107,7 @@ void summarise(Json& report) {
   const Json written = result_of(report, "write");
   if (mesh.is_object() && written.is_object()) {
     mesh.update(written);
-    const Json holes = result_of(report, "holes");
+    const Json holes = holes_of(report);
     if (holes.is_object() && holes.value("loops", 0) > 0) mesh["holes"] = holes;
     report["mesh"] = mesh;
   }
@@ -296,7 +295,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
           {"border", make_border_stage, forecast_border},
           {"blunt", make_blunt_stage, forecast_blunt}});
   append(uncross_stages());
-  append({{"loops", make_loops_stage, forecast_loops}, {"holes", make_holes_stage, forecast_holes}});
+  append(hole_stages());
   if (!options.decimates()) {
     append({{"coverage", [](const JobState& state) { return make_coverage_stage(state, welded_faces); },
              forecast_coverage},

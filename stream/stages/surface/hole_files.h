@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,18 @@ struct MovedRim {
   bool operator<(const MovedRim& other) const { return number < other.number; }
 };
 
+/// A vertex of a rim as it is written, in cells from the lattice origin.
+struct RimVertex {
+  std::uint64_t number = 0;  ///< in the output
+  Double3 position{};
+};
+
+/// What one filling has of its batch, in order.
+struct FillingSpan {
+  std::uint32_t vertices = 0, faces = 0, rim = 0, unused = 0;
+  Double3 low{}, high{};  ///< around it, cells from the lattice origin
+};
+
 /// The fillings of one batch.
 struct HoleFillings {
   std::vector<Double3> position;    ///< new vertices, cells from the lattice origin
@@ -72,10 +85,15 @@ struct HoleFillings {
   std::vector<std::array<std::uint64_t, 3>> faces;
   static constexpr std::uint64_t kNew = std::uint64_t{1} << 63;
   std::vector<MovedRim> moved;
+  std::vector<FillingSpan> spans;
+  std::vector<RimVertex> rim;
 
   void save(const std::filesystem::path& path) const;
   static HoleFillings load(const std::filesystem::path& path);
 };
+
+/// The others; borders that the ones that go had moved stay moved. \param gone  per filling
+HoleFillings without_fillings(const HoleFillings& all, std::span<const std::uint8_t> gone);
 
 /// Sizes without loading.
 struct HoleFillingsHead {
@@ -84,11 +102,16 @@ struct HoleFillingsHead {
 };
 HoleFillingsHead load_fillings_head(const std::filesystem::path& path);
 std::vector<MovedRim> load_rim_moves(const std::filesystem::path& path);
+std::vector<FillingSpan> load_filling_spans(const std::filesystem::path& path);
 
 /// Files in order; none when no holes were asked for.
 std::vector<std::filesystem::path> list_loop_files(const std::filesystem::path& work);
+/// As the stage "holes" left them; and, once "uncross-holes" is done, without the fillings that crossed others.
+std::vector<std::filesystem::path> list_all_filling_files(const std::filesystem::path& work);
 std::vector<std::filesystem::path> list_filling_files(const std::filesystem::path& work);
 std::string loop_file_name(std::size_t task, std::size_t batch);
 std::string filling_file_name(std::size_t batch);
+/// What stands in for a file of fillings of which some are left out. \param name  of that file, without its folder
+std::string kept_filling_file_name(const std::string& name);
 
 }  // namespace tessera

@@ -5,6 +5,7 @@
 #include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/orientation_sign.h"
 #include "kernels/smooth/crease_blunting.h"
+#include "octree/edge_faces.h"
 #include "stream/files/external_sort.h"
 #include "stream/stages/weld/border_moves.h"
 
@@ -79,14 +80,37 @@ Surroundings gather_around(const NamedLoop& named, const HoleLoop& loop, const D
   return out;
 }
 
+/// Whether a face of the mesh that changed has a corner at the border of something else, which may move it as well.
+bool is_shared(const Surroundings& here, const std::vector<Double3>& before, const NamedLoop& named) {
+  const std::size_t n = here.mesh.position.size();
+  std::vector<std::uint8_t> other(n, 0);
+  const std::span<const std::array<std::uint32_t, 3>> faces(here.mesh.faces.data(), here.own);
+  const std::vector<std::uint32_t> opposite = opposite_half_edges(n, faces);
+  for (std::uint32_t h = 0; h < opposite.size(); ++h)
+    if (opposite[h] == kNoHalfEdge) other[faces[h / 3][h % 3]] = other[faces[h / 3][(h + 1) % 3]] = 1;
+  for (const std::uint64_t v : named.vertex) {
+    const auto at = std::lower_bound(here.name.begin(), here.name.end(), v);
+    other[static_cast<std::size_t>(at - here.name.begin())] = 0;
+  }
+  for (const auto& f : faces) {
+    bool changed = false, shared = false;
+    for (const std::uint32_t v : f) {
+      changed = changed || here.mesh.position[v] != before[v];
+      shared = shared || other[v];
+    }
+    if (changed && shared) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
-bool round_rim(const NamedLoop& named, const HoleLoop& loop, const Double3& origin, const PatchStore& store,
+bool round_rim(const NamedLoop& named, HoleLoop& loop, const Double3& origin, const PatchStore& store,
                const Numbering& numbering, MeshAround& around, HoleFilling& filling,
                std::vector<MovedRim>& moves) {
   Surroundings here = gather_around(named, loop, origin, filling, around);
   const std::vector<Double3> before = here.mesh.position;
-  if (blunt_creases(here.mesh) == 0) return false;
+  if (blunt_creases(here.mesh) == 0 || is_shared(here, before, named)) return false;
   std::vector<MovedRim> moved;
   for (std::size_t v = 0; v < before.size(); ++v) {
     Double3& p = here.mesh.position[v];
@@ -123,6 +147,10 @@ bool round_rim(const NamedLoop& named, const HoleLoop& loop, const Double3& orig
   for (std::size_t v = 0; v < before.size(); ++v)
     if ((here.name[v] & HoleFillings::kNew) != 0)
       filling.position[here.name[v] & ~HoleFillings::kNew] = here.mesh.position[v];
+  for (std::size_t i = 0; i < named.vertex.size(); ++i) {
+    const auto v = std::lower_bound(here.name.begin(), here.name.end(), named.vertex[i]) - here.name.begin();
+    loop.position[i] = here.mesh.position[static_cast<std::size_t>(v)];
+  }
   moves.insert(moves.end(), moved.begin(), moved.end());
   return true;
 }
@@ -130,7 +158,7 @@ bool round_rim(const NamedLoop& named, const HoleLoop& loop, const Double3& orig
 std::uint64_t save_rim_moves(const std::filesystem::path& work, const PatchStore& store,
                              const Numbering& numbering, std::uint64_t sort_bytes, TaskContext& context) {
   ExternalSort<MovedRim> sort(work, sort_bytes);
-  for (const auto& file : list_filling_files(work)) {
+  for (const auto& file : list_all_filling_files(work)) {
     context.check_stop();
     for (const MovedRim& m : load_rim_moves(file)) sort.add(m);
   }

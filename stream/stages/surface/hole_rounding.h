@@ -12,11 +12,12 @@
 namespace tessera {
 
 /// Moves vertices of a rim and of its filling, no others. A vertex lies on one rim, so no two holes move the same.
-/// \param origin   of the loop's positions, whole cells from the lattice origin
+/// \param loop     its positions move along
+/// \param origin   of them, whole cells from the lattice origin
 /// \param filling  of the loop; its new vertices move along
 /// \param moves    gets those of the rim
 /// \returns false, and nothing moves, where nothing is sharp or faces would come to cross
-bool round_rim(const NamedLoop& named, const HoleLoop& loop, const Double3& origin, const PatchStore& store,
+bool round_rim(const NamedLoop& named, HoleLoop& loop, const Double3& origin, const PatchStore& store,
                const Numbering& numbering, MeshAround& around, HoleFilling& filling,
                std::vector<MovedRim>& moves);
 

@@ -93,6 +93,7 @@ class HolesStage : public Stage {
           face[k] = f[k] < n ? named.vertex[f[k]] : HoleFillings::kNew | (base + f[k] - n);
         out.faces.push_back(face);
       }
+      if (limit_.membranes) add_span(named, loop, corner, filling, out);
     }
     out.save(context.create(filling_file_name(task)));
     context.advance(1);
@@ -133,6 +134,27 @@ class HolesStage : public Stage {
  private:
   std::uint64_t finish_sort_bytes() const { return limit_.membranes ? kRimSortBytes : 0; }
 
+  /// What "uncross-holes" needs to know of a filling. \pre its vertices and faces are in `out`
+  static void add_span(const NamedLoop& named, const HoleLoop& loop, const Double3& corner,
+                       const HoleFilling& filling, HoleFillings& out) {
+    FillingSpan span;
+    span.vertices = static_cast<std::uint32_t>(filling.position.size());
+    span.faces = static_cast<std::uint32_t>(filling.faces.size());
+    span.rim = static_cast<std::uint32_t>(named.vertex.size());
+    span.low = span.high = loop.position[0] + corner;
+    const auto add = [&](const Double3& p) {
+      for (std::size_t a = 0; a < 3; ++a)
+        span.low[a] = std::min(span.low[a], p[a]), span.high[a] = std::max(span.high[a], p[a]);
+    };
+    for (std::size_t i = 0; i < named.vertex.size(); ++i) {
+      out.rim.push_back({named.vertex[i], loop.position[i] + corner});
+      add(out.rim.back().position);
+    }
+    for (std::size_t v = out.position.size() - filling.position.size(); v < out.position.size(); ++v)
+      add(out.position[v]);
+    out.spans.push_back(span);
+  }
+
   struct Try {
     HoleFilling filling;
     bool crosses = false;  ///< the mesh
@@ -163,9 +185,23 @@ class HolesStage : public Stage {
                 MeshAround& around) const {
     Try out = {fill_hole(loop, limits)};
     if (out.filling.outcome == HoleOutcome::kFilled)
-      out.crosses = (limits.outer || is_chained(loop) || is_risky(out.filling)) &&
-                    crosses(named, loop, out.filling, corner, around);
+      out.crosses = (limit_.membranes && is_dense(loop, out.filling)) ||
+                    ((limits.outer || is_chained(loop) || is_risky(out.filling)) &&
+                     crosses(named, loop, out.filling, corner, around));
     return out;
+  }
+
+  /// Whether a new vertex lies so near to another that they change sides when they are rounded to be written.
+  static bool is_dense(const HoleLoop& loop, const HoleFilling& filling) {
+    constexpr double kNearest = 1.0 / 256;  // cells
+    const std::size_t n = loop.position.size();
+    const auto at = [&](std::uint32_t v) { return v < n ? loop.position[v] : filling.position[v - n]; };
+    for (const auto& f : filling.faces)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t a = f[k], b = f[(k + 1) % 3];
+        if (std::max(a, b) >= n && norm(at(a) - at(b)) < kNearest) return true;
+      }
+    return false;
   }
 
   /// Edges of the mesh across a loop that was chained from border edges alone.

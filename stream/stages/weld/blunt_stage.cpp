@@ -1,6 +1,8 @@
 #include "stream/stages/weld/blunt_stage.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <map>
 
 #include "kernels/mesh/box_mask.h"
@@ -45,32 +47,43 @@ class BluntReader {
     constexpr double kEnd = kBrickCells + kBluntHalo;
     const Double3 high = {kEnd, kEnd, kEnd};
     BoxMask near(low, high, 64);
+    Double3 first = high, last = low;  // around what is marked
     bool any = false;
-    for (const std::size_t p : around)
-      if (view(p).any)
-        for_each_face(p, brick, low, high, [&](const View& v, std::size_t f, Double3 from, Double3 to) {
-          if (!v.wanted(f)) return;
+    for (const std::size_t p : around) {
+      const View& there = view(p);
+      for (const std::uint32_t f : there.wanted)
+        with_box(there, f, offset(p, brick), low, high, [&](Double3 from, Double3 to) {
           for (double& x : from) x -= kBluntMargin;
           for (double& x : to) x += kBluntMargin;
           near.mark(from, to);
+          for (std::size_t a = 0; a < 3; ++a)
+            first[a] = std::min(first[a], from[a]), last[a] = std::max(last[a], to[a]);
           any = true;
         });
+    }
     if (!any) return false;
+    for (std::size_t a = 0; a < 3; ++a)
+      first[a] = std::max(first[a], low[a]), last[a] = std::min(last[a], high[a]);
     mesh = {};
     std::vector<std::uint64_t> corner;
     std::vector<Double3> at;
     std::vector<std::uint8_t> border;
-    for (const std::size_t p : around)
-      for_each_face(p, brick, low, high,
-                    [&](const View& v, std::size_t f, const Double3& from, const Double3& to) {
-                      if (mesh.unseen.size() > kMaxBluntFaces || !near.meets(from, to)) return;
-                      mesh.unseen.push_back(v.synthetic[f]);
-                      for (const std::uint32_t i : v.faces[f]) {
-                        corner.push_back(v.name[i]);
-                        at.push_back(v.position[i] + offset(p, brick));
-                        border.push_back(v.border[i]);
-                      }
-                    });
+    for (const std::size_t p : around) {
+      const View& there = view(p);
+      const Double3 shift = offset(p, brick);
+      for (std::uint32_t f = 0; f < there.faces.size(); ++f) {
+        if (there.boxes[f].apart(first, last, shift)) continue;
+        with_box(there, f, shift, low, high, [&](const Double3& from, const Double3& to) {
+          if (mesh.unseen.size() > kMaxBluntFaces || !near.meets(from, to)) return;
+          mesh.unseen.push_back(there.synthetic[f]);
+          for (const std::uint32_t i : there.faces[f]) {
+            corner.push_back(there.name[i]);
+            at.push_back(there.position[i] + shift);
+            border.push_back(there.border[i]);
+          }
+        });
+      }
+    }
     if (mesh.unseen.size() > kMaxBluntFaces) return false;
     name = corner;
     std::sort(name.begin(), name.end());
@@ -101,19 +114,28 @@ class BluntReader {
     std::vector<VertexClass> kind;
     std::uint64_t bytes() const { return position.size() * (sizeof(Float3) + 1) + 128; }
   };
+  /// Whole cells around a face, from the min corner of its patch's brick.
+  struct WholeBox {
+    std::array<std::int16_t, 3> low, high;
+    bool apart(const Double3& from, const Double3& to, const Double3& shift) const {
+      bool out = false;
+      for (std::size_t a = 0; a < 3; ++a)
+        out = out || low[a] + shift[a] > to[a] || from[a] > high[a] + shift[a];
+      return out;
+    }
+  };
   /// Kept faces of a patch; positions in cells from the min corner of its brick.
   struct View {
     std::vector<Double3> position;
     std::vector<std::uint64_t> name;
     std::vector<PatchFace> faces;
     std::vector<std::uint8_t> synthetic;
-    std::vector<std::uint8_t> border;  ///< per vertex
-    bool any = false;                  ///< of the faces is wanted
-    bool wanted(std::size_t f) const {
-      return synthetic[f] || border[faces[f][0]] || border[faces[f][1]] || border[faces[f][2]];
-    }
+    std::vector<std::uint8_t> border;   ///< per vertex
+    std::vector<WholeBox> boxes;        ///< per face: most are passed over by a look at these
+    std::vector<std::uint32_t> wanted;  ///< faces at a border, or that nobody saw
     std::uint64_t bytes() const {
-      return position.size() * (sizeof(Double3) + 9) + faces.size() * (sizeof(PatchFace) + 1) + 256;
+      return position.size() * (sizeof(Double3) + 9) +
+             faces.size() * (sizeof(PatchFace) + 1 + sizeof(WholeBox)) + wanted.size() * 4 + 256;
     }
   };
 
@@ -123,23 +145,19 @@ class BluntReader {
             double{kBrickCells} * (at[2] - brick[2])};
   }
 
-  /// use(view, face, low, high) for the faces of a patch whose boxes meet one.
+  /// use(low, high) with the box of a face if it meets one.
   template <class Use>
-  void for_each_face(std::size_t patch, const Int3& brick, const Double3& low, const Double3& high,
-                     const Use& use) {
-    const View& there = view(patch);
-    const Double3 shift = offset(patch, brick);
-    for (std::size_t f = 0; f < there.faces.size(); ++f) {
-      Double3 from = there.position[there.faces[f][0]] + shift, to = from;
-      for (const std::uint32_t i : there.faces[f])
-        for (std::size_t a = 0; a < 3; ++a) {
-          from[a] = std::min(from[a], there.position[i][a] + shift[a]);
-          to[a] = std::max(to[a], there.position[i][a] + shift[a]);
-        }
-      bool apart = false;
-      for (std::size_t a = 0; a < 3; ++a) apart = apart || from[a] > high[a] || low[a] > to[a];
-      if (!apart) use(there, f, from, to);
-    }
+  static void with_box(const View& there, std::uint32_t f, const Double3& shift, const Double3& low,
+                       const Double3& high, const Use& use) {
+    Double3 from = there.position[there.faces[f][0]] + shift, to = from;
+    for (const std::uint32_t i : there.faces[f])
+      for (std::size_t a = 0; a < 3; ++a) {
+        from[a] = std::min(from[a], there.position[i][a] + shift[a]);
+        to[a] = std::max(to[a], there.position[i][a] + shift[a]);
+      }
+    bool apart = false;
+    for (std::size_t a = 0; a < 3; ++a) apart = apart || from[a] > high[a] || low[a] > to[a];
+    if (!apart) use(from, to);
   }
 
   const Vertices& vertices(std::size_t patch) {
@@ -174,7 +192,16 @@ class BluntReader {
       if (!read_.kept(read_.faces[f])) continue;
       out.faces.push_back(read_.faces[f]);
       out.synthetic.push_back(read_.synthetic.empty() ? std::uint8_t{0} : read_.synthetic[f]);
-      out.any = out.any || out.wanted(out.faces.size() - 1);
+      const PatchFace& face = out.faces.back();
+      if (out.synthetic.back() || out.border[face[0]] || out.border[face[1]] || out.border[face[2]])
+        out.wanted.push_back(static_cast<std::uint32_t>(out.faces.size() - 1));
+      WholeBox& box = out.boxes.emplace_back();
+      for (std::size_t a = 0; a < 3; ++a) {
+        const auto [min, max] =
+            std::minmax({out.position[face[0]][a], out.position[face[1]][a], out.position[face[2]][a]});
+        box.low[a] = static_cast<std::int16_t>(std::floor(min));
+        box.high[a] = static_cast<std::int16_t>(std::ceil(max));
+      }
     }
     view_bytes_ += out.bytes();
     return out;

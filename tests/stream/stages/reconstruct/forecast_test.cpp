@@ -165,9 +165,10 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   const auto points = scan_without_duplicates(60000, 90.0);
   setup.task_points = setup.slice_points = 20000;
   std::set<std::string> same = {"distribute", "seen", "normals", "surface"};
-  std::vector<std::string> names = {
-      "distribute", "order",     "seen-spacing", "seen",      "normals", "surface", "weld",     "border",
-      "blunt",      "uncross-1", "uncross-2",    "uncross-3", "loops",   "holes",   "coverage", "write"};
+  std::vector<std::string> names = {"distribute", "order",     "seen-spacing", "seen",  "normals",
+                                    "surface",    "weld",      "border",       "blunt", "uncross-1",
+                                    "uncross-2",  "uncross-3", "loops",        "holes", "uncross-holes",
+                                    "coverage",   "write"};
   SECTION("given normals") {}
   SECTION("tiles that the cap cuts") {
     setup.memory = 160 * kMiB;
@@ -184,10 +185,10 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
     setup.options.from = "above";
     setup.options.surface = "ground";
     same.erase("surface");  // there are fewer points by then
-    names = {"distribute", "order",        "seen-spacing", "seen",      "normals",    "links",
-             "orient",     "ground-cells", "ground",       "top",       "top-points", "surface",
-             "weld",       "border",       "blunt",        "uncross-1", "uncross-2",  "uncross-3",
-             "loops",      "holes",        "coverage",     "write"};
+    names = {"distribute", "order",        "seen-spacing",  "seen",      "normals",    "links",
+             "orient",     "ground-cells", "ground",        "top",       "top-points", "surface",
+             "weld",       "border",       "blunt",         "uncross-1", "uncross-2",  "uncross-3",
+             "loops",      "holes",        "uncross-holes", "coverage",  "write"};
   }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
