@@ -174,7 +174,11 @@ TESSERA_EMULATED __m256 two_halves(const __m256& a, const __m256& b, int control
 TESSERA_EMULATED __m256 shuffled(const __m256& a, const __m256& b, int control) {
   __m256 r{};
   for (int side = 0; side < 8; side += 4)
-    for (int i = 0; i < 4; ++i) r[side + i] = (i < 2 ? a : b)[side + (control >> 2 * i & 3)];
+    for (int i = 0; i < 4; ++i) {
+      const int from = side + (control >> 2 * i & 3);
+      r[side + i] =
+          i < 2 ? a[from] : b[from];  // not (i < 2 ? a : b)[from]: GCC 12 reads the wrong one under ASan
+    }
   return r;
 }
 TESSERA_EMULATED __m256 unpacked(const __m256& a, const __m256& b, int first) {

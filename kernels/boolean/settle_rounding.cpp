@@ -1,6 +1,7 @@
 #include "kernels/boolean/settle_rounding.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -192,8 +193,9 @@ class RoundingWork {
     const double step = std::ldexp(1.0, (size > 0.0 ? std::ilogb(size) : 0) - bits + round);
     for (int code = 0; code < 27 && best > 0; ++code) {
       if (code == 13) continue;
-      const Double3 p = on_step({from[0] + (code % 3 - 1) * step, from[1] + (code / 3 % 3 - 1) * step,
-                                 from[2] + (code / 9 - 1) * step});
+      const std::array<int, 3> steps = {code % 3 - 1, code / 3 % 3 - 1, code / 9 - 1};
+      const Double3 p =
+          on_step({from[0] + steps[0] * step, from[1] + steps[1] * step, from[2] + steps[2] * step});
       put(v, p);
       const std::size_t now = trouble_around(v);
       if (now < best) best = now, best_at = p;
