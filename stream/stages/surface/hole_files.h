@@ -44,9 +44,9 @@ inline constexpr std::uint32_t kNarrowEdges = 40;
 constexpr std::uint64_t batch_vertices(std::uint64_t max_hole) {
   return max_hole <= kMaxShortEdges ? 25'000 : 200'000;
 }
-/// Memory of a task that fills loops of at most `max_hole` edges: the kernel, and the batch with its fillings.
 /// Of the faces around a filling while its rim is rounded off.
 inline constexpr std::uint64_t kRoundingBytes = std::uint64_t{8} << 20;
+/// Memory of a task that fills loops of at most `max_hole` edges: the kernel, and the batch with its fillings.
 /// \param chained  edges of loops that are chained, 0 = none
 constexpr std::uint64_t hole_task_bytes(std::uint64_t max_hole, std::uint64_t chained = 0) {
   return std::max(hole_bytes(max_hole),

@@ -34,28 +34,15 @@ Surroundings gather_around(const NamedLoop& named, const HoleLoop& loop, const D
   Surroundings out;
   const std::size_t n = named.vertex.size();
   std::vector<ContactFace> own;
-  Double3 low = loop.position[0], high = low;
   for (const auto& f : filling.faces) {
     ContactFace face;
     for (std::size_t k = 0; k < 3; ++k) {
       face.corner[k] = f[k] < n ? loop.position[f[k]] : filling.position[f[k] - n];
       face.vertex[k] = f[k] < n ? named.vertex[f[k]] : HoleFillings::kNew | (f[k] - n);
-      for (std::size_t a = 0; a < 3; ++a) {
-        low[a] = std::min(low[a], face.corner[k][a] - kRoundMargin);
-        high[a] = std::max(high[a], face.corner[k][a] + kRoundMargin);
-      }
     }
     own.push_back(face);
   }
-  BoxMask near(low, high, 64);
-  for (const ContactFace& f : own) {
-    Double3 from = f.corner[0], to = from;
-    for (const Double3& p : f.corner)
-      for (std::size_t a = 0; a < 3; ++a) from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
-    for (std::size_t a = 0; a < 3; ++a) from[a] -= kRoundMargin, to[a] += kRoundMargin;
-    near.mark(from, to);
-  }
-  around.gather(origin, low, high, near, out.faces);
+  around.gather_near(origin, own, kRoundMargin, out.faces);
   out.own = out.faces.size();
   out.faces.insert(out.faces.end(), own.begin(), own.end());
   for (const ContactFace& f : out.faces) out.name.insert(out.name.end(), f.vertex.begin(), f.vertex.end());

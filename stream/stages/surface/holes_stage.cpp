@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "kernels/mesh/block_contacts.h"
-#include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/orientation_sign.h"
 #include "stream/files/json.h"
 #include "stream/points/plan.h"
@@ -239,24 +238,14 @@ class HolesStage : public Stage {
     const auto number = [&](std::uint32_t v) {
       return v < n ? named.vertex[v] : HoleFillings::kNew | (v - n);
     };
-    Double3 low = loop.position[0], high = low;
-    std::vector<ContactFace> faces;
+    std::vector<ContactFace> faces, mesh;
     for (const auto& f : filling.faces) {
       const ContactFace face = {{at(f[0]), at(f[1]), at(f[2])}, {number(f[0]), number(f[1]), number(f[2])}};
       if (!collinear(face.corner[0], face.corner[1], face.corner[2])) faces.push_back(face);
-      for (const Double3& p : face.corner)
-        for (std::size_t a = 0; a < 3; ++a)
-          low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
     }
     const std::size_t own = faces.size();
-    BoxMask near(low, high, 64);
-    for (const ContactFace& f : faces) {
-      Double3 from = f.corner[0], to = from;
-      for (const Double3& p : f.corner)
-        for (std::size_t a = 0; a < 3; ++a) from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
-      near.mark(from, to);
-    }
-    around.gather(origin, low, high, near, faces);
+    around.gather_near(origin, faces, 0.0, mesh);
+    faces.insert(faces.end(), mesh.begin(), mesh.end());
     bool found = false;
     block_contacts(faces, kAllSpace,
                    [&](std::uint32_t i, std::uint32_t, FaceContact) { found = found || i < own; });

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "kernels/mesh/block_contacts.h"
-#include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/orientation_sign.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/report.h"
@@ -73,16 +72,16 @@ class FillingIndex {
   double widest_ = 0.0;
 };
 
-/// The fillings of a batch, and where each begins.
+/// The fillings of a batch, and where faces and rim of each begin.
 struct OpenBatch {
   HoleFillings fillings;
-  std::vector<std::size_t> vertex, face, rim;
+  std::vector<std::size_t> face, rim;
 
   explicit OpenBatch(const std::filesystem::path& path) : fillings(HoleFillings::load(path)) {
-    std::size_t v = 0, f = 0, r = 0;
+    std::size_t f = 0, r = 0;
     for (const FillingSpan& s : fillings.spans) {
-      vertex.push_back(v), face.push_back(f), rim.push_back(r);
-      v += s.vertices, f += s.faces, r += s.rim;
+      face.push_back(f), rim.push_back(r);
+      f += s.faces, r += s.rim;
     }
   }
 
@@ -166,14 +165,8 @@ class UncrossHolesStage : public Stage {
     std::vector<ContactFace> faces;
     own.add_faces(filling.batch, filling.index, origin, faces);
     const std::size_t count = faces.size();
-    const Double3 low = filling.low - origin, high = filling.high - origin;
-    BoxMask mask(low, high, 64);
-    for (const ContactFace& f : faces) {
-      Double3 from = f.corner[0], to = from;
-      for (const Double3& p : f.corner)
-        for (std::size_t a = 0; a < 3; ++a) from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
-      mask.mark(from, to);
-    }
+    std::vector<ContactFace> mesh;
+    around.gather_near(origin, faces, 0.0, mesh);
     for (const PlacedFilling& other : near) {
       if (other.batch > filling.batch || (other.batch == filling.batch && other.index > filling.index)) break;
       if (other.batch == filling.batch) {
@@ -184,7 +177,7 @@ class UncrossHolesStage : public Stage {
       const auto there = open.try_emplace(other.batch, files_[other.batch]).first;
       there->second.add_faces(other.batch, other.index, origin, faces);
     }
-    around.gather(origin, low, high, mask, faces);
+    faces.insert(faces.end(), mesh.begin(), mesh.end());
     bool found = false;
     block_contacts(faces, kAllSpace,
                    [&](std::uint32_t a, std::uint32_t, FaceContact) { found = found || a < count; });

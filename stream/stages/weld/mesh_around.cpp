@@ -104,6 +104,26 @@ void MeshAround::for_each_face_of(std::size_t patch, const Double3& origin, cons
   }
 }
 
+void MeshAround::gather_near(const Double3& origin, std::span<const ContactFace> near, double margin,
+                             std::vector<ContactFace>& out) {
+  if (near.empty()) return;
+  std::vector<std::array<Double3, 2>> boxes;
+  Double3 low = near.front().corner[0], high = low;
+  for (const ContactFace& f : near) {
+    Double3 from = f.corner[0], to = from;
+    for (const Double3& p : f.corner)
+      for (std::size_t a = 0; a < 3; ++a) from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
+    for (std::size_t a = 0; a < 3; ++a) {
+      from[a] -= margin, to[a] += margin;
+      low[a] = std::min(low[a], from[a]), high[a] = std::max(high[a], to[a]);
+    }
+    boxes.push_back({from, to});
+  }
+  BoxMask mask(low, high, 64);
+  for (const auto& [from, to] : boxes) mask.mark(from, to);
+  gather(origin, low, high, mask, out);
+}
+
 void MeshAround::gather(const Double3& origin, const Double3& low, const Double3& high, const BoxMask& near,
                         std::vector<ContactFace>& out) {
   for_each_face(origin, low, high, [&](const Face& f, const std::array<Double3, 3>& at) {

@@ -20,12 +20,12 @@ class MeshAround {
   MeshAround(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering)
       : store_(store), numbering_(numbering), numbered_(work, store, numbering) {}
 
-  /// Adds the faces whose boxes of whole cells meet that around [low, high], in cells from `origin`; corners are named by
-  /// their numbers in the output. Faces without area are left out.
+  /// Adds the faces whose boxes of whole cells meet those of `near`, widened, as a coarse mask has them; corners are in cells from
+  /// `origin` and named by their numbers in the output. Faces without area are left out.
   /// \param origin  whole cells from the lattice origin
-  /// \param near  those that meet what is marked in it
-  void gather(const Double3& origin, const Double3& low, const Double3& high, const BoxMask& near,
-              std::vector<ContactFace>& out);
+  /// \param near    corners in cells from there; nothing is added where there are none
+  void gather_near(const Double3& origin, std::span<const ContactFace> near, double margin,
+                   std::vector<ContactFace>& out);
 
   /// Edges of the faces there, flat ones too, both ends of which are among `vertices`: low and high number, ascending.
   /// \param vertices  ascending
@@ -37,6 +37,8 @@ class MeshAround {
   static std::uint64_t bytes(std::span<const PatchEntry> patches);
 
  private:
+  void gather(const Double3& origin, const Double3& low, const Double3& high, const BoxMask& near,
+              std::vector<ContactFace>& out);
   /// Kept faces of a patch: output numbers, and corners in cells from the min corner of its brick.
   struct Face {
     std::array<std::uint64_t, 3> number;
