@@ -7,7 +7,6 @@ namespace tessera {
 namespace {
 
 constexpr int kBits = 21;  // of a coordinate in a key
-constexpr double kMeanWeight = 1e-4;
 constexpr std::int64_t kMiddle = std::int64_t{1} << (kBits - 1);
 
 bool finite(const Double3& p) {
@@ -103,14 +102,14 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
         clusters_.back().first = corners[k];
       }
       Cluster& cluster = clusters_[face[k]];
-      cluster.quadric += plane_quadric(normal, corners[0] - cluster.first, one_cell ? 3.0 * square : square);
+      cluster.vertex.quadric +=
+          plane_quadric(normal, corners[0] - cluster.first, one_cell ? 3.0 * square : square);
     } else {
       face[k] = face[0];
     }
     Cluster& cluster = clusters_[face[k]];
-    cluster.sum = cluster.sum + (corners[k] - cluster.first);
-    ++cluster.corners;
-    for (std::size_t c = 0; c < 3; ++c) cluster.colour[c] += (rgba[k] >> (8 * c)) & 0xffu;
+    cluster.vertex.add(corners[k] - cluster.first, 1.0);
+    cluster.vertex.add_colour(rgba[k], 1.0);
   }
   if (clusters_.size() + 3 > max_cells_) return false;
   if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) return true;
@@ -132,20 +131,8 @@ ClusteredMesh VertexClustering::finish() const {
       const Cluster& cluster = clusters_[corner];
       if (number[corner] == ~0u) {
         number[corner] = static_cast<std::uint32_t>(mesh.position.size());
-        const double share = 1.0 / static_cast<double>(cluster.corners);
-        const Double3 mean = cluster.sum * share;
-        Double3 best{};
-        // Along a plane or a crease the quadric says nothing: there a little of the mean decides.
-        Quadric q = cluster.quadric;
-        const double weight = kMeanWeight * (q.xx + q.yy + q.zz);
-        q.xx += weight, q.yy += weight, q.zz += weight;
-        q.bx += weight * mean[0], q.by += weight * mean[1], q.bz += weight * mean[2];
-        const bool sharp = quadric_minimum(q, best) && norm(best - mean) <= cell_;
-        mesh.position.push_back(cluster.first + (sharp ? best : mean));
-        std::uint32_t rgba = 0xff000000u;
-        for (std::size_t c = 0; c < 3; ++c)
-          rgba |= static_cast<std::uint32_t>(cluster.colour[c] / cluster.corners) << (8 * c);
-        mesh.rgba.push_back(rgba);
+        mesh.position.push_back(cluster.first + cluster.vertex.position(cell_));
+        mesh.rgba.push_back(cluster.vertex.rgba());
       }
       corner = number[corner];
     }

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/decimate/quadric.h"
+#include "kernels/decimate/cluster_vertex.h"
 #include "octree/key_table.h"
 
 namespace tessera {
@@ -60,10 +60,8 @@ class VertexClustering {
 
  private:
   struct Cluster {
-    Quadric quadric;  ///< relative to the first corner of the cell
-    Double3 first{}, sum{};
-    std::array<std::uint64_t, 3> colour{};
-    std::uint64_t corners = 0;
+    ClusterVertex vertex;  ///< relative to the first corner of the cell
+    Double3 first{};
   };
 
   double cell_;

@@ -192,6 +192,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/solid/offset_field", "kernels/solid", {"row_signs"});
     by("kernels/solid/solid_field", "kernels/solid",
        {"lattice_crossings", "line_windings", "mesh_solid", "solid_tree"});
+    by("kernels/decimate/vertex_clustering", "kernels/decimate", {"cluster_vertex"});
     by("kernels/solid/border_winding", "kernels/solid", {"border_leaf", "ribbon_angles"});
     by("kernels/mesh/signed_distance", "kernels/mesh", {"triangle_foot"});
     by("tools/merge", "kernels/merge", {"blend_field", "merge_sheet"});
@@ -272,7 +273,8 @@ const std::map<std::string, std::string>& covering_tests() {
         "bake_pages_stage", "bake_points_stage", "bake_scale_stage", "bake_stages", "bake_texels_stage",
         "bake_write_stage", "chart_files", "texel_files", "texture_points"});
     by("tools/tiles", "stream/stages/tiles",
-       {"folder_stage", "tile_levels", "tiles_job", "tiles_options", "tiles_stage", "tileset_stage"});
+       {"cluster_stage", "folder_stage", "tile_levels", "tiles_job", "tiles_options", "tiles_stage",
+        "tileset_stage"});
     return all;
   }();
   return covered;

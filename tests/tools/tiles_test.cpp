@@ -44,6 +44,34 @@ fs::path write_waves(const fs::path& path, bool backwards = false) {
   return path;
 }
 
+/// What decimation cannot make one piece: 3,600 islands of eight faces at all heights, above strips and a floor with holes.
+void write_litter(const fs::path& path) {
+  Random random(3);
+  WholeMesh mesh;
+  const auto sheet = [&](Double3 at, int nx, int ny, bool holes) {
+    const std::uint64_t first = mesh.points.size(), row = static_cast<std::uint64_t>(nx) + 1;
+    for (int j = 0; j <= ny; ++j)
+      for (int i = 0; i <= nx; ++i) {
+        Double3 p = at + Double3{static_cast<double>(i), static_cast<double>(j), random.in(-0.1, 0.1)};
+        for (double& c : p) c = static_cast<double>(static_cast<float>(c));
+        mesh.points.push_back(p);
+      }
+    for (std::uint64_t j = 0; j < static_cast<std::uint64_t>(ny); ++j)
+      for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(nx); ++i) {
+        if (holes && i % 4 == 2 && j % 4 == 2) continue;
+        const std::uint64_t a = first + j * row + i;
+        mesh.faces.push_back({a, a + 1, a + row + 1});
+        mesh.faces.push_back({a, a + row + 1, a + row});
+      }
+  };
+  for (int j = 0; j < 60; ++j)
+    for (int i = 0; i < 60; ++i)
+      sheet({6.0 * i + random.in(0, 3), 6.0 * j + random.in(0, 3), random.in(0, 12)}, 2, 2, false);
+  for (int k = 0; k < 12; ++k) sheet({0.0, 30.0 * k, -5.0}, 360, 1, false);
+  sheet({100.0, 100.0, -9.0}, 120, 120, true);
+  write_whole(path, counted(std::move(mesh)));
+}
+
 std::vector<std::string> words(const fs::path& in, const fs::path& out,
                                const std::vector<std::string>& more = {}) {
   std::vector<std::string> w = {"tiles", in.string(), "-o", out.string(), "--progress", "none", "-q"};
@@ -234,6 +262,40 @@ TEST_CASE("tiles: a body of several levels: rules and cracks", "[pipeline]") {
   REQUIRE(r.code == 0);
   check_rules(out, in);
   check_cracks(out, in);
+}
+
+TEST_CASE("tiles: islands, strips and holes end in one tile, within errors that hold", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder.path() / "litter.ply", out = folder.path() / "site";
+  write_litter(in);
+  const auto run = [&](std::vector<std::string> more) {
+    fs::remove_all(out);
+    more.insert(more.end(), {"--tile-faces", "2000"});
+    const CommandResult r = tessera_command(words(in, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return site_bytes(out);
+  };
+  const auto bytes = run({"-t", "1"});
+  CHECK((run({"-t", "3", "--memory", "96M"}) == bytes));
+  CHECK((run({"--processes", "-t", "2"}) == bytes));
+  check_rules(out, in);
+  check_cracks(out, in);
+  const Site site = read_site(out / "tileset.json");
+  REQUIRE_FALSE(site.tiles[0].content.empty());
+  const std::size_t root_faces = decode_tile(file_bytes(site.tiles[0].content)).faces.size();
+  CHECK(root_faces > 0);
+  CHECK(root_faces <= 2000);
+  const Json report = parse_json(file_bytes(out.string() + ".report.json"));
+  std::uint64_t below = 0;
+  std::size_t clustered = 0;
+  for (const Json& level : report.at("tiles").at("levels")) {
+    const auto faces = level.at("faces_of_level").get<std::uint64_t>();
+    if (below > 0) CHECK(static_cast<double>(faces) <= 0.35 * static_cast<double>(below));
+    below = faces;
+    clustered += level.at("method") == "clustering";
+  }
+  CHECK(clustered > 0);
 }
 
 TEST_CASE("tiles: a real mesh of several levels: rules and cracks", "[pipeline][.shared]") {

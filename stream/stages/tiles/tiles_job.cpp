@@ -7,6 +7,7 @@
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/tiles/cluster_stage.h"
 #include "stream/stages/tiles/folder_stage.h"
 #include "stream/stages/tiles/tile_levels.h"
 #include "stream/stages/tiles/tiles_needs.h"
@@ -22,6 +23,15 @@ constexpr double kReportedScale = 1.04;
 /// \param state  with the level's folder as its work directory
 bool is_there(const JobState& state, int level) {
   return level_tolerance(state.work.parent_path(), level) > 0.0;
+}
+
+/// The same where decimation makes the level.
+bool is_decimated(const JobState& state, int level) {
+  return is_there(state, level) && !level_is_clustered(state.work.parent_path(), level);
+}
+
+SimplifyOptions options_of(const JobState& state, int level) {
+  return level_options(level_method(state.work.parent_path(), level));
 }
 
 void require_bound(const Json& certificate) {
@@ -46,13 +56,14 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
     for (int p = 0; p < kLevelPasses; ++p) {
       const SimplifyPass pass{p, 0, false};
       add({pass.stage_name(), [=](const JobState& s) {
-             return is_there(s, level) ? make_simplify_stage(s, stores.options(s, {}), stores, pass)
-                                       : make_idle_stage(pass.stage_name());
+             return is_decimated(s, level)
+                        ? make_simplify_stage(s, stores.options(s, options_of(s, level)), stores, pass)
+                        : make_idle_stage(pass.stage_name());
            }});
     }
     add({"certify",
          [=](const JobState& s) {
-           if (!is_there(s, level)) return make_idle_stage("certify");
+           if (!is_decimated(s, level)) return make_idle_stage("certify");
            CertifyRequest request;
            request.name = "certify";
            request.scale = kReportedScale * stores.tolerance_left(s);
@@ -62,6 +73,12 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
            return make_certify_stage(s, request);
          }},
         kLevelCertificate, require_bound);
+    add({"cluster",
+         [=](const JobState& s) {
+           return level_is_clustered(s.work.parent_path(), level) ? make_level_cluster_stage(s, level)
+                                                                  : make_idle_stage("cluster");
+         }},
+        kLevelCertificate);
   }
   add({"tiles", [=](const JobState& s) {
          return level == 0 || is_there(s, level) ? make_tiles_stage(s, options, level)

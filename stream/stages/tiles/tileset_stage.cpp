@@ -24,6 +24,7 @@ class TilesetStage : public SerialStage {
   explicit TilesetStage(const JobState& state) : state_(state), level0_(open_level(state.work, 0)) {
     for (int level = 0; level <= levels_above(state.work); ++level) {
       levels_.push_back(read_tile_level(state.work, level));
+      faces_of_.push_back(open_level(state.work, level).face_count());
       tiles_ += levels_.back().tiles.size();
     }
   }
@@ -84,6 +85,8 @@ class TilesetStage : public SerialStage {
     for (std::size_t l = 0; l < levels_.size(); ++l) {
       Json level = {{"tiles", levels_[l].tiles.size()},
                     {"geometric_error", tree.error[l]},
+                    {"method", level_method_name(state_.work, static_cast<int>(l))},
+                    {"faces_of_level", faces_of_[l]},
                     {"step_bound", levels_[l].step_bound},
                     {"grid_step", levels_[l].grid.step}};
       std::uint64_t level_bytes = 0, level_faces = 0;
@@ -119,6 +122,7 @@ class TilesetStage : public SerialStage {
   JobState state_;
   MeshStore level0_;
   std::vector<TileLevel> levels_;
+  std::vector<std::uint64_t> faces_of_;  ///< per level, each once
   std::uint64_t tiles_ = 0;
 };
 

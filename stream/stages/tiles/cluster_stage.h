@@ -1,0 +1,20 @@
+/// \file cluster_stage.h
+/// A level that decimation cannot reach because borders, islands and sheets hold too many faces: by vertex clustering.
+#pragma once
+#include <cstdint>
+#include <memory>
+
+#include "stream/runtime/stage.h"
+
+namespace tessera {
+
+inline constexpr const char* kClusterFolder = "clustered/";  ///< below a level's folder
+
+/// What a task takes at most. \param block_bytes  MeshStore::block_bytes of its largest block with the cells around
+std::uint64_t cluster_task_bytes(std::uint64_t block_bytes);
+
+/// Stage "cluster" in the folder of a level. Its result has the bound of the level, `certified_max`, and how many faces
+/// stay as they were, `faces_kept`.
+std::unique_ptr<Stage> make_level_cluster_stage(const JobState& state, int level);
+
+}  // namespace tessera
