@@ -1,11 +1,14 @@
 #include "stream/meshes/mesh_blocking.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "kernels/mesh/mesh_block_ops.h"
 
 namespace tessera {
 namespace {
+
+constexpr std::uint64_t kMaxTasks = 400;
 
 struct CodedPatch {
   std::uint64_t code;  ///< Morton code of the shifted brick
@@ -103,6 +106,34 @@ Int3 pass_shift(int pass) {
     default:
       return {kTwoThirds, kTwoThirds, kTwoThirds};
   }
+}
+
+std::vector<std::size_t> tasks_by_faces(std::span<const std::uint64_t> faces, std::uint64_t task_faces) {
+  const std::uint64_t target =
+      std::max(task_faces, std::accumulate(faces.begin(), faces.end(), std::uint64_t{0}) / kMaxTasks);
+  std::vector<std::size_t> first;
+  std::uint64_t sum = target;
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    if (sum >= target) {
+      first.push_back(i);
+      sum = 0;
+    }
+    sum += faces[i];
+  }
+  first.push_back(faces.size());
+  return first;
+}
+
+std::vector<std::size_t> tasks_by_faces(std::span<const MeshBlockCut> blocks, std::uint64_t task_faces) {
+  std::vector<std::uint64_t> faces;
+  for (const MeshBlockCut& block : blocks) faces.push_back(block.faces + block.weight);
+  return tasks_by_faces(faces, task_faces);
+}
+
+std::vector<std::size_t> tasks_by_faces(std::span<const MeshPatchEntry> patches, std::uint64_t task_faces) {
+  std::vector<std::uint64_t> faces;
+  for (const MeshPatchEntry& patch : patches) faces.push_back(patch.faces);
+  return tasks_by_faces(faces, task_faces);
 }
 
 }  // namespace tessera

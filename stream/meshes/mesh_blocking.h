@@ -33,6 +33,13 @@ struct MeshBlockCut {
 std::vector<MeshBlockCut> make_blocks(const MeshStore& store, const MeshBlocking& blocking,
                                       std::span<const std::uint64_t> weight = {});
 
+/// Items that follow each other, put together to tasks: the first item of every task, and one more at the end.
+/// \param faces       of each item; of a block with its weight
+/// \param task_faces  from so many on a task is worth a file; more where there would be hundreds of tasks
+std::vector<std::size_t> tasks_by_faces(std::span<const std::uint64_t> faces, std::uint64_t task_faces);
+std::vector<std::size_t> tasks_by_faces(std::span<const MeshBlockCut> blocks, std::uint64_t task_faces);
+std::vector<std::size_t> tasks_by_faces(std::span<const MeshPatchEntry> patches, std::uint64_t task_faces);
+
 /// The faces of a block as patches of their bricks.
 void write_block(const MeshBlockCut& cut, const Lattice& lattice, const MeshBlock& block,
                  MeshFileWriter& writer);

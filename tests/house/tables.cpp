@@ -273,8 +273,8 @@ const std::map<std::string, std::string>& covering_tests() {
         "bake_pages_stage", "bake_points_stage", "bake_scale_stage", "bake_stages", "bake_texels_stage",
         "bake_write_stage", "chart_files", "texel_files", "texture_points"});
     by("tools/tiles", "stream/stages/tiles",
-       {"cluster_stage", "folder_stage", "tile_levels", "tiles_job", "tiles_options", "tiles_stage",
-        "tileset_stage"});
+       {"cluster_stage", "colour_stage", "folder_stage", "tile_levels", "tiles_job", "tiles_options",
+        "tiles_stage", "tileset_stage"});
     return all;
   }();
   return covered;

@@ -389,6 +389,37 @@ TEST_CASE("tiles: colours arrive as linear light, normals along the surface", "[
   }
 }
 
+TEST_CASE("tiles: colours of coarse levels are means, not those of the vertices that stay", "[pipeline]") {
+  const TempFolder folder;
+  WholeMesh mesh = read_whole(write_waves(folder.path() / "waves.ply"));
+  for (std::size_t v = 0; v < mesh.points.size(); ++v)
+    mesh.rgba.push_back((v / (kSide + 1) + v % (kSide + 1)) % 2 == 0 ? 0xffffffffu : 0xff000000u);
+  mesh.header.colour = true;
+  const fs::path in = folder.path() / "in.ply", out = folder.path() / "site";
+  write_whole(in, mesh);
+  const auto run = [&](std::vector<std::string> more) {
+    fs::remove_all(out);
+    more.insert(more.end(), {"--tile-faces", "3000"});
+    const CommandResult r = tessera_command(words(in, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return site_bytes(out);
+  };
+  const auto bytes = run({"-t", "1"});
+  CHECK((run({"-t", "3", "--memory", "96M"}) == bytes));
+  std::size_t pure = 0, all = 0;
+  for (const SiteTile& tile : read_site(out / "tileset.json").tiles) {
+    if (tile.children.empty()) continue;
+    for (const auto& colour : decode_tile(file_bytes(tile.content)).colours) {
+      pure += colour[0] < 500 || colour[0] > 60000;  // linear light: a grey of 128 is 14,146
+      ++all;
+    }
+  }
+  INFO(pure << " of " << all << " vertices are black or white");
+  CHECK(all > 1000);
+  CHECK(static_cast<double>(pure) < 0.2 * static_cast<double>(all));
+}
+
 TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is none is warned of",
           "[pipeline]") {
   const TempFolder folder;

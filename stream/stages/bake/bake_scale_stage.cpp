@@ -12,7 +12,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kScaleTaskFaces = 1u << 20, kMaxScaleTasks = 400;
+constexpr std::uint64_t kScaleTaskFaces = 1u << 20;
 /// Two texels a point: with one, filtering blurs what points show (30.6 dB instead of 32.3 on a quarry), with four pages are
 /// twice as large for 1 dB more.
 constexpr double kTexelSpacings = 0.7;
@@ -23,14 +23,7 @@ class BakeScaleStage : public Stage {
  public:
   BakeScaleStage(const JobState& state, const BakeOptions& options, const BakeStores& stores)
       : work_(state.work), options_(options), store_(stores.mesh(state)) {
-    const std::uint64_t target =
-        std::max<std::uint64_t>(kScaleTaskFaces, store_.face_count() / kMaxScaleTasks);
-    std::uint64_t faces = target;
-    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
-      if (faces >= target) first_.push_back(p), faces = 0;
-      faces += store_.patches()[p].faces;
-    }
-    first_.push_back(store_.patches().size());
+    first_ = tasks_by_faces(store_.patches(), kScaleTaskFaces);
   }
   std::string name() const override { return "texture-scale"; }
   std::size_t task_count() const override { return first_.size() - 1; }

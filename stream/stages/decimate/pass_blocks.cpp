@@ -8,12 +8,6 @@
 #include "stream/runtime/task_counts.h"
 
 namespace tessera {
-namespace {
-
-constexpr std::uint64_t kMaxTasks = 400;
-
-}  // namespace
-
 PassBlocks::PassBlocks(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass,
                        const Rules& rules)
     : in_(open_pass_input(state, stores, pass)), reference_(stores.full(state)) {
@@ -32,22 +26,7 @@ PassBlocks::PassBlocks(const JobState& state, const SimplifyStores& stores, cons
     std::vector<MeshBlockCut> blocks = rules.cut(in, reference_);
     before_.emplace(std::move(in), open_pass_input(state, stores, next), std::move(blocks));
   }
-  deal(rules.task_faces);
-}
-
-void PassBlocks::deal(std::uint64_t task_faces) {
-  std::uint64_t total = 0;
-  for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
-  const std::uint64_t target = std::max(task_faces, total / kMaxTasks);
-  std::uint64_t faces = target;
-  for (std::size_t b = 0; b < blocks_.size(); ++b) {
-    if (faces >= target) {
-      first_.push_back(b);
-      faces = 0;
-    }
-    faces += blocks_[b].faces + blocks_[b].weight;
-  }
-  first_.push_back(blocks_.size());
+  first_ = tasks_by_faces(blocks_, rules.task_faces);
 }
 
 bool PassBlocks::copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, Json& sum,

@@ -46,8 +46,6 @@ class PassBlocks {
   double careful() const { return careful_; }
 
  private:
-  void deal(std::uint64_t task_faces);
-
   MeshStore in_, reference_;
   std::vector<MeshBlockCut> blocks_;
   FailedRegions failed_;

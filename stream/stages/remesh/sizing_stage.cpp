@@ -17,7 +17,7 @@ namespace tessera {
 namespace {
 
 constexpr const char* kSizingFile = "sizing.json";
-constexpr std::size_t kSizingTaskFaces = 1u << 20, kMaxTasks = 400;
+constexpr std::uint64_t kSizingTaskFaces = 1u << 20;
 /// With a tolerance alone: edges are as long as this share of the surface allows; what bends more keeps shorter ones,
 /// since operations there are refused.
 constexpr double kCalmShare = 0.9;
@@ -87,13 +87,7 @@ class SizingStage : public Stage {
       throw UsageError("--tolerance " + number_text(options_.tolerance) +
                        " is more than the whole mesh, which is " + number_text(store_.diagonal()) +
                        " wide: give less");
-    const std::uint64_t target = std::max<std::uint64_t>(kSizingTaskFaces, store_.face_count() / kMaxTasks);
-    std::uint64_t faces = target;
-    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
-      if (faces >= target) first_.push_back(p), faces = 0;
-      faces += store_.patches()[p].faces;
-    }
-    first_.push_back(store_.patches().size());
+    first_ = tasks_by_faces(store_.patches(), kSizingTaskFaces);
   }
   std::string name() const override { return "sizing"; }
   std::size_t task_count() const override { return first_.size() - 1; }

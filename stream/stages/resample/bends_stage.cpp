@@ -13,7 +13,6 @@ namespace {
 
 constexpr double kScaleEdges = 4.0;
 constexpr std::uint64_t kTaskFaces = 1u << 19;
-constexpr std::uint64_t kMaxTasks = 400;
 
 class CurvaturesStage : public Stage {
  public:
@@ -28,13 +27,7 @@ class CurvaturesStage : public Stage {
       return;
     }
     blocks_ = make_blocks(store_, {options_.block_faces});
-    const std::uint64_t target = std::max(kTaskFaces, store_.face_count() / kMaxTasks);
-    std::uint64_t faces = target;
-    for (std::size_t b = 0; b < blocks_.size(); ++b) {
-      if (faces >= target) first_.push_back(b), faces = 0;
-      faces += blocks_[b].faces;
-    }
-    first_.push_back(blocks_.size());
+    first_ = tasks_by_faces(blocks_, kTaskFaces);
   }
 
   std::string name() const override { return "bends"; }

@@ -21,15 +21,7 @@ class ClusterStage : public Stage {
       : below_(open_level(work, level - 1)),
         grid_{below_.box().low, level_tolerance(work, level), level},
         blocks_(make_blocks(below_, {kClusterBlockFaces})) {
-    std::uint64_t faces = kClusterTaskFaces;
-    for (std::size_t b = 0; b < blocks_.size(); ++b) {
-      if (faces >= kClusterTaskFaces) {
-        first_.push_back(b);
-        faces = 0;
-      }
-      faces += blocks_[b].faces;
-    }
-    first_.push_back(blocks_.size());
+    first_ = tasks_by_faces(blocks_, kClusterTaskFaces);
   }
 
   std::string name() const override { return "cluster"; }

@@ -19,6 +19,7 @@
 #include "stream/stages/decimate/simplify_options.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/tiles/cluster_stage.h"
+#include "stream/stages/tiles/colour_stage.h"
 
 namespace tessera {
 namespace {
@@ -206,9 +207,16 @@ std::string level_folder(int level) {
 
 MeshStore open_level(const std::filesystem::path& work, int level) {
   if (level == 0) return open_imported_mesh(work, kTilesImport);
+  if (level_is_clustered(work, level))
+    return MeshStore(list_task_files(work / level_folder(level) / kClusterFolder, ".tmm"));
+  const std::vector<std::filesystem::path> coloured =
+      list_task_files(work / level_folder(level) / kColourFolder, ".tmm");
+  return coloured.empty() ? open_decimated_level(work, level) : MeshStore(coloured);
+}
+
+MeshStore open_decimated_level(const std::filesystem::path& work, int level) {
   const SimplifyPass last{kLevelPasses - 1, 0, false};
-  const std::string folder = level_is_clustered(work, level) ? kClusterFolder : last.folder();
-  return MeshStore(list_task_files(work / level_folder(level) / folder, ".tmm"));
+  return MeshStore(list_task_files(work / level_folder(level) / last.folder(), ".tmm"));
 }
 
 double level_tolerance(const std::filesystem::path& work, int level) {

@@ -22,6 +22,8 @@ inline constexpr const char* kTilesImport = "mesh";
 std::string level_folder(int level);
 /// \param work  of the job
 MeshStore open_level(const std::filesystem::path& work, int level);
+/// As decimation left it, with the colours of the vertices that stayed. \pre the level is decimated
+MeshStore open_decimated_level(const std::filesystem::path& work, int level);
 /// How many levels there are above level 0 so far.
 int levels_above(const std::filesystem::path& work);
 /// The tolerance that the stage below chose for this level, or the edge of its cells; 0 where the level below is the last.

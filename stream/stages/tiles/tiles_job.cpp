@@ -68,11 +68,21 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
            request.name = "certify";
            request.scale = kReportedScale * stores.tolerance_left(s);
            request.tight = false;
-           request.mesh = [=](const JobState& now) { return open_level(now.work.parent_path(), level); };
+           request.mesh = [=](const JobState& now) {
+             return open_decimated_level(now.work.parent_path(), level);
+           };
            request.reference = stores.full;
            return make_certify_stage(s, request);
          }},
         kLevelCertificate, require_bound);
+    add({"colours", [=](const JobState& s) -> std::unique_ptr<Stage> {
+           if (!is_decimated(s, level)) return make_idle_stage("colours");
+           const std::filesystem::path work = s.work.parent_path();
+           MeshStore decimated = open_decimated_level(work, level);
+           if (!decimated.info().colour) return make_idle_stage("colours");
+           return make_level_colour_stage(std::move(decimated), open_level(work, level - 1),
+                                          kReportedScale * level_tolerance(work, level));
+         }});
     add({"cluster",
          [=](const JobState& s) {
            return level_is_clustered(s.work.parent_path(), level) ? make_level_cluster_stage(s, level)
