@@ -108,9 +108,14 @@ void run_doctor(const DoctorArguments& a) {
   fmt::print("tessera {}\n", TESSERA_VERSION);
   const Json machine = machine_description();
   line("system", machine.value("system", "") + ", " + machine.value("host", ""));
+#ifdef TESSERA_PORTABLE
+  const char* const instructions = "this is the portable build, many times slower than the one for AVX2";
+#else
   // Without these the program ends before it comes here (cpu_guard.cpp).
-  line("processor", fmt::format("{}, {} cores; has AVX2, FMA and BMI2 (x86-64-v3), which the program needs",
-                                machine.value("processor", ""), core_count()));
+  const char* const instructions = "has AVX2, FMA and BMI2 (x86-64-v3), which the program needs";
+#endif
+  line("processor",
+       fmt::format("{}, {} cores; {}", machine.value("processor", ""), core_count(), instructions));
   const MemoryCap cap = detect_memory_cap();
   const std::uint64_t memory = a.memory_bytes > 0 ? a.memory_bytes : cap.bytes;
   line("memory cap", a.memory_bytes > 0

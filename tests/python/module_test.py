@@ -148,6 +148,15 @@ class Module(unittest.TestCase):
         against = tessera.check(self.folder / "closed.ply", reference=self.folder / "cube.ply", tolerance=0.5)
         self.assertEqual(against["deviation"]["complaint"], "")
 
+    def test_an_old_processor_is_told(self):
+        for flags, lacking in (("sse4_2 avx2 bmi2 fma", ""), ("sse4_2 avx2", "FMA, BMI2"), ("sse4_2", "AVX2, FMA, BMI2")):
+            (self.folder / "cpuinfo").write_text(f"processor\t: 0\nflags\t\t: fpu {flags}\n")
+            if not lacking:
+                tessera._require_processor(self.folder / "cpuinfo")
+                continue
+            with self.assertRaisesRegex(ImportError, f"lacks {lacking},"):
+                tessera._require_processor(self.folder / "cpuinfo")
+
     def test_everything_public_says_what_it_does(self):
         for name in tessera.__all__:
             self.assertTrue(getattr(tessera, name).__doc__, name)

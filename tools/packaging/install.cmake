@@ -8,6 +8,8 @@ install(TARGETS tessera RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT pr
 if(TARGET tessera-gdal)
   install(TARGETS tessera-gdal RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program OPTIONAL)
 endif()
+# What the program runs in its place on a processor without AVX2, where tools/package --portable has put it.
+install(PROGRAMS ${CMAKE_BINARY_DIR}/tessera-portable DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program OPTIONAL)
 install(FILES README.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 install(FILES tools/COMMANDS.md tools/MEASURED.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/tools COMPONENT program)
 # Where Debian looks for it.

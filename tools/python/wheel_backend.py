@@ -1,6 +1,7 @@
 """Builds the wheel of the Python module with CMake: a backend of PEP 517 without dependencies.
 
-Used by pip alone (pyproject.toml). What it builds stays in build/wheel, so the next call is quick.
+Used by pip alone (pyproject.toml). What it builds stays in build/wheel, so the next call is quick. `-C portable=yes` makes a module for any
+x86-64, without AVX2, in build/wheel-portable.
 """
 
 import base64
@@ -20,12 +21,12 @@ def _version() -> str:
     return re.search(r"project\(tessera VERSION ([0-9.]+)", (TREE / "CMakeLists.txt").read_text()).group(1)
 
 
-def _build() -> Path:
-    folder = TREE / "build" / "wheel"
+def _build(portable: bool) -> Path:
+    folder = TREE / "build" / ("wheel-portable" if portable else "wheel")
     subprocess.check_call([
         "cmake", "-S", str(TREE), "-B", str(folder), "-G", "Ninja", "-D", "CMAKE_BUILD_TYPE=Release", "-D", "TESSERA_UNITY=ON",
         "-D", "TESSERA_PIC=ON", "-D", "TESSERA_PROGRAM_ONLY=ON", "-D", "TESSERA_PYTHON=ON",
-        "-D", f"Python_EXECUTABLE={sys.executable}",
+        "-D", f"TESSERA_PORTABLE={'ON' if portable else 'OFF'}", "-D", f"Python_EXECUTABLE={sys.executable}",
     ])
     jobs = os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL")
     subprocess.check_call(["cmake", "--build", str(folder), "--target", "tessera_python", *(["--parallel", jobs] if jobs else [])])
@@ -33,7 +34,8 @@ def _build() -> Path:
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    module, version = _build(), _version()
+    portable = str((config_settings or {}).get("portable", "no")).lower() in ("yes", "on", "true", "1")
+    module, version = _build(portable), _version()
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     tag = f"{python}-{python}-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
     info = f"tessera-{version}.dist-info"

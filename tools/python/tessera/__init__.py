@@ -27,6 +27,19 @@ from typing import Any, Callable, Iterator, Optional, Sequence, Union
 
 import numpy as np
 
+
+def _require_processor(cpuinfo: str = "/proc/cpuinfo") -> None:
+    # An illegal instruction would take the interpreter with it.
+    if Path(__file__).with_name("portable").exists() or not os.path.exists(cpuinfo):
+        return
+    flags = next((line.split() for line in Path(cpuinfo).read_text().splitlines() if line.startswith("flags")), [])
+    lacking = [name for name in ("avx2", "fma", "bmi2") if flags and name not in flags]
+    if lacking:
+        raise ImportError(f"this processor lacks {', '.join(lacking).upper()}, which tessera is compiled for: build the module "
+                          "for any processor, pip install . -C portable=yes, which is many times slower")
+
+
+_require_processor()
 from . import _tessera
 from ._tessera import (
     EmptyError,
