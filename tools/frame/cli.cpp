@@ -14,6 +14,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/files/system_reason.h"
+#include "stream/formats/points/virtual_cloud.h"
 #include "stream/runtime/long_call.h"
 #include "stream/runtime/stop.h"
 #include "tools/frame/manual.h"
@@ -233,7 +234,10 @@ void check_line_writes(std::vector<std::filesystem::path> reads, const std::vect
 std::vector<std::filesystem::path> also_read(const std::vector<std::string>& inputs) {
   std::vector<std::filesystem::path> files = {given_job_file};
   for (const std::string& input : inputs)
-    if (input.size() > 1 && input.front() == '@') files.emplace_back(input.substr(1));
+    if (input.size() > 1 && input.front() == '@')
+      files.emplace_back(input.substr(1));
+    else if (is_virtual_cloud(input))
+      files.emplace_back(input);
   return files;
 }
 

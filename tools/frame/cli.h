@@ -57,7 +57,7 @@ void require_new_output(const std::filesystem::path& output, bool force,
                         const std::vector<std::filesystem::path>& reads);
 /// check_writes() for a command that is no job; adds the job file of this line to `reads`.
 void check_line_writes(std::vector<std::filesystem::path> reads, const std::vector<PlannedWrite>& writes);
-/// The job file of this line and the lists among the inputs (@list).
+/// The job file of this line and the lists among the inputs (@list, .vpc).
 std::vector<std::filesystem::path> also_read(const std::vector<std::string>& inputs);
 /// --force for commands that are no jobs.
 void add_force(OptionTable& table, bool& force);

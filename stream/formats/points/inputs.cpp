@@ -12,6 +12,7 @@
 #include "stream/formats/line_reader.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/formats/points/scan_folder.h"
+#include "stream/formats/points/virtual_cloud.h"
 
 namespace tessera {
 
@@ -154,6 +155,8 @@ class Expansion {
       }
     } else if (fs::exists(status) && describes_scan_folder(path)) {
       folder(path.parent_path().empty() ? fs::path(".") : path.parent_path());
+    } else if (fs::exists(status) && is_virtual_cloud(path)) {
+      virtual_cloud(path);
     } else if (fs::exists(status)) {
       add(path);
     } else if (text.find_first_of("*?[") != std::string::npos) {
@@ -195,6 +198,16 @@ class Expansion {
     } else {
       ++repeats_;
     }
+  }
+
+  void virtual_cloud(const fs::path& path) {
+    const std::vector<fs::path> files = virtual_cloud_files(path);
+    Found found;
+    for (const fs::path& f : files) {
+      add(f);
+      ++found.taken[kind_of(f)];
+    }
+    notes_.push_back(path.string() + ": " + found.text());
   }
 
   /// The folder and all below it. Tells what it holds.
@@ -253,6 +266,10 @@ class Expansion {
     if (open_end) files.clear();
     Found found;
     for (const fs::path& f : files) {
+      if (is_virtual_cloud(f)) {
+        virtual_cloud(f);
+        continue;
+      }
       add(f);
       ++found.taken[kind_of(f)];
     }
