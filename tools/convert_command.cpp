@@ -188,7 +188,8 @@ cli::Command convert_command() {
   OptionTable t;
   cli::add_inputs(t, c.inputs);
   cli::add_output(t, c.output,
-                  "file to write: scans .ply (binary), .las (1.4), .laz, .xyz; meshes .ply, .obj, .stl, "
+                  "file to write: scans .ply (binary), .las (1.4), .laz, .copc.laz (COPC), .xyz; meshes "
+                  ".ply, .obj, .stl, "
                   ".glb, and for CAD "
                   "programs .xml (LandXML 1.2) and .dxf (R12)");
   add_columns(t, c.options.columns);

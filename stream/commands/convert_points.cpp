@@ -11,6 +11,7 @@
 #include "stream/files/planned_writes.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/points/point_writer.h"
+#include "stream/formats/points/projection.h"
 #include "stream/points/file_notices.h"
 #include "stream/points/point_filter.h"
 #include "stream/points/point_inputs.h"
@@ -37,6 +38,7 @@ struct Survey {
   std::uint64_t finite = 0;
   std::uint64_t read = 0;
   std::vector<PositionGrid> grids;  ///< of every input
+  std::vector<Crs> systems;         ///< of every input
 };
 
 Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOptions& read,
@@ -53,6 +55,7 @@ Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOption
     all.finite += finite;
     all.read += s.counts.points;
     all.grids.push_back(s.info.grid);
+    all.systems.push_back(s.info.crs);
     all.attributes.normals = all.attributes.normals || s.info.attributes.normals;
     all.attributes.colour = all.attributes.colour || s.info.attributes.colour;
     all.attributes.intensity = all.attributes.intensity || s.info.attributes.intensity;
@@ -71,6 +74,28 @@ Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOption
   return all;
 }
 
+/// What COPC is told of the coordinate system: that of all inputs, where they agree.
+std::string wkt_of(const Survey& all, ConvertReport& report) {
+  const auto leave_out = [&](const std::string& why) {
+    report.notes.push_back("the coordinate system is left out: " + why);
+    return std::string();
+  };
+  Crs known;
+  for (const Crs& crs : all.systems) {
+    if (known.known() && crs.known() && !is_same_crs(known, crs))
+      return leave_out("the inputs are in different ones, " + known.name + " and " + crs.name);
+    if (!known.known() || (known.wkt.empty() && !crs.wkt.empty())) known = crs;
+  }
+  if (!known.known()) return {};
+  std::string wkt = known.wkt;
+  if (wkt.empty() && known.horizontal > 0)
+    wkt = user_crs("EPSG:" + std::to_string(known.horizontal), "the coordinate system of the inputs").wkt;
+  constexpr std::size_t kLongest = 65'000;  // of a record between header and points
+  if (wkt.empty() || wkt.size() > kLongest)
+    return leave_out(known.name + " has no text that COPC could hold");
+  return wkt;
+}
+
 PointFileHeader header_for(const std::filesystem::path& output, const ConvertOptions& options,
                            const Survey& all, ConvertReport& report) {
   PointFileHeader header;
@@ -82,6 +107,7 @@ PointFileHeader header_for(const std::filesystem::path& output, const ConvertOpt
     if (header.attributes.normals) report.notes.push_back("normals are left out: LAS cannot hold them");
     header.attributes.normals = false;
   }
+  if (is_copc_name(output)) header.wkt = wkt_of(all, report);
   const bool holds = lower_extension(output) == ".ply" || is_las(lower_extension(output));
   if (all.attributes.intensity && !(holds && all.attributes.intensity_16))
     report.notes.push_back("intensity is left out");
@@ -211,7 +237,7 @@ ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
   const std::string extension = lower_extension(output);
   if (extension != ".ply" && !is_las(extension) && extension != ".xyz" && extension != ".txt") {
     throw UsageError(output.string() + ": unknown extension '" + extension +
-                     "' for points; use .ply, .las, .laz or .xyz");
+                     "' for points; use .ply, .las, .laz, .copc.laz or .xyz");
   }
   const bool filtered = filters(options.wanted);
   const PointFilter filter(wanted_points(options.wanted));

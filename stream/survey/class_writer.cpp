@@ -3,6 +3,8 @@
 #include <vector>
 
 #include "stream/formats/points/las_copy.h"
+#include "stream/formats/points/point_writer.h"
+#include "stream/survey/copc_copy.h"
 
 namespace tessera {
 
@@ -30,8 +32,18 @@ std::uint8_t ClassWriter::class_of(const LasRecords& scan, const char* record) {
 
 ClassifiedScan ClassWriter::write(const LasRecords& scan, const std::filesystem::path& to, std::size_t slots,
                                   int threads) {
-  ClassifiedScan result{scan.file().path(), to, scan.points(), 0, 0, {}};
+  if (is_copc_name(to)) {
+    CopcCopy copy(scan, to);
+    return write_to(copy, scan, to, slots);
+  }
   LasCopy copy(scan, to, threads);
+  return write_to(copy, scan, to, slots);
+}
+
+template <class Copy>
+ClassifiedScan ClassWriter::write_to(Copy& copy, const LasRecords& scan, const std::filesystem::path& to,
+                                     std::size_t slots) {
+  ClassifiedScan result{scan.file().path(), to, scan.points(), 0, 0, {}};
   std::vector<std::vector<Placed>> placed(slots);
   for (std::vector<Placed>& p : placed) p.reserve(scan.batch_records());
   scan.read(

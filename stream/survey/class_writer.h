@@ -38,6 +38,9 @@ class ClassWriter {
     std::uint32_t index = 0;
   };
   static_assert(sizeof(Placed) == kPlacedBytes);
+  template <class Copy>
+  ClassifiedScan write_to(Copy& copy, const LasRecords& scan, const std::filesystem::path& to,
+                          std::size_t slots);
   void place(const LasRecords& scan, const LasBatch& batch, std::vector<Placed>& out) const;
   std::uint8_t class_of(const LasRecords& scan, const char* record);
 

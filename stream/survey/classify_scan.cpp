@@ -12,9 +12,11 @@
 #include "stream/files/path_text.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/points/las_copy.h"
+#include "stream/formats/points/point_writer.h"
 #include "stream/runtime/disk_space.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
+#include "stream/survey/copc_copy.h"
 #include "stream/survey/scan_set.h"
 
 namespace tessera {
@@ -153,7 +155,10 @@ class ScanJob {
       const LasRecords& scan = set_.scans[i];
       const std::uint64_t placed = copies ? ClassWriter::kPlacedBytes : sizeof(LowestHeights::Sample);
       std::uint64_t bytes = scan.read_bytes(slots, busy) + slots * scan.batch_records() * placed;
-      if (copies) bytes += LasCopy::bytes(scan, LasCopy::is_compressed(files_[i].output), options_.threads);
+      if (copies)
+        bytes += is_copc_name(files_[i].output)
+                     ? CopcCopy::bytes(scan)
+                     : LasCopy::bytes(scan, LasCopy::is_compressed(files_[i].output), options_.threads);
       most = std::max(most, bytes);
     }
     return most;
@@ -187,8 +192,9 @@ class ScanJob {
       const std::uint64_t bytes = to_laz == scan.header().compressed ? scan.file().size()
                                   : to_laz                           ? records / 4
                                                                      : records;
-      needs.push_back(
-          {std::filesystem::absolute(files_[i].output).parent_path(), bytes, files_[i].output.string()});
+      const std::uint64_t waiting = is_copc_name(files_[i].output) ? 3 * (records + 16 * scan.points()) : 0;
+      needs.push_back({std::filesystem::absolute(files_[i].output).parent_path(), bytes + waiting,
+                       files_[i].output.string()});
     }
     require_disk(needs, "choose a larger disk by -o");
   }

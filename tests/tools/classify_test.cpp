@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "stream/files/json.h"
+#include "stream/formats/points/las_records.h"
 #include "tests/helpers/aerial_scene.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"
@@ -93,6 +95,62 @@ TEST_CASE("classify: ground, vegetation, houses and noise of a known scene, and 
   must_classify({in.string(), "-o", (folder / "two.las").string(), "--classes", "ground", "--all-points"});
   const std::vector<int> two = las_classes(file_bytes(folder / "two.las"));
   CHECK(std::all_of(two.begin(), two.end(), [](int c) { return c == 1 || c == 2; }));
+}
+
+TEST_CASE("classify: as COPC points have all that they have as LAS", "[pipeline]") {
+  const TempFolder folder;
+  SceneFile file;
+  file.format = GENERATE(1, 6);
+  CAPTURE(file.format);
+  const fs::path in = folder.write("in.las", las_of(aerial_scene(), file));
+  const auto path = [&](const char* name) { return (folder / name).string(); };
+  must_classify({in.string(), "-o", path("a.las")});
+  must_classify({in.string(), "-o", path("a.copc.laz"), "-t", "1", "--memory", "256M"});
+  must_classify({in.string(), "-o", path("b.copc.laz"), "-t", "2"});
+  CHECK((file_bytes(folder / "a.copc.laz") == file_bytes(folder / "b.copc.laz")));
+  const auto records = [&](const char* name) {
+    const tessera::LasRecords all(folder / name);
+    std::vector<std::string> found;
+    all.read(
+        1, [](tessera::LasBatch&) {},
+        [&](tessera::LasBatch& batch) {
+          for (std::size_t i = 0; i < batch.count; ++i)
+            found.emplace_back(batch.records.data() + i * all.record_bytes(), all.record_bytes());
+        });
+    return found;
+  };
+  std::vector<std::string> want = records("a.las"), got = records("a.copc.laz");
+  if (file.format == 1) {
+    // By hand: the fields of LAS 1.4's format 6.
+    for (std::string& old : want) {
+      std::string r(32, '\0');
+      r.replace(0, 14, old, 0, 14);
+      r[14] = static_cast<char>((old[14] & 7) | (old[14] >> 3 & 7) << 4);
+      r[15] = static_cast<char>((old[15] >> 5 & 7) | (static_cast<unsigned char>(old[14]) >> 6) << 6);
+      r[16] = static_cast<char>(old[15] & 31);
+      r[17] = old[17];
+      const auto angle = static_cast<std::int16_t>(std::lround(static_cast<signed char>(old[16]) / 0.006));
+      std::memcpy(&r[18], &angle, 2);
+      r.replace(20, 2, old, 18, 2), r.replace(22, 8, old, 20, 8), r.replace(30, 2, old, 28, 2);
+      old = r;
+    }
+  }
+  CHECK((got != want));  // in the order of its nodes
+  std::sort(want.begin(), want.end()), std::sort(got.begin(), got.end());
+  CHECK((got == want));
+  const auto scan = tessera::open_point_file(folder / "a.copc.laz", {});
+  CHECK(scan->info().octree);
+  CHECK(scan->info().warnings.empty());
+  const auto times = file_bytes(folder / "a.copc.laz").substr(429 + 56, 16);
+  double first = 0.0, last = 0.0, lowest = 1e300, highest = -1e300;
+  std::memcpy(&first, times.data(), 8), std::memcpy(&last, times.data() + 8, 8);
+  for (const std::string& r : want) {
+    double time = 0.0;
+    std::memcpy(&time, &r[22], 8);
+    lowest = std::min(lowest, time), highest = std::max(highest, time);
+  }
+  CHECK(first == lowest);
+  CHECK(last == highest);
 }
 
 TEST_CASE("classify: one result whatever the cap, the threads and the way the points are stored",
@@ -246,7 +304,6 @@ TEST_CASE("classify: what cannot be classified is refused in one sentence", "[pi
   refused({in}, 2, "-o");
   refused({in, "-o", in, "--force"}, 2, "in.las");
   refused({in, "-o", path("out.ply")}, 2, ".las or .laz");
-  refused({in, "-o", path("out.copc.laz")}, 2, "no octree");
   refused({in, in + "x", "-o", path("out.las")}, 3, "in.lasx");
   folder.write("other.las", bytes);
   refused({in, path("other.las"), "-o", path("out.las")}, 2, "name a folder");

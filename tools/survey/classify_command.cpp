@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/files/file_extension.h"
 #include "stream/files/json.h"
 #include "stream/files/output_file.h"
 #include "stream/formats/points/las_copy.h"
@@ -36,8 +35,6 @@ std::vector<ScanToClassify> planned_scans(const std::vector<std::filesystem::pat
       throw UsageError("-o " + command.output.string() + ": of " + std::to_string(inputs.size()) +
                        " scans each gets a file of its own; name a folder: -o DIR/");
     LasCopy::is_compressed(command.output);
-    if (lower_extension(command.output.stem()) == ".copc")
-      throw UsageError("-o " + command.output.string() + ": no octree is written; name it .laz or .las");
     return {{inputs.front(), command.output}};
   }
   const std::vector<std::filesystem::path> outputs =
@@ -107,7 +104,8 @@ cli::Command classify_command() {
   OptionTable t;
   cli::add_inputs(t, c.inputs);
   cli::add_output(t, c.output,
-                  "file to write, .las or .laz; a folder (DIR/) gets a file for every scan, named like it");
+                  "file to write, .las, .laz or .copc.laz (COPC); a folder (DIR/) gets a file for every "
+                  "scan, named like it");
   t.add("classes", &c.classes,
         "all: ground 2, vegetation 3, 4, 5 by height, planar roofs 6, noise 7, else 1; ground: 2, all else 1")
       .one_of({"all", "ground"});

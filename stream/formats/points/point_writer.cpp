@@ -9,11 +9,14 @@
 #include <string_view>
 
 #include "octree/error.h"
+#include "stream/files/file_extension.h"
 #include "stream/files/output_file.h"
+#include "stream/formats/copc/copc_nodes.h"
 #include "stream/formats/laz/chunk_encoder.h"
 #include "stream/formats/laz/chunk_table.h"
 #include "stream/formats/points/las_header.h"
 #include "stream/runtime/parallel.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {
@@ -212,16 +215,22 @@ class LasEncoder final : public PointEncoder {
 class LasPointWriter : public BaseWriter {
  public:
   LasPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
+      : LasPointWriter(path, header, 0) {}
+
+ protected:
+  static constexpr std::size_t kHeaderBytes = 375;
+  static constexpr int kCompressedBit = 0x80;
+  /// \param info_bytes  of a record of COPC before all others, zeros
+  LasPointWriter(const std::filesystem::path& path, const PointFileHeader& header, std::size_t info_bytes)
       : BaseWriter(path, header) {
     const std::array<char, kHeaderBytes> blank{};
     file_.append(blank.data(), blank.size());
+    if (info_bytes > 0) append_record("copc", 1, std::string(info_bytes, '\0'));
     if (header.scalars.empty()) return;
     const std::string extra = las_extra_doubles(header.scalars);
     append_record(LasExtraField::kUserId, LasExtraField::kRecordId, extra);
   }
 
- protected:
-  static constexpr std::size_t kHeaderBytes = 375;
   int point_format() const { return header_.attributes.colour ? 7 : 6; }
   void complete_header() override { write_header(0); }
   /// A variable length record; all of them come before the points.
@@ -257,12 +266,15 @@ class LasPointWriter : public BaseWriter {
       put(&h[179 + 16 * a], stored(max_[a], a));
       put(&h[187 + 16 * a], stored(min_[a], a));
     }
+    put(&h[235], extended_at_);
+    put(&h[243], std::uint32_t{extended_at_ > 0 ? 1u : 0u});
     put(&h[247], points_);
     for (std::size_t r = 0; r < by_return_.size(); ++r) put(&h[255 + 8 * r], by_return_[r]);
     file_.patch(0, h.data(), h.size());
   }
 
   std::uint64_t begin_ = kHeaderBytes;  ///< of the points
+  std::uint64_t extended_at_ = 0;       ///< of the one record behind the points; 0 = there is none
 
  private:
   /// The coordinate as a reader will see it, so that the bounds hold exactly.
@@ -290,7 +302,6 @@ class LazPointWriter final : public LasPointWriter {
  private:
   static constexpr std::uint32_t kChunkPoints = 50000;
   static constexpr std::size_t kGroup = 8;  ///< chunks compressed at a time
-  static constexpr int kCompressedBit = 0x80;
 
   std::size_t chunk_bytes() const { return kChunkPoints * schema_.record_bytes(); }
   void write(const std::vector<char>& bytes) override {
@@ -327,6 +338,82 @@ class LazPointWriter final : public LasPointWriter {
   laz::Schema schema_;
   std::string pending_;  ///< records not yet compressed
   std::vector<laz::ChunkSize> table_;
+};
+
+// ------------------------------------------------------------------------------------------------ COPC
+
+/// A LAZ file whose chunks are the nodes of an octree (copc_nodes.h), coarse ones first.
+class CopcPointWriter final : public LasPointWriter {
+ public:
+  CopcPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
+      : LasPointWriter(path, header, kInfoBytes),
+        schema_(laz::schema_for(point_format(), las_extra_bytes(header), laz::Schema::kVariable)),
+        nodes_(path.has_parent_path() ? path.parent_path() : ".", las_record_bytes(header), kSortBytes) {
+    const std::vector<char> record = laz::schema_record(schema_);
+    append_record(laz::Schema::kUserId, laz::Schema::kRecordId, {record.data(), record.size()});
+    if (!header.wkt.empty()) append_record("LASF_Projection", 2112, header.wkt + std::string(1, '\0'));
+    file_.append(std::string_view("\0\0\0\0\0\0\0\0", 8));  // where the chunk table begins, known in the end
+  }
+
+ private:
+  static constexpr std::size_t kInfoBytes = 160, kInfoAt = kHeaderBytes + 54;
+  static constexpr std::uint64_t kSortBytes = std::uint64_t{128} << 20;
+  static constexpr std::size_t kGroupBytes = std::size_t{16} << 20;  ///< of nodes compressed at a time
+
+  void write(const std::vector<char>& bytes) override { nodes_.add({bytes.data(), bytes.size()}); }
+
+  void complete_header() override {
+    const double scale = header_.las_scale;
+    nodes_.build({scale, scale, scale}, header_.las_offset, file_.path());
+    std::vector<CopcChunkAt> chunks;
+    std::vector<laz::ChunkSize> table;
+    const std::vector<CopcNode>& nodes = nodes_.nodes();
+    for (std::size_t first = 0; first < nodes.size();) {
+      std::size_t end = first, bytes = 0;
+      for (; end < nodes.size() && (end == first || bytes < kGroupBytes); ++end)
+        bytes += nodes[end].points * las_record_bytes(header_);
+      std::vector<std::vector<char>> coded(end - first);
+      parallel_for(coded.size(), [&](std::size_t i) {
+        throw_if_stopped();
+        coded[i] = laz::encode_chunk(schema_, nodes_.records(nodes[first + i]));
+      });
+      for (std::size_t i = 0; i < coded.size(); ++i) {
+        chunks.push_back({file_.size(), static_cast<std::int32_t>(coded[i].size())});
+        table.push_back({static_cast<std::uint32_t>(nodes[first + i].points),
+                         static_cast<std::uint32_t>(coded[i].size())});
+        file_.append(coded[i].data(), coded[i].size());
+      }
+      first = end;
+    }
+    const std::uint64_t table_begin = file_.size();
+    const std::vector<char> coded_table = laz::chunk_table(table, true);
+    file_.append(coded_table.data(), coded_table.size());
+    file_.patch(begin_, &table_begin, sizeof table_begin);
+    extended_at_ = file_.size();
+    write_hierarchy(copc_pages(nodes, chunks, file_.size() + kExtendedHead));
+    write_header(kCompressedBit);
+  }
+
+  static constexpr std::size_t kExtendedHead = 60;
+  void write_hierarchy(const CopcPages& pages) {
+    std::array<char, kExtendedHead> head{};
+    std::memcpy(&head[2], "copc", 4);
+    put(&head[18], std::uint16_t{1000});
+    put(&head[20], static_cast<std::uint64_t>(pages.bytes.size()));
+    file_.append(head.data(), head.size());
+    std::array<char, kInfoBytes> info{};
+    const CopcCube& cube = nodes_.cube();
+    for (std::size_t a = 0; a < 3; ++a) put(&info[8 * a], cube.min[a] + cube.edge / 2);
+    put(&info[24], cube.edge / 2);
+    put(&info[32], cube.edge / (1 << CopcNodes::kCellLevels));
+    put(&info[40], file_.size());
+    put(&info[48], pages.root_bytes);
+    file_.patch(kInfoAt, info.data(), info.size());  // no times of points are known
+    file_.append(pages.bytes);
+  }
+
+  laz::Schema schema_;
+  CopcNodes nodes_;
 };
 
 // ------------------------------------------------------------------------------------------------ text
@@ -420,12 +507,10 @@ class PtxPointWriter final : public BaseWriter {
   }
 };
 
-enum class Format { kPly, kLas, kLaz, kPtx, kXyz };
+enum class Format { kPly, kLas, kLaz, kCopc, kPtx, kXyz };
 
 Format format_for(const std::filesystem::path& path, const PointFileHeader& header) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  const std::string extension = lower_extension(path);
   const auto without_normals = [&](Format format, const char* name) {
     if (!header.attributes.normals) return format;
     throw UsageError(path.string() + ": " + name +
@@ -437,6 +522,7 @@ Format format_for(const std::filesystem::path& path, const PointFileHeader& head
                      "' of points");
   if (extension == ".xyz" || extension == ".txt") return Format::kXyz;
   if (extension == ".las") return without_normals(Format::kLas, "LAS");
+  if (is_copc_name(path)) return without_normals(Format::kCopc, "COPC");
   if (extension == ".laz") return without_normals(Format::kLaz, "LAZ");
   if (extension == ".ptx") return without_normals(Format::kPtx, "PTX");
   throw UsageError(path.string() + ": unknown extension '" + extension +
@@ -452,6 +538,7 @@ std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& pa
       return std::make_unique<PlyEncoder>(header);
     case Format::kLas:
     case Format::kLaz:
+    case Format::kCopc:
       return std::make_unique<LasEncoder>(header);
     case Format::kPtx:
       return std::make_unique<PtxEncoder>(header);
@@ -469,11 +556,17 @@ std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path
       return std::make_unique<LasPointWriter>(path, header);
     case Format::kLaz:
       return std::make_unique<LazPointWriter>(path, header);
+    case Format::kCopc:
+      return std::make_unique<CopcPointWriter>(path, header);
     case Format::kPtx:
       return std::make_unique<PtxPointWriter>(path, header);
     default:
       return std::make_unique<BaseWriter>(path, header);
   }
+}
+
+bool is_copc_name(const std::filesystem::path& path) {
+  return lower_extension(path) == ".laz" && lower_extension(path.stem()) == ".copc";
 }
 
 void fill_missing(PointChunk& chunk, const PointAttributes& attributes) {

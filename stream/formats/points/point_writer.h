@@ -1,6 +1,7 @@
 /// \file point_writer.h
-/// Point files out: PLY (binary little endian), LAS 1.4, LAZ, PTX, XYZ. Encoding is pure and may run on any
-/// thread; the encoded batches are then appended in order. Memory is one output buffer, and for LAZ eight chunks.
+/// Point files out: PLY (binary little endian), LAS 1.4, LAZ, COPC, PTX, XYZ. Encoding is pure and may run on any
+/// thread; the encoded batches are then appended in order. Memory is one output buffer, and for LAZ eight chunks; for COPC a sort of
+/// 128 MiB and some nodes, its points wait on disk, beside the file, until it is finished.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -22,6 +23,7 @@ struct PointFileHeader {
   Double3 las_offset = {0, 0, 0};
   double las_scale = 0.001;           ///< step of LAS coordinates, scan units
   std::vector<std::string> comments;  ///< one line each, where the format has comments
+  std::string wkt;                    ///< coordinate system, COPC only; empty = none is named
   /// Of numbers that every point has besides, doubles: properties in PLY, extra bytes in LAS and LAZ.
   std::vector<std::string> scalars;
 };
@@ -66,7 +68,7 @@ class PointWriter {
   virtual std::uint64_t finish() = 0;
 };
 
-/// By extension: .ply, .las, .laz, .ptx, .xyz (also .txt).
+/// By extension: .ply, .las, .laz, .copc.laz, .ptx, .xyz (also .txt).
 /// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS, LAZ
 /// and PTX; scalars in text)
 std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path,
@@ -74,6 +76,9 @@ std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& pa
 /// Same rules; creates the file.
 std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path,
                                                const PointFileHeader& header);
+
+/// Whether a file of this name is to be COPC: it ends in .copc.laz.
+bool is_copc_name(const std::filesystem::path& path);
 
 /// Gives the chunk the arrays that the output has and its file has not: unknown normals, no colour, one return.
 void fill_missing(PointChunk& chunk, const PointAttributes& attributes);
