@@ -9,6 +9,7 @@
 #include "stream/commands/convert_mesh.h"
 #include "stream/commands/convert_points.h"
 #include "stream/files/bound_text.h"
+#include "stream/files/file_extension.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/meshes/mesh_precision.h"
@@ -34,7 +35,7 @@ struct ConvertCommand {
   bool floats = false;
   bool force = false;
   ConvertTinOptions tin;
-  std::string crs, unit = "auto", overhangs = "refuse";
+  std::string crs, unit = "auto", overhangs = "refuse", groups = "none";
 };
 
 /// From here on many CAD programs become slow or take no more.
@@ -60,17 +61,39 @@ TinUnit tin_unit(const ConvertCommand& command, const Crs& crs) {
       command.output.string(), metres));
 }
 
+/// Metres of the unit that 3MF shall tell: --unit, else that of the coordinate system beside the mesh; 0 = neither is known.
+double threemf_unit(const ConvertCommand& command, const std::filesystem::path& mesh) {
+  if (command.unit == "metre") return 1.0;
+  if (command.unit == "millimetre") return 1e-3;
+  if (command.unit == "centimetre") return 1e-2;
+  if (command.unit == "inch") return 0.0254;
+  if (command.unit == "foot") return 0.3048;
+  if (command.unit == "us-foot") return 1200.0 / 3937.0;
+  const std::string text = surveyed_crs(mesh, command.crs);
+  if (text.empty()) return 0.0;
+  const Crs crs = user_crs(text, "the coordinate system of " + mesh.string());
+  if (crs.geographic)
+    throw UsageError(
+        command.output.string() +
+        ": the mesh is in degrees, and 3MF wants lengths; reconstruct it with --project, or name "
+        "the unit with --unit");
+  return plane_unit(crs);
+}
+
 /// What an output for CAD programs is told; options of these are refused for other outputs.
 ConvertTinOptions tin_options(const ConvertCommand& command, const std::filesystem::path& mesh) {
   ConvertTinOptions tin = command.tin;
   if (!is_tin_file(command.output)) {
-    if (tin.breaklines > 0.0 || tin.max_faces > 0 || !command.crs.empty() || command.unit != "auto" ||
-        command.overhangs != "refuse")
+    const bool threemf = lower_extension(command.output) == ".3mf";
+    if (tin.breaklines > 0.0 || tin.max_faces > 0 || command.overhangs != "refuse" ||
+        (!threemf && (!command.crs.empty() || command.unit != "auto")))
       throw UsageError(
           "--breaklines, --max-faces, --overhangs, --unit and --crs are of outputs for CAD programs, .xml "
-          "and .dxf");
+          "and .dxf, --unit and --crs of .3mf too");
     return tin;
   }
+  if (command.unit == "millimetre" || command.unit == "centimetre" || command.unit == "inch")
+    throw UsageError("--unit " + command.unit + " is of .3mf; a TIN takes metre, foot or us-foot");
   const std::string text = surveyed_crs(mesh, command.crs);
   if (!text.empty()) tin.crs = user_crs(text, "the coordinate system of " + mesh.string());
   tin.unit = tin_unit(command, tin.crs);
@@ -108,6 +131,10 @@ void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const Co
   options.check_stop = throw_if_stopped;
   const std::filesystem::path mesh = cli::one_input(inputs, "converted");
   options.tin = tin_options(command, mesh);
+  options.groups = command.groups == "components";
+  if (options.groups && lower_extension(command.output) != ".obj")
+    throw UsageError("--groups is of outputs that have groups: .obj");
+  if (lower_extension(command.output) == ".3mf") options.unit = threemf_unit(command, mesh);
   // What other programs are told of the coordinates of an STL.
   const PlannedWrite shift{stl_shift_path(command.output), "the origin beside -o",
                            existing_by(command.force)};
@@ -115,12 +142,15 @@ void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const Co
   const ConvertMeshReport report = convert_mesh(mesh, command.output, options);
   fmt::print("{}: {} vertices, {} faces, {} bytes{}\n", command.output.string(), report.vertices,
              report.faces, report.bytes, report.welded ? " (vertices merged by position)" : "");
+  if (options.groups) fmt::print("groups: {} components\n", report.groups);
   for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
   if (report.rounding.largest > 0.0)
     fmt::print("positions: written as floats of 32 bits, which moves them by at most {}\n",
                bound_text(report.rounding.largest));
   const bool shifted = !shift.path.empty() && report.origin != Double3{0, 0, 0};
   if (shifted) fmt::print(stderr, "note: {}\n", stl_shift_notice(command.output, report.origin));
+  for (const std::string& notice : threemf_notices(command.output, report.origin, report.unit))
+    fmt::print(stderr, "note: {}\n", notice);
   for (const std::string& notice : rounding_notices(report.rounding))
     fmt::print(stderr, "note: {}\n", notice);
   tell_of_tin(command, report, options.tin.crs);
@@ -190,7 +220,7 @@ cli::Command convert_command() {
   cli::add_output(t, c.output,
                   "file to write: scans .ply (binary), .las (1.4), .laz, .copc.laz (COPC), .xyz; meshes "
                   ".ply, .obj, .stl, "
-                  ".glb, and for CAD "
+                  ".glb, for printing .3mf, for solvers .vtu (VTK) and .msh (Gmsh 4.1), and for CAD "
                   "programs .xml (LandXML 1.2) and .dxf (R12)");
   add_columns(t, c.options.columns);
   ReconstructOptions& w = c.options.wanted;
@@ -230,10 +260,18 @@ cli::Command convert_command() {
       .one_of({"refuse", "drop", "keep"});
   t.add("max-faces", &c.tin.max_faces,
         "CAD: refuse (6) a mesh with more faces; 0 = any, and many are told of");
-  t.add("unit", &c.unit, "LandXML: unit of length; auto: that of the coordinate system, else metres")
-      .one_of({"auto", "metre", "foot", "us-foot"});
+  t.add("unit", &c.unit,
+        "LandXML, 3MF: unit of length; auto: that of the coordinate system or of the input, else metres of "
+        "LandXML and millimetres of 3MF")
+      .one_of({"auto", "metre", "foot", "us-foot", "millimetre", "centimetre", "inch"});
+  t.add("groups", &c.groups,
+        "OBJ: components: the faces of each piece of the mesh behind a group of its own (g component_1, "
+        "...), in the "
+        "order of their first vertices")
+      .one_of({"none", "components"});
   t.add("crs", &c.crs,
-        "CAD: coordinate system of the mesh, EPSG:n, WKT or a file with it; default: what the .prj beside "
+        "CAD, 3MF: coordinate system of the mesh, EPSG:n, WKT or a file with it; default: what the .prj "
+        "beside "
         "the mesh "
         "says")
       .shown_as("EPSG:n|FILE");

@@ -89,7 +89,8 @@ cli::Command csg_command() {
   auto arguments = std::make_shared<CsgArguments>();
   OptionTable table;
   cli::add_inputs(table, arguments->words);
-  cli::add_output(table, arguments->state.output, "the mesh to write: .ply, .obj, .stl or .glb");
+  cli::add_output(table, arguments->state.output,
+                  "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh");
   table.append(option_table(arguments->options));
   table.append(option_table(arguments->state.run));
   return {

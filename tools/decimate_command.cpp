@@ -42,7 +42,7 @@ void run_decimate(const SimplifyOptions& options, JobState state) {
 cli::Command decimate_command() {
   return cli::job_command<SimplifyOptions>(
       "decimate", "A mesh of any size shrinks to what its geometry needs, within a tolerance that is proven.",
-      "the mesh to write: .ply, .obj, .stl or .glb", run_decimate);
+      "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh", run_decimate);
 }
 
 }  // namespace tessera

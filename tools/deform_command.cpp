@@ -148,8 +148,9 @@ cli::Command deform_command() {
   DeformArguments& a = *arguments;
   OptionTable table;
   cli::add_inputs(table, a.words);
-  cli::add_output(table, a.state.output,
-                  "the mesh to write: .ply, .obj, .stl or .glb; with prepare the basis: .tsb");
+  cli::add_output(
+      table, a.state.output,
+      "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh; with prepare the basis: .tsb");
   table.add("pose", &a.pose, "apply: JSON file with the motions of the handles");
   table.add("poses", &a.poses, "apply: JSON file with many poses; OUT.NAME.ply for each");
   table.add("fit", &a.fit,

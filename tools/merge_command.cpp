@@ -43,7 +43,8 @@ cli::Command merge_command() {
                                         "Overlapping meshes, not quite matching, of any resolution become "
                                         "one: the better one stays, a band along the "
                                         "joints is made anew. Resumable.",
-                                        "the mesh to write: .ply, .obj, .stl or .glb", run_merge);
+                                        "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh",
+                                        run_merge);
 }
 
 }  // namespace tessera

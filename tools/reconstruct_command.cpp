@@ -73,7 +73,7 @@ cli::Command reconstruct_command() {
   const auto tiles = std::make_shared<std::filesystem::path>();
   cli::Command command = cli::job_command<ReconstructOptions>(
       "reconstruct", "A scan becomes a mesh. Run it again to go on after a stop.",
-      "the mesh to write: .ply, .obj, .stl or .glb",
+      "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh",
       [tiles](const ReconstructOptions& options, const JobState& state) {
         run_reconstruct(options, state, *tiles);
       });

@@ -51,7 +51,7 @@ cli::Command remesh_command() {
   return cli::job_command<RemeshJobOptions>(
       "remesh",
       "A mesh of any size gets triangles near equilateral with edges of one length, on the same surface.",
-      "the mesh to write: .ply, .obj, .stl or .glb", run_remesh);
+      "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh", run_remesh);
 }
 
 }  // namespace tessera

@@ -81,7 +81,7 @@ cli::Command resample_command() {
   ResampleArguments& a = *arguments;
   OptionTable table;
   cli::add_inputs(table, a.words);
-  cli::add_output(table, a.state.output, "the mesh to write: .ply, .obj, .stl or .glb");
+  cli::add_output(table, a.state.output, "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh");
   table.add("blends", &a.blends, "auto: found by their curvature; or a JSON file with points along each")
       .shown_as("auto|FILE");
   table.add("profile", &a.profile,

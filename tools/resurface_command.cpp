@@ -32,7 +32,8 @@ cli::Command resurface_command() {
                                             "Dirty meshes (soups, gaps, self-intersections, doubled walls) "
                                             "become one closed manifold with their sharp "
                                             "edges: holes are always closed. Resumable.",
-                                            "the mesh to write: .ply, .obj, .stl or .glb", run_resurface);
+                                            "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh",
+                                            run_resurface);
 }
 
 }  // namespace tessera

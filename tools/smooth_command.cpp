@@ -30,7 +30,7 @@ void run_smooth(const SmoothOptions& options, JobState state) {
 cli::Command smooth_command() {
   return cli::job_command<SmoothOptions>(
       "smooth", "Smooth a mesh of any size; creases, corners and borders keep their shape. Resumable.",
-      "the mesh to write: .ply, .obj, .stl or .glb", run_smooth);
+      "the mesh to write: .ply, .obj, .stl, .glb, .3mf, .vtu or .msh", run_smooth);
 }
 
 }  // namespace tessera

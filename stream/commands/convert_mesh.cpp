@@ -9,6 +9,7 @@
 
 #include "octree/error.h"
 #include "stream/commands/break_lines.h"
+#include "stream/commands/face_groups.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/planned_writes.h"
@@ -73,10 +74,10 @@ struct TinOutput {
 
 bool converts_as_mesh(const std::filesystem::path& input, const std::filesystem::path& output) {
   const std::string to = lower_extension(output);
-  if (to == ".obj" || to == ".stl" || to == ".glb" || is_tin_file(output)) return true;
+  if ((is_mesh_extension(to) && to != ".off") || is_tin_file(output)) return true;
   if (to != ".ply") return false;
   const std::string from = lower_extension(input);
-  return from == ".obj" || from == ".stl" || from == ".glb" || from == ".off" || ply_has_faces(input);
+  return is_mesh_extension(from) || ply_has_faces(input);
 }
 
 ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::filesystem::path& output,
@@ -126,6 +127,8 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
                                fine_rounding(header.faces, box.low, box.high, 0.0))
                         .origin;
   report.origin = header.origin;
+  if (options.unit > 0.0) header.unit = options.unit;
+  report.unit = header.unit;
   header.synthetic = mesh.has_synthetic();
   std::unique_ptr<TinOutput> tin;
   std::unique_ptr<MeshWriter> other;
@@ -138,10 +141,14 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
     stop();
     writer->vertices(positions, rgba);
   });
-  mesh.read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
-    stop();
-    writer->faces(faces, synthetic);
-  });
+  if (options.groups)
+    report.groups =
+        write_face_groups(mesh, report.vertices, *writer, {options.memory_bytes, temp, options.check_stop});
+  else
+    mesh.read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
+      stop();
+      writer->faces(faces, synthetic);
+    });
   writer->finish();
   report.bytes = writer->bytes_written();
   report.rounding = writer->rounding();

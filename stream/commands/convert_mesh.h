@@ -27,6 +27,8 @@ struct ConvertMeshOptions {
   std::filesystem::path temp;                           ///< empty = beside the output
   std::function<void()> check_stop;                     ///< may throw StoppedError; may be empty
   ConvertTinOptions tin;
+  bool groups = false;  ///< OBJ: faces by component, each a group of its own (face_groups.h)
+  double unit = 0.0;    ///< 3MF: of the positions, metres; 0 = that of the input, if it tells one
 };
 
 struct ConvertMeshReport {
@@ -38,11 +40,13 @@ struct ConvertMeshReport {
   MeshRounding rounding;       ///< what the format's floats did to the mesh
   TinCounts tin;               ///< of LandXML
   std::uint64_t breaklines = 0, break_edges = 0;  ///< lines, and edges of the mesh in them
+  std::uint64_t groups = 0;                       ///< components, where they were asked for
+  double unit = 0.0;                              ///< metres; 0 = not known
   std::vector<std::string> notes;                 ///< what the input gets wrong and was read past
 };
 
 /// True when converting `input` to `output` means its faces: an output that only meshes have (.obj, .stl,
-/// .glb, .xml, .dxf), or .ply and an input with faces. Says nothing about whether the input can be read.
+/// .glb, .3mf, .vtu, .msh, .xml, .dxf), or .ply and an input with faces. Says nothing about whether the input can be read.
 bool converts_as_mesh(const std::filesystem::path& input, const std::filesystem::path& output);
 
 /// Polygons become triangles; colours, comments and the shift are kept where the output has a place for them.

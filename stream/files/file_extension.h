@@ -14,4 +14,11 @@ inline std::string lower_extension(const std::filesystem::path& path) {
   return text;
 }
 
+/// Whether an extension, in lower case, is one of meshes alone: those that are read and are no scans, so all but .ply.
+inline bool is_mesh_extension(const std::string& extension) {
+  for (const char* known : {".obj", ".stl", ".off", ".glb", ".3mf", ".vtu", ".msh"})
+    if (extension == known) return true;
+  return false;
+}
+
 }  // namespace tessera

@@ -14,7 +14,7 @@
 namespace tessera {
 
 struct MeshStoreOutput {
-  std::filesystem::path path;  ///< by extension: .ply, .obj, .stl, .glb
+  std::filesystem::path path;  ///< by extension (create_mesh_file)
   std::vector<std::string> comments;
   Double3 origin = {0, 0, 0};  ///< of positions in formats of floats (mesh_precision.h)
   std::filesystem::path temp;  ///< folder for what does not fit in memory

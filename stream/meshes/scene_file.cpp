@@ -7,6 +7,7 @@
 
 #include "kernels/scene/mesh_scene.h"
 #include "octree/error.h"
+#include "stream/files/file_extension.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/memory_budget.h"
 
@@ -14,9 +15,7 @@ namespace tessera {
 
 bool is_mesh_scene(const std::string& name) {
   const std::string extension = std::filesystem::path(name).extension().string();
-  for (const char* known : {".ply", ".obj", ".stl", ".off", ".glb"})
-    if (extension == known) return true;
-  return false;
+  return extension == ".ply" || is_mesh_extension(extension);
 }
 
 std::unique_ptr<synth::Scene> open_scene(const synth::SceneOptions& options, std::uint64_t memory_bytes) {

@@ -9,7 +9,7 @@
 
 namespace tessera {
 
-/// Whether a scene's name is that of a mesh file: it ends in .ply, .obj, .stl, .off or .glb.
+/// Whether a scene's name is that of a mesh file: it ends in .ply or as only meshes do (file_extension.h).
 bool is_mesh_scene(const std::string& name);
 
 /// The scene of this name, or the mesh of this file, whole in memory.

@@ -90,11 +90,13 @@ void tell_rounding(Json& result, const std::filesystem::path& output, const Doub
     result["origin"] = origin;
     if (!stl_shift_path(output).empty()) warnings.push_back(stl_shift_notice(output, origin));
   }
+  for (const std::string& notice : threemf_notices(output, origin, 0.0)) warnings.push_back(notice);
   if (rounding.largest > 0.0) result["rounding"] = rounding.largest;
   for (const std::string& notice : rounding_notices(rounding)) warnings.push_back(notice);
   if (rounding.merged_vertices > 0) result["merged_by_rounding"] = rounding.merged_vertices;
   if (rounding.flattened_faces > 0) result["flattened_by_rounding"] = rounding.flattened_faces;
   if (rounding.joined_vertices > 0) result["joined_by_format"] = rounding.joined_vertices;
+  if (rounding.open) result["open"] = true;
   if (!warnings.empty()) result["warnings"] = std::move(warnings);
 }
 

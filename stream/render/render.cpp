@@ -48,7 +48,7 @@ bool is_mesh(const std::filesystem::path& path) {
     }
     return false;
   }
-  return extension == ".obj" || extension == ".stl" || extension == ".off" || extension == ".glb";
+  return is_mesh_extension(extension);
 }
 
 Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& options,

@@ -64,6 +64,9 @@ int main(int count, char** words) {
   write(to / "off_mesh", fuzz::off_meshes());
   write(to / "stl_mesh", fuzz::stl_meshes());
   write(to / "glb_mesh", fuzz::glb_meshes());
+  write(to / "threemf_mesh", fuzz::threemf_meshes());
+  write(to / "vtu_mesh", fuzz::vtu_meshes());
+  write(to / "msh_mesh", fuzz::msh_meshes());
   write(to / "edit", edits());
   write(to / "job_options", options());
   write(to / "polygon", {"0 0\n10 0\n10 10\n0 10\n\n2 2\n4 2\n4 4\n",

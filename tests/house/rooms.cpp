@@ -51,7 +51,7 @@ const std::map<std::string, int> kStreamHeights = {
     {"import", 4},         {"check", 4},          {"render", 4},         {"commands", 4},
     {"page", 4},           {"survey", 4},         {"survey/pages", 4},   {"survey", 4},
     {"change", 4},         {"survey", 4},         {"volume", 4},         {"api", 6},
-    {"formats/copc", 2},
+    {"formats/copc", 2},   {"formats/models", 2},
 };
 constexpr int kStageHeight = 5;  // stages/<job>
 

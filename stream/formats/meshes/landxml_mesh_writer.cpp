@@ -1,39 +1,16 @@
 /// LandXML 1.2: one surface of points and faces. Points are northing, easting, elevation. The date, which the schema asks for, is
 /// always the same, so that equal meshes have equal bytes.
 #include <string>
-#include <string_view>
 
 #include <fmt/format.h>
 
 #include "kernels/mesh/orientation_sign.h"
 #include "octree/error.h"
 #include "stream/formats/meshes/tin_writer.h"
+#include "stream/formats/xml_text.h"
 
 namespace tessera {
 namespace {
-
-std::string xml_text(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-    }
-  }
-  return out;
-}
 
 const char* units_of(TinUnit unit) {
   switch (unit) {

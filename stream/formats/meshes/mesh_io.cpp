@@ -45,10 +45,11 @@ bool begins_with_solid(std::string_view start) {
 
 void require_mesh_extension(const std::filesystem::path& path) {
   const std::string extension = lower_extension(path);
-  for (const char* known : {".ply", ".obj", ".stl", ".glb"}) {
+  for (const char* known : {".ply", ".obj", ".stl", ".glb", ".3mf", ".vtu", ".msh"}) {
     if (extension == known) return;
   }
-  throw UsageError(path.string() + ": unknown mesh format '" + extension + "'; use .ply, .obj, .stl or .glb");
+  throw UsageError(path.string() + ": unknown mesh format '" + extension +
+                   "'; use .ply, .obj, .stl, .glb, .3mf, .vtu or .msh");
 }
 
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header) {
@@ -57,6 +58,9 @@ std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, 
   if (extension == ".ply") return create_ply_mesh(path, header);
   if (extension == ".obj") return create_obj_mesh(path, header);
   if (extension == ".stl") return create_stl_mesh(path, header);
+  if (extension == ".3mf") return create_threemf_mesh(path, header);
+  if (extension == ".vtu") return create_vtu_mesh(path, header);
+  if (extension == ".msh") return create_msh_mesh(path, header);
   return create_glb_mesh(path, header);
 }
 
@@ -86,12 +90,16 @@ std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path,
   }
   if (start.starts_with("ply")) return open_ply_mesh(std::move(file), options);
   if (start.starts_with("glTF")) return open_glb_mesh(std::move(file), options);
+  if (start.starts_with("PK\x03\x04")) return open_threemf_mesh(std::move(file), options);
+  if (start.starts_with("$MeshFormat")) return open_msh_mesh(std::move(file), options);
   const std::string extension = lower_extension(path);
+  if (extension == ".vtu" || first_line(start).starts_with("<VTKFile"))
+    return open_vtu_mesh(std::move(file), options);
   if (extension == ".obj") return open_obj_mesh(std::move(file), options);
   if (extension == ".off" || begins_with_off(start)) return open_off_mesh(std::move(file), options);
   if (extension == ".stl" || begins_with_solid(start)) return open_stl_mesh(std::move(file), options);
   throw InputError(path.string() +
-                   ": not a mesh that Tessera reads; convert it to PLY, OBJ, STL, OFF or GLB");
+                   ": not a mesh that Tessera reads; convert it to PLY, OBJ, STL, OFF, GLB or 3MF");
 }
 
 }  // namespace tessera

@@ -23,10 +23,11 @@ struct MeshHeader {
   std::uint64_t vertices = 0;
   std::uint64_t faces = 0;
   bool colour = false;  ///< per-vertex rgba follows positions
-  /// Positions need more than floats. PLY and OBJ hold them as they are; STL and GLB as floats from `origin`, and what that
+  /// Positions need more than floats. All but STL, GLB and 3MF hold them as they are; these as floats from `origin`, and what that
   /// does to the mesh is checked (MeshRounding). Else positions are written as floats.
   bool double_positions = false;
-  Double3 origin = {0, 0, 0};  ///< STL and GLB only: what positions in the file count from (mesh_precision.h)
+  Double3 origin = {0, 0,
+                    0};  ///< STL, GLB and 3MF only: what positions in the file count from (mesh_precision.h)
   bool check_rounding =
       false;  ///< with positions written as floats: they may need more, check what rounding does
   /// Faces say whether they close a hole (PLY: property uchar synthetic); other formats drop it.
@@ -35,6 +36,7 @@ struct MeshHeader {
   /// positions are in the scan's frame.
   Double3 shift = {0, 0, 0};
   std::vector<std::string> comments;  ///< provenance, one line each
+  double unit = 0.0;                  ///< of the positions, metres; 0 = not known. 3MF alone tells it
 };
 
 /// What the floats of a format made of the positions.
@@ -44,6 +46,8 @@ struct MeshRounding {
   std::uint64_t flattened_faces = 0;  ///< had an area
   /// STL alone, which has no vertices of its own: lay exactly where another one does, and are one when it is read.
   std::uint64_t joined_vertices = 0;
+  /// 3MF alone, which is for solids: an edge has no face beside it that runs along it the other way.
+  bool open = false;
 };
 
 /// Writes to a file beside `path` and gives it its final name in finish(); the destructor removes what is
@@ -55,6 +59,8 @@ class MeshWriter {
   virtual void vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) = 0;
   /// With header.synthetic, one value per face: 1 where there is no data. Else none.
   virtual void faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic = {}) = 0;
+  /// Faces from here on belong to a part of this name (OBJ: `g NAME`); other formats drop it.
+  virtual void group(const std::string&) {}
   /// Flushes, syncs, renames. \throws Error when counts differ from the header; ValidationError where rounding to floats
   /// left more than one in a thousand faces without area: then no file gets the name
   virtual void finish() = 0;
@@ -69,9 +75,9 @@ void require_mesh_extension(const std::filesystem::path& path);
 /// Of the origin in the 80 bytes of an STL: "; tessera_origin X Y Z" behind "Tessera".
 inline constexpr const char* kStlOrigin = "tessera_origin";
 
-/// By extension: .ply (binary little endian), .obj, .stl (binary), .glb.
+/// By extension: .ply (binary little endian), .obj, .stl (binary), .glb, .3mf, .vtu, .msh.
 /// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and floats, GLB
-///   2^32-1 bytes per buffer), naming one that can hold it; ResourceError when the disk is full
+///   2^32-1 bytes per buffer, 3MF 2^31-1 vertices), naming one that can hold it; ResourceError when the disk is full
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header);
 /// What the check of rounding takes at most beside the file's own buffer; 0 where nothing is rounded and no vertices are joined.
 std::uint64_t rounding_check_bytes(const std::filesystem::path& path, bool double_positions,
@@ -110,7 +116,7 @@ struct MeshReadOptions {
   std::filesystem::path temp = {};
 };
 
-/// PLY, OBJ, STL, OFF, GLB. \throws InputError (file, offset or line, what is wrong, what to do)
+/// PLY, OBJ, STL, OFF, GLB, 3MF, VTU, MSH. \throws InputError (file, offset or line, what is wrong, what to do)
 std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path,
                                            const MeshReadOptions& options = {});
 

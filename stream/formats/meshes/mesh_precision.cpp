@@ -70,7 +70,7 @@ std::string upper_extension(const std::filesystem::path& path) {
 
 bool holds_floats_only(const std::filesystem::path& path) {
   const std::string extension = lower_extension(path);
-  return extension == ".stl" || extension == ".glb";
+  return extension == ".stl" || extension == ".glb" || extension == ".3mf";
 }
 
 double float_rounding(const Double3& origin, const Double3& low, const Double3& high) {
@@ -94,7 +94,7 @@ MeshPlacement place_mesh(const std::filesystem::path& path, bool double_position
                          const Double3& high, double fine) {
   if (!double_positions || !holds_floats_only(path)) return {};
   MeshPlacement plain{{0, 0, 0}, float_rounding({0, 0, 0}, low, high)};
-  if (lower_extension(path) == ".stl" && plain.rounding <= fine) return plain;
+  if (lower_extension(path) != ".glb" && plain.rounding <= fine) return plain;
   MeshPlacement placed;
   placed.origin = local_origin(low, high);
   placed.rounding = float_rounding(placed.origin, low, high);
@@ -128,6 +128,28 @@ std::vector<std::string> rounding_notices(const MeshRounding& rounding) {
     notices.push_back(std::to_string(rounding.joined_vertices) +
                       " vertices lie where another one does: readers of STL make one of them, which can "
                       "leave edges with more than two faces; .ply, .obj and .glb keep them apart");
+  if (rounding.open)
+    notices.push_back(
+        "3MF is for solids, and this mesh is open: edges have no second face, or one that runs the same way; "
+        "printers guess what is inside. tessera resurface closes it");
+  return notices;
+}
+
+std::vector<std::string> threemf_notices(const std::filesystem::path& output, const Double3& origin,
+                                         double unit) {
+  std::vector<std::string> notices;
+  if (lower_extension(output) != ".3mf") return notices;
+  if (unit == 0.0)
+    notices.push_back(
+        "3MF names a unit and nothing tells that of the mesh: its coordinates count as "
+        "millimetres; tessera convert --unit says otherwise");
+  if (origin != Double3{0, 0, 0}) {
+    std::string text = stl_shift_text(origin);
+    text.pop_back();
+    notices.push_back("3MF holds floats of 32 bits, too few for these coordinates: those in " +
+                      json_text(output.filename()) + " count from " + text +
+                      ", which its metadata tessera:origin tells");
+  }
   return notices;
 }
 

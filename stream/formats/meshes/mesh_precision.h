@@ -1,5 +1,5 @@
 /// \file mesh_precision.h
-/// Formats of 32-bit floats (STL, GLB) hold a mesh far from zero as offsets from a local origin, and what their rounding
+/// Formats of 32-bit floats (STL, GLB, 3MF) hold a mesh far from zero as offsets from a local origin, and what their rounding
 /// still moves is a number that proofs can add to their bounds.
 #pragma once
 #include <cstdint>
@@ -19,12 +19,12 @@ struct MeshPlacement {
   double rounding = 0.0;
 };
 
-/// Whether the format of `path`, by its extension, has floats alone: .stl, .glb.
+/// Whether the format of `path`, by its extension, has floats alone: .stl, .glb, .3mf.
 bool holds_floats_only(const std::filesystem::path& path);
 
 /// \param double_positions  positions need more than floats; of others nothing is rounded
-/// \param low,high  box of all positions \param fine  rounding up to here is no matter: STL, whose origin other programs
-///   do not know, then gets none. GLB gets one wherever that makes positions at least four times as precise.
+/// \param low,high  box of all positions \param fine  rounding up to here is no matter: STL and 3MF, whose origin other
+///   programs do not know, then get none. GLB gets one wherever that makes positions at least four times as precise.
 /// \returns an origin of few decimal digits, {0, 0, 0} where it would not help
 MeshPlacement place_mesh(const std::filesystem::path& path, bool double_positions, const Double3& low,
                          const Double3& high, double fine);
@@ -47,6 +47,9 @@ std::vector<std::string> rounding_notices(const MeshRounding& rounding);
 
 /// "OUT.stl.shift" for "OUT.stl", empty for other formats: where the origin of an STL stands for other programs.
 std::filesystem::path stl_shift_path(const std::filesystem::path& output);
+/// What 3MF makes other programs believe, a sentence each; empty for other formats. \param unit  metres; 0 = not known
+std::vector<std::string> threemf_notices(const std::filesystem::path& output, const Double3& origin,
+                                         double unit);
 /// Its content: x y z in one line.
 std::string stl_shift_text(const Double3& origin);
 /// For people: what is to be added to the coordinates in the file, and where that stands.

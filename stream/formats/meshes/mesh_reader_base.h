@@ -121,9 +121,12 @@ bool parse_shift(std::string_view comment, Double3& shift);
 
 // One factory per format. The file is known to be of that format.
 std::unique_ptr<MeshReader> open_glb_mesh(ReadFile file, const MeshReadOptions& options);
+std::unique_ptr<MeshReader> open_msh_mesh(ReadFile file, const MeshReadOptions& options);
 std::unique_ptr<MeshReader> open_obj_mesh(ReadFile file, const MeshReadOptions& options);
 std::unique_ptr<MeshReader> open_off_mesh(ReadFile file, const MeshReadOptions& options);
 std::unique_ptr<MeshReader> open_ply_mesh(ReadFile file, const MeshReadOptions& options);
 std::unique_ptr<MeshReader> open_stl_mesh(ReadFile file, const MeshReadOptions& options);
+std::unique_ptr<MeshReader> open_threemf_mesh(ReadFile file, const MeshReadOptions& options);
+std::unique_ptr<MeshReader> open_vtu_mesh(ReadFile file, const MeshReadOptions& options);
 
 }  // namespace tessera

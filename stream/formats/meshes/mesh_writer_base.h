@@ -38,6 +38,7 @@ class MeshWriterBase : public MeshWriter {
 
   const MeshHeader header_;
   OutputFile file_;
+  MeshRounding rounding_;
 
  private:
   /// Doubles become floats. Who announced floats, and is not to be checked, loses nothing.
@@ -51,7 +52,6 @@ class MeshWriterBase : public MeshWriter {
   std::uint64_t faces_ = 0;
   Double3 moved_ = {0, 0, 0};  ///< farthest along each axis
   std::unique_ptr<RoundingCheck> check_;
-  MeshRounding rounding_;
 };
 
 /// "NAME X Y Z", exact decimal doubles: how an origin and a shift stand in a file.
@@ -64,8 +64,11 @@ std::vector<std::string> comment_lines(const MeshHeader& header);
 // One factory per format; each throws UsageError, naming a format that can hold the mesh, before a file is
 // made.
 std::unique_ptr<MeshWriter> create_glb_mesh(const std::filesystem::path& path, const MeshHeader& header);
+std::unique_ptr<MeshWriter> create_msh_mesh(const std::filesystem::path& path, const MeshHeader& header);
 std::unique_ptr<MeshWriter> create_obj_mesh(const std::filesystem::path& path, const MeshHeader& header);
 std::unique_ptr<MeshWriter> create_ply_mesh(const std::filesystem::path& path, const MeshHeader& header);
 std::unique_ptr<MeshWriter> create_stl_mesh(const std::filesystem::path& path, const MeshHeader& header);
+std::unique_ptr<MeshWriter> create_threemf_mesh(const std::filesystem::path& path, const MeshHeader& header);
+std::unique_ptr<MeshWriter> create_vtu_mesh(const std::filesystem::path& path, const MeshHeader& header);
 
 }  // namespace tessera

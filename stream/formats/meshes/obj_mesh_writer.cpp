@@ -17,6 +17,11 @@ class ObjMeshWriter : public MeshWriterBase {
     for (const std::string& line : comment_lines(header)) file_.append("# " + line + "\n");
   }
 
+  void group(const std::string& name) override {
+    close();
+    file_.append("g " + name + "\n");
+  }
+
  private:
   void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) override {
     for (std::size_t i = 0; i < positions.size(); ++i) {

@@ -125,7 +125,7 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
     throw InputError(name + ": does not start as a " + extension.substr(1) +
                      " file does; it is damaged or misnamed");
   }
-  if (extension == ".obj" || extension == ".stl" || extension == ".off" || extension == ".glb") {
+  if (is_mesh_extension(extension)) {
     throw InputError(name + ": " + std::string(kMesh));
   }
   if (is_text(extension, file, options)) return open_text_points(file, options);

@@ -95,7 +95,10 @@ std::vector<Case> cases() {
           {"stl", open_stl_mesh, with(fuzz::stl_meshes(), {written("a.stl", false)})},
           {"glb", open_glb_mesh,
            with(fuzz::glb_meshes(),
-                {written("a.glb", false), written("a.glb", true), foreign_glb(false), foreign_glb(true)})}};
+                {written("a.glb", false), written("a.glb", true), foreign_glb(false), foreign_glb(true)})},
+          {"3mf", open_threemf_mesh, {written("a.3mf", false)}},
+          {"vtu", open_vtu_mesh, with(fuzz::vtu_meshes(), {written("a.vtu", false), written("a.vtu", true)})},
+          {"msh", open_msh_mesh, with(fuzz::msh_meshes(), {written("a.msh", false)})}};
 }
 
 /// Bytes changed, numbers swapped for absurd ones, parts cut, repeated or moved.
