@@ -24,6 +24,7 @@
 #include "stream/survey/gdal_program.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/pipes.h"
 
 namespace tessera {
 namespace {
@@ -36,6 +37,11 @@ struct ConvertCommand {
   bool force = false;
   ConvertTinOptions tin;
   std::string crs, unit = "auto", overhangs = "refuse", groups = "none";
+  std::string input_format, output_format;  ///< of pipes
+  bool piped = false;                       ///< results go to standard output
+
+  std::FILE* say() const { return piped ? stderr : stdout; }
+  std::string shown_output() const { return piped ? "standard output" : output.string(); }
 };
 
 /// From here on many CAD programs become slow or take no more.
@@ -106,7 +112,7 @@ ConvertTinOptions tin_options(const ConvertCommand& command, const std::filesyst
 void tell_of_tin(const ConvertCommand& command, const ConvertMeshReport& report, const Crs& crs) {
   if (!is_tin_file(command.output)) return;
   if (command.tin.breaklines > 0.0)
-    fmt::print("breaklines: {}, of {} edges\n", report.breaklines, report.break_edges);
+    fmt::print(command.say(), "breaklines: {}, of {} edges\n", report.breaklines, report.break_edges);
   const std::uint64_t overhangs = report.tin.downward + report.tin.upright;
   if (overhangs > 0)
     fmt::print(stderr,
@@ -140,14 +146,18 @@ void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const Co
                            existing_by(command.force)};
   check_writes(inputs, std::array{shift});
   const ConvertMeshReport report = convert_mesh(mesh, command.output, options);
-  fmt::print("{}: {} vertices, {} faces, {} bytes{}\n", command.output.string(), report.vertices,
-             report.faces, report.bytes, report.welded ? " (vertices merged by position)" : "");
-  if (options.groups) fmt::print("groups: {} components\n", report.groups);
-  for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
+  fmt::print(command.say(), "{}: {} vertices, {} faces, {} bytes{}\n", command.shown_output(),
+             report.vertices, report.faces, report.bytes,
+             report.welded ? " (vertices merged by position)" : "");
+  if (options.groups) fmt::print(command.say(), "groups: {} components\n", report.groups);
+  for (const std::string& note : report.notes) fmt::print(command.say(), "note: {}\n", note);
   if (report.rounding.largest > 0.0)
-    fmt::print("positions: written as floats of 32 bits, which moves them by at most {}\n",
+    fmt::print(command.say(), "positions: written as floats of 32 bits, which moves them by at most {}\n",
                bound_text(report.rounding.largest));
   const bool shifted = !shift.path.empty() && report.origin != Double3{0, 0, 0};
+  if (shifted && command.piped)
+    throw UsageError(
+        "-o -: the STL needs an origin, which stands in a file beside it: name a file, or another format");
   if (shifted) fmt::print(stderr, "note: {}\n", stl_shift_notice(command.output, report.origin));
   for (const std::string& notice : threemf_notices(command.output, report.origin, report.unit))
     fmt::print(stderr, "note: {}\n", notice);
@@ -175,8 +185,7 @@ void thin(const std::vector<std::filesystem::path>& inputs, const ConvertOptions
              throw_if_stopped);
 }
 
-void run_convert(ConvertCommand& command) {
-  cli::require_inputs(command.inputs);
+void convert(ConvertCommand& command) {
   const std::vector<std::filesystem::path> inputs = cli::expand_and_tell(command.inputs);
   std::vector<std::filesystem::path> reads = cli::also_read(command.inputs);
   reads.insert(reads.end(), inputs.begin(), inputs.end());
@@ -200,14 +209,22 @@ void run_convert(ConvertCommand& command) {
     thin(inputs, options, options.thinned);
   }
   const ConvertReport report = convert_points(inputs, command.output, options);
-  fmt::print("{}: {} points, {} bytes\n", command.output.string(), report.points, report.bytes);
-  if (report.unwanted > 0) fmt::print("not wanted: {} points\n", report.unwanted);
+  fmt::print(command.say(), "{}: {} points, {} bytes\n", command.shown_output(), report.points, report.bytes);
+  if (report.unwanted > 0) fmt::print(command.say(), "not wanted: {} points\n", report.unwanted);
   const std::uint64_t dropped = report.not_finite + report.withheld + report.empty + report.missing;
   if (dropped > 0) {
-    fmt::print("left out: {} not finite, {} withheld, {} empty, {} missing\n", report.not_finite,
-               report.withheld, report.empty, report.missing);
+    fmt::print(command.say(), "left out: {} not finite, {} withheld, {} empty, {} missing\n",
+               report.not_finite, report.withheld, report.empty, report.missing);
   }
-  for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
+  for (const std::string& note : report.notes) fmt::print(command.say(), "note: {}\n", note);
+}
+
+void run_convert(ConvertCommand& command) {
+  cli::require_inputs(command.inputs);
+  const cli::Pipes pipes(command.inputs, command.input_format, command.output, command.output_format);
+  command.piped = pipes.writes();
+  convert(command);
+  pipes.finish();
 }
 
 }  // namespace
@@ -222,6 +239,9 @@ cli::Command convert_command() {
                   ".ply, .obj, .stl, "
                   ".glb, for printing .3mf, for solvers .vtu (VTK) and .msh (Gmsh 4.1), and for CAD "
                   "programs .xml (LandXML 1.2) and .dxf (R12)");
+  t.add("input-format", &c.input_format, "format of an input that is a pipe (-), as an extension, e.g. las");
+  t.add("output-format", &c.output_format,
+        "format of an output that is a pipe (-o -), as an extension, e.g. ply");
   add_columns(t, c.options.columns);
   ReconstructOptions& w = c.options.wanted;
   t.add("classes", &w.classes, "scans: classes of points to keep, e.g. 2,6 (LAS, LAZ); default: all").split();
@@ -280,7 +300,9 @@ cli::Command convert_command() {
   return {"convert",
           "Write scans, or one mesh, into one file of another format. Examples: tessera convert mesh.ply -o "
           "mesh.glb; "
-          "tessera convert site.ply -o site.xml --breaklines 30",
+          "tessera convert site.ply -o site.xml --breaklines 30; zcat scan.xyz.gz | tessera convert - "
+          "--input-format "
+          "xyz -o - --output-format laz > scan.laz",
           t, [shared] { run_convert(*shared); }};
 }
 
