@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "kernels/holes/border_retreat.h"
 #include "kernels/holes/hole_filling.h"
 #include "kernels/holes/hole_triangulation.h"
 #include "kernels/mesh/mesh_block_ops.h"
@@ -64,6 +65,7 @@ class CrossingMender {
       if (fill(region)) return std::move(out_);
       if (out_.torn) break;
     }
+    if (!out_.torn && retreat()) return std::move(out_);
     if (!out_.torn && options_.may_cut) {
       region.assign(crossing_.begin(), crossing_.end());
       for (int ring = 0; ring <= kCutRings; ++ring) {
@@ -441,6 +443,43 @@ class CrossingMender {
     else
       out_.added = {};
     out_.mended = true;
+  }
+
+  /// Vertices of crossing faces at a border go inwards, those of one part alone before all: where two sheets end beside each other,
+  /// one pokes into the other no deeper than that.
+  bool retreat() {
+    std::vector<std::vector<std::uint32_t>> sets;
+    std::vector<std::uint32_t> all;
+    for (const std::vector<std::uint32_t>& part : parts_of({crossing_.begin(), crossing_.end()})) {
+      if (!is_known(part)) return !(out_.torn = true);
+      sets.push_back(border_vertices(block_, part));
+      all.insert(all.end(), sets.back().begin(), sets.back().end());
+    }
+    tidy(all);
+    sets.push_back(std::move(all));
+    for (double share = 1.0 / 64.0; share <= 0.5; share *= 2.0)
+      for (const auto& set : sets)
+        if (!set.empty() && pull_in(set, share)) return true;
+    return false;
+  }
+
+  bool pull_in(const std::vector<std::uint32_t>& set, double share) {
+    const BorderRetreat to = pulled_in(block_, set, share, options_.float_positions);
+    if (!is_known(to.faces)) return !(out_.torn = true);
+    std::vector<Corners> tested = to.corners;
+    std::vector<std::uint32_t> without = to.faces;
+    for (const std::uint32_t f : crossing_)
+      if (!std::binary_search(to.faces.begin(), to.faces.end(), f))
+        tested.push_back(corners(f)), without.push_back(f);
+    tidy(without);
+    if (to.turns || !is_clear(tested, to.position, without)) return false;
+    begin_added(to.position, to.rgba);
+    for (std::size_t i = 0; i < to.faces.size(); ++i)
+      add(to.corners[i], block_.face_flags[to.faces[i]],
+          block_.face_bound.empty() ? 0.0f : block_.face_bound[to.faces[i]]);
+    out_.removed = to.faces;
+    finish_added();
+    return true;
   }
 
   // Cuts.

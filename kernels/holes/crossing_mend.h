@@ -6,7 +6,8 @@
 ///
 /// Passes: the faces of the pairs, then a ring more of them up to `max_rings`, part into disks, holes in them taken along; each
 /// disk is closed by its outline's triangulation, or by a fair patch where that meets something; the first filling that exact
-/// predicates find to meet nothing stands. The last resort, where it is allowed: small parts at a border are left out.
+/// predicates find to meet nothing stands. Else vertices at a border go inwards (border_retreat.h). The last resort, where it is allowed:
+/// small parts at a border are left out.
 #pragma once
 #include <cstdint>
 #include <functional>

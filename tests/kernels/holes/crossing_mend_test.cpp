@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 
+#include "kernels/holes/border_retreat.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "tests/helpers/surfaces.h"
 
@@ -192,6 +193,34 @@ TEST_CASE("crossing mend: what passes through another surface stays, unless it m
   CHECK(is_sound(after));
   CHECK(after.faces.size() < block.faces.size());
   CHECK(after.faces.size() > block.faces.size() - 60);
+}
+
+TEST_CASE("crossing mend: a border that pokes into another one goes back, and nothing is left out",
+          "[unit]") {
+  // Two sheets that end beside each other, in walls of different slope: the corners of one border reach a little into the other.
+  Surface left = height_grid(12, 12, [](double x, double y) { return 0.3 * x + 0.05 * std::sin(y); });
+  Surface right = left;
+  for (Double3& p : right.position) p = {p[0] + 11.9, p[1] + 0.4, p[2] + 3.62 - 0.55 * p[0]};
+  const MeshBlock block = block_of({left, right});
+  const std::vector<std::uint32_t> crossing = crossing_faces(block);
+  REQUIRE(crossing.size() > 2);
+  REQUIRE(border_vertices(block, crossing).size() > 2);
+  const CrossingMend mend = mend_crossing(block, crossing, kAllSpace, options());
+  REQUIRE(mend.mended);
+  CHECK(mend.removed.size() == mend.added.faces.size());
+  const MeshBlock after = mended(block, mend);
+  CHECK(after.faces.size() == block.faces.size());
+  CHECK(crossing_faces(after).empty());
+  CHECK(is_sound(after));
+  // No farther than it has to.
+  double farthest = 0.0;
+  for (const Double3& p : mend.added.position) {
+    double nearest = 1e9;
+    for (const Double3& q : block.position) nearest = std::min(nearest, norm(p - q));
+    farthest = std::max(farthest, nearest);
+  }
+  CHECK(farthest > 0.0);
+  CHECK(farthest < 0.2);
 }
 
 TEST_CASE("crossing mend: fans that were taken apart at an edge do not cross", "[unit]") {
