@@ -9,6 +9,7 @@
 
 #include "kernels/boolean/cut_face.h"
 #include "kernels/boolean/exact_winding.h"
+#include "kernels/boolean/solid_fans.h"
 #include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/orientation_sign.h"
 #include "octree/edge_faces.h"
@@ -40,7 +41,6 @@ class Boolean {
     cut();
     for (const bool of_first : {true, false}) classify(of_first);
     select();
-    split_fans();
     finish();
     return std::move(out_);
   }
@@ -151,70 +151,24 @@ class Boolean {
     pieces_ = std::move(kept);
   }
 
-  /// Half-edge 3 f + k runs from corner k of piece f to the next.
-  std::uint32_t start(std::uint32_t half) const { return pieces_[half / 3].corner[half % 3]; }
-  std::uint32_t tip(std::uint32_t half) const { return pieces_[half / 3].corner[(half % 3 + 2) % 3]; }
-
-  /// Corners of pieces become vertices: those of faces that follow each other around an edge or vertex share one. At an edge
-  /// of four or more faces those two are neighbours that have solid between them.
-  void split_fans() {
-    std::vector<Corners> corners;
-    corners.reserve(pieces_.size());
-    for (const Piece& p : pieces_) corners.push_back(p.corner);
-    vertex_of_.reset(3 * pieces_.size());
-    const auto join = [&](std::uint32_t h, std::uint32_t g) {
-      const auto next = [](std::uint32_t x) { return x % 3 == 2 ? x - 2 : x + 1; };
-      vertex_of_.unite(h, next(g));
-      vertex_of_.unite(next(h), g);
-    };
-    EdgeFaces(cuts_.points.size(), corners)
-        .for_each([&](std::uint32_t low, std::uint32_t, std::span<const std::uint32_t> half) {
-          std::size_t up = 0;
-          for (const std::uint32_t h : half) up += start(h) == low;
-          if (2 * up != half.size()) throw std::logic_error("a boolean came out open");
-          if (half.size() == 2) {
-            join(half[0], half[1]);
-            return;
-          }
-          std::vector<std::uint32_t> around(half.begin(), half.end());
-          sort_around(around, low);
-          for (std::size_t i = 0; i < around.size(); ++i) {
-            const std::uint32_t h = around[i], g = around[(i + 1) % around.size()];
-            // Seen along the edge a face that runs along it has its outside ahead.
-            if (start(h) != low && start(g) == low) join(h, g);
-          }
-        });
-  }
-
-  /// Counter-clockwise around the edge, seen against its direction from the lower vertex on; from the first one.
-  void sort_around(std::vector<std::uint32_t>& half, std::uint32_t low) const {
-    const std::uint32_t first = half[0];
-    const std::uint32_t high =
-        start(first) == low ? pieces_[first / 3].corner[(first % 3 + 1) % 3] : start(first);
-    const auto turn = [&](std::uint32_t h, std::uint32_t g) {
-      return cuts_.points.orient3d(low, high, tip(h), tip(g));
-    };
-    // Half turns behind the first: 0, within the first half, opposite, within the second half.
-    const auto quarter = [&](std::uint32_t h) {
-      if (h == first) return 0;
-      const int t = turn(first, h);
-      return t > 0 ? 1 : t == 0 ? 2 : 3;
-    };
-    std::stable_sort(half.begin(), half.end(), [&](std::uint32_t h, std::uint32_t g) {
-      const int i = quarter(h), j = quarter(g);
-      return i != j ? i < j : turn(h, g) > 0;
-    });
-  }
-
   void finish() {
     std::unordered_map<std::uint32_t, std::uint32_t> number;
     std::unordered_map<std::uint32_t, std::uint32_t> seen;  // how often a point became a vertex
     SolidMesh& mesh = out_.mesh;
     std::vector<std::uint8_t> made;
+    std::vector<Corners> corners;
+    corners.reserve(pieces_.size());
+    for (const Piece& p : pieces_) corners.push_back(p.corner);
+    SolidFans fans(cuts_.points, corners);
+    EdgeFaces(cuts_.points.size(), corners)
+        .for_each([&](std::uint32_t low, std::uint32_t, std::span<const std::uint32_t> half) {
+          if (!fans.is_balanced(half, low)) throw std::logic_error("a boolean came out open");
+          fans.join_around(half, low);
+        });
     for (std::uint32_t f = 0; f < pieces_.size(); ++f) {
       Corners c;
       for (std::uint32_t k = 0; k < 3; ++k) {
-        const std::uint32_t root = vertex_of_.find(3 * f + k), point = pieces_[f].corner[k];
+        const std::uint32_t root = fans.vertex_of(3 * f + k), point = pieces_[f].corner[k];
         const auto [at, fresh] = number.emplace(root, static_cast<std::uint32_t>(mesh.points.size()));
         if (fresh) {
           mesh.points.push_back(cuts_.points.near(point));
@@ -233,7 +187,6 @@ class Boolean {
   MeshCuts cuts_;
   const BooleanJoin join_;
   std::vector<Piece> pieces_;
-  UnionFind vertex_of_;
   BooleanResult out_;
 };
 

@@ -64,6 +64,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/resample/resample_scale_stage.cpp", "stream/stages/resample/resample_stages.h"},
       {"stream/stages/crossings/crossing_mend_stage.cpp", "stream/stages/crossings/crossing_parts.h"},
       {"stream/stages/crossings/crossing_search_stage.cpp", "stream/stages/crossings/crossing_parts.h"},
+      {"stream/stages/crossings/self_union_stage.cpp", "stream/stages/crossings/crossing_parts.h"},
       {"stream/stages/deform/base_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/basis_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/deform_write_stage.cpp", "stream/stages/deform/deform_stages.h"},
@@ -160,6 +161,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/blends/resample_blend", "kernels/blends", {"blend_grid", "fishbone_fit", "normal_jumps"});
     by("kernels/boolean/exact_boolean", "kernels/boolean",
        {"cut_face", "exact_winding", "mesh_cuts", "settle_rounding"});
+    by("kernels/boolean/self_union", "kernels/boolean", {"self_cuts", "solid_fans"});
     by("kernels/certify/certificate_pair", "kernels/certify",
        {"convex_piece", "overlay_outline", "overlay_proof"});
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
@@ -258,9 +260,10 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/smooth_command", "stream/stages/smooth",
        {"coarse_files", "coarse_stages", "patch_range", "range_stage", "smooth_job", "smooth_plan",
         "smooth_stage", "smooth_stages", "smooth_tiles"});
+    by("kernels/holes/crossing_mend", "kernels/holes", {"border_retreat"});
     by("tools/mend_crossings", "stream/stages/crossings",
        {"crossing_mend_stage", "crossing_pairs", "crossing_parts", "crossing_search_stage", "crossing_stages",
-        "mended_mesh"});
+        "mended_mesh", "self_union_stage"});
     by("tools/mend_crossings", "stream/stages/decimate", {"result_mend"});
     by("tools/untangle", "stream/stages/smooth", {"tangled_tile", "untangle_stages", "vertices_back"});
     by("tools/reconstruct_tolerance", "stream/stages/surface",

@@ -53,6 +53,42 @@ WholeMesh spikes(bool spiked = true) {
 }
 constexpr int kSpikes = (kSide / kApart - 1) * (kSide / kApart - 1);
 
+/// Tubes along figures of eight, each through itself and the next one. Positions are floats.
+WholeMesh knots(int count) {
+  constexpr int kAlong = 160, kAround = 16;
+  constexpr double kPi = 3.14159265358979323846;
+  WholeMesh mesh;
+  for (int n = 0; n < count; ++n) {
+    Surface tube;
+    const auto curve = [&](int i) {
+      const double a = 2.0 * kPi * i / kAlong;
+      return Double3{20.0 * std::sin(a) + 31.0 * n, 10.0 * std::sin(2.0 * a), std::cos(a) + 0.37 * n};
+    };
+    for (int i = 0; i < kAlong; ++i) {
+      const Double3 u = unit(curve(i + 1) - curve(i)), side = unit(cross(u, Double3{.31, .17, 1.0})),
+                    up = cross(side, u);
+      for (int k = 0; k < kAround; ++k) {
+        const double a = 2.0 * kPi * k / kAround;
+        Double3 p = curve(i) + side * (3.0 * std::cos(a)) + up * (3.0 * std::sin(a));
+        for (double& x : p) x = static_cast<double>(static_cast<float>(x));
+        tube.position.push_back(p);
+      }
+    }
+    const auto at = [&](int i, int k) {
+      return static_cast<std::uint32_t>(i % kAlong * kAround + k % kAround);
+    };
+    for (int i = 0; i < kAlong; ++i)
+      for (int k = 0; k < kAround; ++k) {
+        tube.faces.push_back({at(i, k), at(i + 1, k), at(i + 1, k + 1)});
+        tube.faces.push_back({at(i, k), at(i + 1, k + 1), at(i, k + 1)});
+      }
+    append(mesh, tube);
+  }
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  return mesh;
+}
+
 Json check_of(const fs::path& mesh) {
   const fs::path report = mesh.string() + ".check.json";
   REQUIRE(
@@ -151,7 +187,48 @@ TEST_CASE("mend: remesh repairs too, and a mesh without crossings keeps its byte
   }
 }
 
-TEST_CASE("mend: what passes through another surface stays, and is told", "[pipeline]") {
+TEST_CASE("mend: bodies that pass through each other or themselves are united, the same bytes whatever runs",
+          "[property]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", out = folder / "out.ply";
+  write_whole(in, knots(1));
+  REQUIRE(pairs_of(in) > 100);
+  const auto run = [&](const std::string& command, std::vector<std::string> more) {
+    std::vector<std::string> words = repair(command, in, out);
+    words.push_back("--force");
+    words.insert(words.end(), more.begin(), more.end());
+    const CommandResult r = tessera_command(words);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return file_bytes(out);
+  };
+  for (const std::string command : {"smooth", "decimate"}) {
+    const std::string bytes = run(command, {"-t", "1"});
+    CHECK(pairs_of(out) == 0);
+    CHECK(check_of(out).at("solid") == true);
+    CHECK(check_of(out).at("components") == 1);
+    const Json input = report_of(out).at("crossings").at("input");
+    CHECK(input.at("left_pairs") == 0);
+    CHECK(input.at("united").at("pairs") == input.at("crossing_pairs"));
+    CHECK(input.at("united").at("inner_faces") > 20);
+    // All that is off the crossings keeps its place to the bit, where nothing is smoothed.
+    if (command == "decimate") CHECK(kept_points(in, out) > knots(1).points.size() * 8 / 10);
+    CHECK(run(command, {"-t", "2", "--tile-size", "64", "--memory", "160M"}) == bytes);
+    CHECK(run(command, {"-t", "2", "--processes"}) == bytes);
+  }
+}
+
+TEST_CASE("mend: a job that unites bodies and is killed at any moment ends with the same bytes", "[fault]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", one = folder / "one.ply", two = folder / "two.ply";
+  write_whole(in, knots(3));
+  REQUIRE(tessera_command(repair("smooth", in, one)).code == 0);
+  CHECK(resumed_after_kills(repair("smooth", in, two)).code == 0);
+  CHECK(file_bytes(two) == file_bytes(one));
+  CHECK(pairs_of(two) == 0);
+}
+
+TEST_CASE("mend: an open surface that passes through another one is refused with the reason", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = folder / "in.ply", out = folder / "out.ply";
   WholeMesh mesh;
@@ -164,15 +241,39 @@ TEST_CASE("mend: what passes through another surface stays, and is told", "[pipe
   write_whole(in, mesh);
   const std::uint64_t before = pairs_of(in);
   REQUIRE(before > 50);
+  for (const std::string command : {"smooth", "decimate", "remesh"}) {
+    const CommandResult r = tessera_command(repair(command, in, out));
+    INFO(r.errors);
+    CHECK(r.code == 6);
+    CHECK(r.errors.find(std::to_string(before) + " pairs of faces") != std::string::npos);
+    CHECK(r.errors.find("is not closed there") != std::string::npos);
+    CHECK(r.errors.find("tessera resurface") != std::string::npos);
+    CHECK(!fs::exists(out));
+    fs::remove_all(out.string() + ".tessera");
+  }
+}
+
+TEST_CASE("mend: a cap too small for uniting is refused with one that does", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", out = folder / "out.ply";
+  WholeMesh mesh = knots(1);
+  append(mesh, height_grid(400, 400, [](double x, double y) { return 100.0 + hills(x, y); }));
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  write_whole(in, mesh);
   std::vector<std::string> words = repair("smooth", in, out);
-  words.erase(std::find(words.begin(), words.end(), "-q"));
-  const CommandResult r = tessera_command(words);
-  CHECK(r.code == 0);
-  CHECK(r.errors.find("could not be mended") != std::string::npos);
-  const Json input = report_of(out).at("crossings").at("input");
-  CHECK(input.at("left_pairs") == before);
-  CHECK(input.at("left_groups") == 1);
-  CHECK(input.at("left").size() == 1);
+  words.insert(words.end(), {"-t", "1", "--memory", "160M"});
+  const CommandResult small = tessera_command(words);
+  INFO(small.errors);
+  REQUIRE(small.code == 4);
+  CHECK(small.errors.find("input-unite") != std::string::npos);
+  const std::size_t at = small.errors.find("--memory ");
+  REQUIRE(at != std::string::npos);
+  words.back() = small.errors.substr(at + 9, small.errors.find('M', at + 9) - at - 8);
+  const CommandResult enough = tessera_command(words);
+  INFO(enough.errors);
+  CHECK(enough.code == 0);
+  CHECK(pairs_of(out) == 0);
 }
 
 TEST_CASE("mend: a merge adds no crossings", "[property]") {

@@ -6,6 +6,7 @@
 
 #include "kernels/holes/crossing_mend.h"
 #include "kernels/mesh/block_contacts.h"
+#include "stream/files/direct_file.h"
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/serial_stage.h"
@@ -102,9 +103,11 @@ class CrossingMendStage : public SerialStage {
     Counts counts;
     if (pairs_ > kMaxCrossingPairs) {
       counts.left_pairs = pairs_;
+      hand_on({pairs_, mesh_.box().low}, context);
       return told(counts);
     }
     const std::vector<CrossingPair> pairs = load_crossing_pairs(files_);
+    LeftPairs left;
     MendedMesh mended(mesh_);
     std::vector<std::uint8_t> inherited(pairs.size(), 0);
     for (const PairGroup& group : group_pairs(pairs)) {
@@ -121,9 +124,11 @@ class CrossingMendStage : public SerialStage {
     }
     for (std::size_t p = 0; p < pairs.size(); ++p) {
       const bool stays = !mended.is_gone(pairs[p].face[0]) && !mended.is_gone(pairs[p].face[1]);
-      counts.left_pairs += stays && inherited[p] == 0;
+      if (stays && inherited[p] == 0 && left.pairs++ == 0) left.place = place_of(pairs[p]);
       counts.inherited_pairs += stays && inherited[p] != 0;
     }
+    counts.left_pairs = left.pairs;
+    hand_on(left, context);
     if (!mended.empty()) context.count_written(mended.write(context.create(name_ + "/mended.tmm")));
     return told(counts);
   }
@@ -138,10 +143,19 @@ class CrossingMendStage : public SerialStage {
     Json places = Json::array();
   };
 
-  static Json place_json(const CrossingPair& pair) {
+  static Double3 place_of(const CrossingPair& pair) {
     const MeshBox box = pair.shared_box();
-    const Double3 middle = box.low * 0.5 + box.high * 0.5;
-    return Json{middle[0], middle[1], middle[2]};
+    return box.low * 0.5 + box.high * 0.5;
+  }
+  static Json place_json(const CrossingPair& pair) {
+    const Double3 p = place_of(pair);
+    return Json{p[0], p[1], p[2]};
+  }
+  void hand_on(const LeftPairs& left, TaskContext& context) const {
+    if (!plan_.asked_for || left.pairs == 0) return;
+    DirectFile file(context.create(name_ + "/" + kLeftPairsFile), 4096);
+    file.write(&left, sizeof left);
+    context.count_written(file.finish());
   }
 
   Json told(const Counts& c) const {
@@ -154,13 +168,6 @@ class CrossingMendStage : public SerialStage {
                 {"faces_added", c.added},
                 {"new_vertices", c.new_vertices},
                 {"left", c.places}};
-    if (plan_.asked_for && c.left_pairs > 0)
-      out["warnings"].push_back(
-          std::to_string(c.left_pairs) +
-          " pairs of faces that cross, overlap or touch could not be mended where they are: " +
-          (c.left_groups > 0 ? "two surfaces pass through each other there, or the places are too large; "
-                             : "there are too many; ") +
-          "`tessera resurface` makes the whole mesh anew without them");
     return out;
   }
 

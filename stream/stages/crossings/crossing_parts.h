@@ -1,5 +1,5 @@
 /// \file crossing_parts.h
-/// What the two passes of crossing_stages.h share.
+/// What the passes of crossing_stages.h share.
 #pragma once
 #include <memory>
 #include <optional>
@@ -11,6 +11,7 @@ namespace tessera {
 
 std::unique_ptr<Stage> make_crossing_search_stage(const JobState& state, const CrossingPlan& plan);
 std::unique_ptr<Stage> make_crossing_mend_stage(const JobState& state, const CrossingPlan& plan);
+std::unique_ptr<Stage> make_self_union_stage(const JobState& state, const CrossingPlan& plan);
 
 inline std::string crossing_search_name(const CrossingPlan& plan) {
   return plan.prefix + "crossings";
@@ -18,6 +19,19 @@ inline std::string crossing_search_name(const CrossingPlan& plan) {
 inline std::string crossing_mend_name(const CrossingPlan& plan) {
   return plan.prefix + "mend";
 }
+
+inline std::string self_union_name(const CrossingPlan& plan) {
+  return plan.prefix + "unite";
+}
+
+/// What mending could not mend, for the pass behind it; the only record of its file.
+struct LeftPairs {
+  std::uint64_t pairs = 0;
+  Double3 place = {0, 0, 0};  ///< of one of them
+};
+inline constexpr const char* kLeftPairsFile = "left.pairs";
+/// The mesh with what was mended, before surfaces that pass through each other are united.
+MeshStore open_before_union(const JobState& state, const CrossingPlan& plan);
 
 /// Where the output holds a position; empty where it holds it as it is.
 std::function<Double3(const Double3&)> written_position(const MeshPlacement& placement);

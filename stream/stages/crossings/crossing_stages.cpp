@@ -35,8 +35,10 @@ std::vector<StageEntry> crossing_stages(const CrossingPlan& plan) {
                         return is_due(state, plan) ? make(state, plan) : make_idle_stage(name);
                       }};
   };
-  return {entry(crossing_search_name(plan), make_crossing_search_stage),
-          entry(crossing_mend_name(plan), make_crossing_mend_stage)};
+  std::vector<StageEntry> stages = {entry(crossing_search_name(plan), make_crossing_search_stage),
+                                    entry(crossing_mend_name(plan), make_crossing_mend_stage)};
+  if (plan.asked_for) stages.push_back(entry(self_union_name(plan), make_self_union_stage));
+  return stages;
 }
 
 MeshStore open_to_mend(const JobState& state, const CrossingPlan& plan) {
@@ -44,11 +46,23 @@ MeshStore open_to_mend(const JobState& state, const CrossingPlan& plan) {
   return MeshStore(mesh.files, mesh.newer);
 }
 
-MeshStore open_mended(const JobState& state, const CrossingPlan& plan) {
+namespace {
+
+MeshStore open_with(const JobState& state, const CrossingPlan& plan, const std::vector<std::string>& passes) {
   StoreFiles mesh = plan.mesh(state);
-  for (const auto& file : list_task_files(state.work / crossing_mend_name(plan), ".tmm"))
-    mesh.newer.push_back(file);
+  for (const std::string& pass : passes)
+    for (const auto& file : list_task_files(state.work / pass, ".tmm")) mesh.newer.push_back(file);
   return MeshStore(mesh.files, mesh.newer);
+}
+
+}  // namespace
+
+MeshStore open_before_union(const JobState& state, const CrossingPlan& plan) {
+  return open_with(state, plan, {crossing_mend_name(plan)});
+}
+
+MeshStore open_mended(const JobState& state, const CrossingPlan& plan) {
+  return open_with(state, plan, {crossing_mend_name(plan), self_union_name(plan)});
 }
 
 Json mending_of(const Json& report, const std::string& prefix) {
@@ -56,6 +70,12 @@ Json mending_of(const Json& report, const std::string& prefix) {
   if (!found.is_object() || !found.contains("crossing_pairs")) return nullptr;
   Json out = found;
   if (const Json mended = result_of(report, prefix + "mend"); mended.is_object()) out.update(mended);
+  if (const Json united = result_of(report, prefix + "unite");
+      united.is_object() && united.contains("pairs")) {
+    out["united"] = united;
+    out["left_groups"] = out["left_pairs"] = 0;
+    out["left"] = Json::array();
+  }
   return out;
 }
 
@@ -66,8 +86,11 @@ std::vector<StageNeed> crossing_needs(const CrossingPlan& plan, const MeshSize& 
   };
   const std::uint64_t patch = std::min(mesh.vertices, patch_vertices);
   const std::uint64_t around = std::min(9 * patch, mesh.vertices + mesh.vertices / 4);
-  return {{crossing_search_name(plan), tile(patch), std::max(tile(patch), tile(around))},
-          {crossing_mend_name(plan), crossing_mend_stage_bytes(0, 0), 0}};
+  std::vector<StageNeed> needs = {
+      {crossing_search_name(plan), tile(patch), std::max(tile(patch), tile(around))},
+      {crossing_mend_name(plan), crossing_mend_stage_bytes(0, 0), 0}};
+  if (plan.asked_for) needs.push_back({self_union_name(plan), 0, 0});
+  return needs;
 }
 
 std::function<Double3(const Double3&)> written_position(const MeshPlacement& placement) {

@@ -4,6 +4,8 @@
 ///   crossings  finds the pairs, tile by tile, exactly, as the positions will be written
 ///   mend       group by group, cuts the faces of the pairs out and closes the holes anew (kernels/holes/crossing_mend.h); writes
 ///              the patches in which faces changed
+///   unite      of --crossings repair alone, where pairs are left: closed surfaces that pass through each other or themselves become the
+///              boundary of what they hold, in memory (kernels/boolean/self_union.h); else the job ends with why that is not possible
 ///
 /// Everything else keeps its bytes. Pairs that another mesh has at the same place, from which the store was made, stay.
 #pragma once
@@ -38,7 +40,7 @@ struct CrossingPlan {
   std::function<MeshPlacement(const JobState&)> placed =
       {};                        ///< how the output holds positions; empty: as they are
   bool may_cut = false;          ///< parts at a border may go where nothing else helps
-  bool asked_for = false;        ///< by --crossings repair: what is left is warned of
+  bool asked_for = false;        ///< by --crossings repair: nothing may be left
   std::uint32_t generation = 0;  ///< below 2^20: keys of new vertices are apart for each of a job's plans
 };
 
@@ -52,7 +54,7 @@ MeshStore open_to_mend(const JobState& state, const CrossingPlan& plan);
 MeshStore open_mended(const JobState& state, const CrossingPlan& plan);
 
 /// What the report tells of them: {crossing_pairs, inherited_groups, mended_groups, left_groups, left_pairs, faces_removed,
-/// faces_added, left [places]}; null where the stages were idle.
+/// faces_added, left [places], united where surfaces were}; null where the stages were idle.
 Json mending_of(const Json& report, const std::string& prefix = "");
 
 /// Of both stages for a mesh of so many faces that no pair is in.
