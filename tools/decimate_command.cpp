@@ -2,9 +2,11 @@
 
 #include <memory>
 
+#include "octree/error.h"
 #include "stream/files/bound_text.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/meshes/textured_mesh_writer.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "tools/commands.h"
@@ -16,7 +18,11 @@ namespace {
 void run_decimate(const SimplifyOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "decimated");
   cli::require_output(state.output);
-  require_mesh_extension(state.output);
+  options.has_texture() ? require_textured_extension(state.output) : require_mesh_extension(state.output);
+  if (options.has_texture() && !open_mesh_file(input)->header().colour)
+    throw InputError(
+        input.string() +
+        ": has no colours, so there is nothing for --texture to show; tessera bake takes those of a scan");
   if (options.reference != "surface") state.inputs.emplace_back(options.reference);
   const Json report = run_job(state, decimate_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
@@ -26,6 +32,7 @@ void run_decimate(const SimplifyOptions& options, JobState state) {
              report.at("input").value("faces", std::uint64_t{0}), cost_text(report));
   cli::print_tolerance(report);
   cli::print_smoothing(report);
+  cli::print_texture(report);
   const Json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
     fmt::print("distance: at most {} both ways, proven; rms {:.3g} to the reference, {:.3g} back\n",

@@ -7,6 +7,7 @@
 #include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/meshes/textured_mesh_writer.h"
 #include "stream/page/report_value.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/report.h"
@@ -32,7 +33,7 @@ void note_site(const JobState& mesh, const cli::Site& site, const Json& of_site)
 
 void run_reconstruct(const ReconstructOptions& options, JobState state, const std::filesystem::path& tiles) {
   cli::require_output(state.output);
-  require_mesh_extension(state.output);
+  options.has_texture() ? require_textured_extension(state.output) : require_mesh_extension(state.output);
   JobDescription job = reconstruct_job(options);
   std::optional<cli::Site> site;
   if (!tiles.empty()) {
@@ -50,6 +51,7 @@ void run_reconstruct(const ReconstructOptions& options, JobState state, const st
                cost_text(report));
     cli::print_tolerance(report);
     cli::print_smoothing(report);
+    cli::print_texture(report);
     if (const std::string ground = ground_text(report); !ground.empty()) fmt::print("{}\n", ground);
     if (const std::string coverage = coverage_text(report); !coverage.empty())
       fmt::print("{}{}\n", coverage,

@@ -39,6 +39,13 @@ std::string crs_of_mesh(const std::filesystem::path& mesh) {
   return own.empty() ? text_of(shared) : own;
 }
 
+SidecarOutput found_crs() {
+  return {crs_sidecar_path, "the coordinate system beside -o", false, [](const Json& report) {
+            const Json crs = report.value("coordinate_system", Json());
+            return crs.is_object() ? bytes_of_json_text(crs.value("wkt", "")) : std::string();
+          }};
+}
+
 SidecarOutput carried_crs() {
   return {crs_sidecar_path, "the coordinate system beside -o", false, crs_of_input};
 }

@@ -17,5 +17,7 @@ std::string crs_of_mesh(const std::filesystem::path& mesh);
 
 /// The sidecar of the job's first input, written for its output; nothing where the input has none.
 SidecarOutput carried_crs();
+/// That of a job that finds its own: `coordinate_system` of its report.
+SidecarOutput found_crs();
 
 }  // namespace tessera

@@ -9,6 +9,7 @@
 #include "octree/error.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/points/projection.h"
+#include "stream/meshes/texture_option.h"
 #include "stream/points/clip_polygon.h"
 #include "stream/points/point_filter.h"
 
@@ -234,6 +235,7 @@ OptionTable option_table(ReconstructOptions& o) {
         "mesh asks for; denoise: fits, 7 times as long, sharp creases (both as of tessera smooth); auto: "
         "denoise from a noise of 0.02 edges on, else implicit")
       .one_of({"off", "implicit", "denoise", "auto"});
+  add_texture(t, o.texture, "the points, with --tolerance,");
   t.add("keep-raw", &o.keep_raw,
         "with a tolerance: write the mesh of full resolution too, `site.raw.ply` for `site.ply`");
   t.add("local-output", &o.local_output,
@@ -263,6 +265,12 @@ void ReconstructOptions::validate() {
     throw UsageError(
         std::string(keep_raw ? "--keep-raw" : "--reference") +
         ": means something with --tolerance only, without it the mesh of full resolution is the result");
+  if (tolerance == 0.0 && has_texture())
+    throw UsageError(
+        "--texture: means something with --tolerance only, without it every vertex has the colour of its "
+        "points; give --tolerance auto, or see tessera bake");
+  if (has_texture() && colour == "none")
+    throw UsageError("--texture with --colour none: there would be nothing on it; leave one of them out");
   if (tolerance == 0.0 && smooths())
     throw UsageError(
         "--smooth: means something with --tolerance only, which bounds how far vertices move; tessera smooth "

@@ -45,6 +45,7 @@ struct ReconstructOptions {
   double tolerance = 0.0;
   std::string reference = "surface";
   std::string smooth = "off";
+  double texture = 0.0;  ///< texture_option.h: width of a texel, kAutoTexture; 0 = colours of vertices
   bool keep_raw = false;
   bool local_output = false;
 
@@ -61,6 +62,7 @@ struct ReconstructOptions {
   /// Whether the result is not the mesh of full resolution.
   bool decimates() const { return tolerance != 0.0; }
   bool smooths() const { return smooth != "off"; }
+  bool has_texture() const { return texture != 0.0; }
   /// The N of max_hole, 0 for auto. \throws UsageError for what is neither
   std::uint32_t max_hole_edges() const;
   /// Also reads the files of --clip and --crs. \throws UsageError for options that mean nothing together; InputError

@@ -278,9 +278,11 @@ const std::map<std::string, std::string>& covering_tests() {
        {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",
         "patch_positions", "uncross_stage", "weld_stage"});
     by("tools/bake", "stream/stages/bake",
-       {"bake_charts_stage", "bake_job", "bake_options", "bake_pack_stage", "bake_pages", "bake_scale",
-        "bake_pages_stage", "bake_points_stage", "bake_scale_stage", "bake_stages", "bake_texels_stage",
-        "bake_write_stage", "chart_files", "texel_files", "texture_points"});
+       {"bake_charts_stage", "bake_colours", "bake_job", "bake_needs", "bake_options", "bake_pack_stage",
+        "bake_pages", "bake_scale", "bake_pages_stage", "bake_points_stage", "bake_scale_stage",
+        "bake_stages", "bake_texels_stage", "bake_write_stage", "chart_files", "texel_files",
+        "texture_points"});
+    by("tools/texture_jobs", "stream/stages/reconstruct", {"scan_colours"});
     by("tools/tiles", "stream/stages/tiles",
        {"cluster_stage", "colour_stage", "folder_stage", "tile_levels", "tiles_job", "tiles_options",
         "tiles_stage", "tileset_stage"});

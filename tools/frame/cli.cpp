@@ -294,6 +294,25 @@ void print_smoothing(const Json& report) {
              smoothing.at("rms_move").get<double>());
 }
 
+void print_texture(const Json& report) {
+  if (!report.contains("texture")) return;
+  const Json texture = report.at("texture");
+  const auto of = [&](const char* stage) { return texture.value(stage, Json::object()); };
+  const Json charts = of("charts"), pack = of("pack"), texels = of("texels"), scale = of("scale");
+  fmt::print(
+      "textures: {} pages, {} texels of {:.4g}, {} charts, {:.3g} per 1,000 faces, stretch {:.3f}, "
+      "{:.1f} % of the pages used\n",
+      pack.value("pages", Json::array()).size(), texels.value("texels", std::uint64_t{0}),
+      scale.value("texel", 0.0), charts.value("charts", std::uint64_t{0}),
+      charts.value("charts_per_1000_faces", 0.0), charts.value("stretch_l2", 0.0),
+      100.0 * pack.value("used_share", 0.0));
+  if (!texels.contains("psnr_db")) return;
+  fmt::print("colours at points: {:.2f} dB (PSNR)", texels.at("psnr_db").get<double>());
+  if (texels.contains("vertex_colours_psnr_db"))
+    fmt::print(", by the colours of vertices {:.2f} dB", texels.at("vertex_colours_psnr_db").get<double>());
+  fmt::print("\n");
+}
+
 void run_words(const std::string& name, const std::vector<Command>& commands,
                const std::vector<std::string>& words) {
   CLI::App app("", name);

@@ -98,8 +98,9 @@ ProgressSink stderr_sink();
 void print_repairs(const std::string& input, const Json& report);
 /// One line for what `--tolerance auto` was, from `tolerance` of a report; none where a number was given.
 void print_tolerance(const Json& report);
-/// One line for what --smooth did, from `smoothing` of a report; none where there is none.
+/// Lines for what --smooth and --texture did, from `smoothing` and `texture` of a report; none where there is none.
 void print_smoothing(const Json& report);
+void print_texture(const Json& report);
 
 /// Parses the words of a line, the command's name first, and runs the command; throws whatever it throws.
 /// \throws UsageError for a line that none of the commands takes

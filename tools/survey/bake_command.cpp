@@ -20,24 +20,6 @@ struct BakeCommand {
   JobState state;
 };
 
-void print_texture(const std::filesystem::path& output, const Json& report) {
-  const Json mesh = report.value("mesh", Json::object()), texture = report.value("texture", Json::object());
-  const auto of = [&](const char* stage) { return texture.value(stage, Json::object()); };
-  const Json charts = of("charts"), pack = of("pack"), texels = of("texels"), scale = of("scale");
-  fmt::print("{}: {} faces, {} pages, {} texels of {:.4g}, {}\n", output.string(),
-             mesh.value("faces", std::uint64_t{0}), pack.value("pages", Json::array()).size(),
-             texels.value("texels", std::uint64_t{0}), scale.value("texel", 0.0), cost_text(report));
-  fmt::print("charts: {}, {:.3g} per 1,000 faces, stretch {:.3f}, {:.1f} % of the pages used\n",
-             charts.value("charts", std::uint64_t{0}), charts.value("charts_per_1000_faces", 0.0),
-             charts.value("stretch_l2", 0.0), 100.0 * pack.value("used_share", 0.0));
-  if (texels.contains("psnr_db")) {
-    fmt::print("colours at points: {:.2f} dB (PSNR)", texels.at("psnr_db").get<double>());
-    if (texels.contains("vertex_colours_psnr_db"))
-      fmt::print(", by the colours of vertices {:.2f} dB", texels.at("vertex_colours_psnr_db").get<double>());
-    fmt::print("\n");
-  }
-}
-
 void run_bake(BakeCommand& command) {
   cli::require_inputs(command.inputs);
   command.options.validate();
@@ -59,7 +41,9 @@ void run_bake(BakeCommand& command) {
   const Json report = run_job(state, bake_job(command.options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
   cli::print_repairs(state.inputs.front().string(), report);
-  print_texture(state.output, report);
+  fmt::print("{}: {} faces, {}\n", state.output.string(),
+             report.value("mesh", Json::object()).value("faces", std::uint64_t{0}), cost_text(report));
+  cli::print_texture(report);
 }
 
 }  // namespace

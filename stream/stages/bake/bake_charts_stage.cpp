@@ -11,7 +11,6 @@ namespace {
 
 /// Larger charts leave holes on pages that nothing fills, smaller ones have more of their texels in margins.
 constexpr double kChartTexels = 176.0;
-constexpr std::uint64_t kChartFaceBytes = 700;  ///< of growing, mapping and unfolding a face
 
 class BakeChartsStage : public Stage {
  public:

@@ -27,13 +27,7 @@ ImportSource baked_source() {
 void summarise(Json& report) {
   report["input"] = import_report(report, kBakedMesh);
   report["mesh"] = result_of(report, "write");
-  Json texture = Json::object();
-  for (const char* stage : {"points", "scale", "charts", "pack", "texels", "pages"})
-    if (Json result = result_of(report, std::string("texture-") + stage); result.is_object()) {
-      result.erase("warnings");
-      texture[stage] = result;
-    }
-  report["texture"] = texture;
+  summarise_texture(report);
 }
 
 /// Pages lie beside files that cannot hold them.
@@ -45,8 +39,24 @@ std::filesystem::path first_page(const std::filesystem::path& output) {
 
 }  // namespace
 
+void summarise_texture(Json& report) {
+  Json texture;
+  for (const char* stage : {"points", "scale", "charts", "pack", "texels", "pages"})
+    if (Json result = result_of(report, std::string("texture-") + stage); result.is_object()) {
+      result.erase("warnings");
+      texture[stage] = result;
+    }
+  if (texture.is_object()) report["texture"] = std::move(texture);
+}
+
+void add_texture_sidecars(JobDescription& job, bool wanted) {
+  if (!wanted) return;
+  job.sidecars.push_back({material_path, "the material beside -o", true});
+  job.sidecars.push_back({first_page, "the pages beside -o", true});
+}
+
 std::vector<StageEntry> bake_stages(const BakeOptions& options, const BakeStores& stores) {
-  return {{"texture-points", [=](const JobState& s) { return make_bake_points_stage(s, options, stores); }},
+  return {{"texture-points", [=](const JobState& s) { return make_bake_points_stage(s, stores); }},
           {"texture-scale", [=](const JobState& s) { return make_bake_scale_stage(s, options, stores); }},
           {"texture-charts", [=](const JobState& s) { return make_bake_charts_stage(s, options, stores); }},
           {"texture-pack", [=](const JobState& s) { return make_bake_pack_stage(s, options); }},
@@ -59,21 +69,22 @@ JobDescription bake_job(const BakeOptions& options) {
   options.validate();
   BakeStores stores;
   stores.mesh = [](const JobState& s) { return open_imported_mesh(s.work, kBakedMesh); };
-  stores.comment = "made by tessera bake";
+  stores.comment = [](const JobState&) { return std::string("made by tessera bake"); };
   std::vector<StageEntry> stages = import_stages(baked_source());
   if (options.fine_mesh) {
     for (StageEntry& entry : import_stages({1, kFineMesh})) stages.push_back(std::move(entry));
-    stores.fine = [](const JobState& s) { return open_imported_mesh(s.work, kFineMesh); };
+    stores.colours = [](const JobState& s) {
+      return colours_of_store(open_imported_mesh(s.work, kFineMesh));
+    };
+  } else {
+    stores.colours = [scans = options.scans](const JobState& s) {
+      const auto first = s.inputs.begin() + 1;
+      return colours_of_scans({first, first + static_cast<std::ptrdiff_t>(scans)});
+    };
   }
   for (StageEntry& entry : bake_stages(options, stores)) stages.push_back(std::move(entry));
-  JobDescription job{"bake",
-                     std::move(stages),
-                     0,
-                     summarise,
-                     {carried_crs(),
-                      {material_path, "the material beside -o", true},
-                      {first_page, "the pages beside -o", true}},
-                     job_page()};
+  JobDescription job{"bake", std::move(stages), 0, summarise, {carried_crs()}, job_page()};
+  add_texture_sidecars(job);
   job.needs = [options](const JobState& state) {
     std::vector<StageNeed> needs =
         import_needs(state.run, baked_source(), claimed_mesh_size(state.inputs.at(0)));

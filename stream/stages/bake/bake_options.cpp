@@ -31,6 +31,12 @@ OptionTable option_table(BakeOptions& o) {
   return t;
 }
 
+BakeOptions BakeOptions::of_texture(double texture) {
+  BakeOptions options;
+  options.texel = texture > 0.0 ? texture : 0.0;
+  return options;
+}
+
 void BakeOptions::validate() const {
   if (!std::has_single_bit(page_size))
     throw UsageError("--page-size " + std::to_string(page_size) + ": is no power of two; " +

@@ -16,6 +16,8 @@ struct BakeOptions {
   std::uint64_t scans = 1;  ///< inputs behind the mesh
   bool fine_mesh = false;   ///< that input is a mesh
 
+  /// Of a job whose result gets textures. \param texture  width of a texel, or kAutoTexture
+  static BakeOptions of_texture(double texture);
   /// \throws UsageError naming the option
   void validate() const;
 };

@@ -15,8 +15,11 @@
 #include <memory>
 #include <string>
 
+#include "stream/formats/meshes/mesh_precision.h"
 #include "stream/meshes/mesh_store.h"
+#include "stream/runtime/job.h"
 #include "stream/runtime/stage.h"
+#include "stream/stages/bake/bake_colours.h"
 #include "stream/stages/bake/bake_options.h"
 
 namespace tessera {
@@ -24,8 +27,10 @@ namespace tessera {
 /// Where mesh and colours come from.
 struct BakeStores {
   std::function<MeshStore(const JobState&)> mesh;
-  std::function<MeshStore(const JobState&)> fine;  ///< empty: colours come from the scans among the inputs
-  std::string comment;                             ///< in the output
+  std::function<std::unique_ptr<BakeColours>(const JobState&)> colours;
+  std::function<std::string(const JobState&)> comment;  ///< in the output
+  /// Where positions of the output count from, if a proof before it counts on that; empty: the store's own.
+  std::function<MeshPlacement(const JobState&)> placement = {};
 };
 
 // Names of files in the work directory.
@@ -40,8 +45,12 @@ inline constexpr const char* kBakeImages = "bake/images/";
 /// All of them, in order.
 std::vector<StageEntry> bake_stages(const BakeOptions& options, const BakeStores& stores);
 
-std::unique_ptr<Stage> make_bake_points_stage(const JobState& state, const BakeOptions& options,
-                                              const BakeStores& stores);
+/// `texture` of a report: what they say, by stage without "texture-"; nothing without them.
+void summarise_texture(Json& report);
+/// Files beside an output with textures. \param wanted  false: none
+void add_texture_sidecars(JobDescription& job, bool wanted = true);
+
+std::unique_ptr<Stage> make_bake_points_stage(const JobState& state, const BakeStores& stores);
 std::unique_ptr<Stage> make_bake_scale_stage(const JobState& state, const BakeOptions& options,
                                              const BakeStores& stores);
 std::unique_ptr<Stage> make_bake_charts_stage(const JobState& state, const BakeOptions& options,

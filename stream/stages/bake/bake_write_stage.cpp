@@ -23,7 +23,8 @@ class BakeWriteStage : public SerialStage {
   BakeWriteStage(const JobState& state, const BakeOptions& options, const BakeStores& stores)
       : state_(state),
         margin_(static_cast<int>(options.margin)),
-        comment_(stores.comment),
+        placement_(stores.placement),
+        comment_(stores.comment(state)),
         store_(stores.mesh(state)),
         blocks_(BakeScale::of_work(state.work).blocks(store_)),
         pages_(BakePages::of_work(state.work)) {}
@@ -41,7 +42,8 @@ class BakeWriteStage : public SerialStage {
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
-    const MeshPlacement placement = store_placement(state_.output, store_, 0.0);
+    const MeshPlacement placement =
+        placement_ ? placement_(state_) : store_placement(state_.output, store_, 0.0);
     Json result = {{"path", json_text(state_.output)}, {"faces", store_.face_count()}};
     if (holds_floats_only(state_.output)) {
       write_glb(placement.origin, context, result);
@@ -200,6 +202,7 @@ class BakeWriteStage : public SerialStage {
 
   JobState state_;
   int margin_;
+  std::function<MeshPlacement(const JobState&)> placement_;
   std::string comment_;
   MeshStore store_;
   std::vector<MeshBlockCut> blocks_;

@@ -23,6 +23,8 @@ struct ChartEntry {
 
 /// Texels of a side of a cell of the masks.
 inline constexpr int kMaskCell = 2;
+/// Memory of growing, mapping and unfolding a face.
+inline constexpr std::uint64_t kChartFaceBytes = 700;
 
 std::filesystem::path chart_file(const std::filesystem::path& work, std::size_t block);
 

@@ -10,6 +10,8 @@
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
 #include "stream/runtime/serial_stage.h"
+#include "stream/stages/bake/bake_needs.h"
+#include "stream/stages/bake/bake_stages.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/result_mend.h"
 #include "stream/stages/decimate/simplify_needs.h"
@@ -43,6 +45,31 @@ SimplifyStores after(const SmoothBefore& smoothing, SimplifyStores stores) {
   return stores;
 }
 
+std::string made_with(const std::string& made_by, double tolerance) {
+  return "made by " + made_by + ", tolerance " + dump_json(Json(tolerance));
+}
+
+/// The result with textures, in place of what writes it.
+std::vector<StageEntry> texture_stages(const SimplifyOptions& options, const SimplifyStores& stores,
+                                       const std::string& made_by) {
+  BakeStores bake;
+  bake.mesh = [=](const JobState& s) { return open_round_result(s, options.passes, last_round(s.work)); };
+  bake.colours = stores.colours ? stores.colours
+                                : [=](const JobState& s) { return colours_of_store(stores.reference(s)); };
+  bake.comment = [=](const JobState& s) {
+    return made_with(made_by, stores.requested(s, options).tolerance);
+  };
+  bake.placement = [=](const JobState& s) {
+    return stores.placement(s, stores.requested(s, options).tolerance);
+  };
+  std::vector<StageEntry> stages = bake_stages(BakeOptions::of_texture(options.texture), bake);
+  for (StageEntry& entry : stages)
+    entry.forecast = [name = entry.name, texel = options.texture](const PlannedScan& scan) {
+      return name == "write" ? forecast_store_write(scan) : forecast_texture(scan, name, texel);
+    };
+  return stages;
+}
+
 void summarise(Json& report) {
   report["input"] = import_report(report, kDecimateImport);
   report["mesh"] = result_of(report, "write");
@@ -52,6 +79,7 @@ void summarise(Json& report) {
     report["tolerance"] = {{"taken", auto_tolerance(edge, deviation)}, {"edge", edge}, {"noise", deviation}};
   }
   report["certificate"] = certificate_of(report);
+  summarise_texture(report);
   if (const Json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
   if (const Json mended = mendings_of(report, kMaxRounds); mended.is_object()) report["crossings"] = mended;
 }
@@ -130,13 +158,17 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
                       }});
     if (round == 0) stages.back().forecast = forecast_certify;
   }
+  if (options.has_texture()) {
+    for (StageEntry& entry : texture_stages(options, stores, made_by)) stages.push_back(std::move(entry));
+    return stages;
+  }
   stages.push_back({"write",
                     [=](const JobState& state) {
                       const double tolerance = stores.requested(state, options).tolerance;
                       return make_store_write_stage(
                           state, open_round_result(state, options.passes, last_round(state.work)),
-                          "made by " + made_by + ", tolerance " + dump_json(Json(tolerance)),
-                          sort_bytes(state.run), stores.placement(state, tolerance));
+                          made_with(made_by, tolerance), sort_bytes(state.run),
+                          stores.placement(state, tolerance));
                     },
                     forecast_store_write});
   return stages;
@@ -157,6 +189,7 @@ JobDescription decimate_job(const SimplifyOptions& options) {
     stages.push_back(std::move(entry));
   JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_crs(), known_origin()},
                         job_page()};
+  add_texture_sidecars(job, options.has_texture());
   job.needs = [=](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kDecimateImport}, mesh);
@@ -170,6 +203,8 @@ JobDescription decimate_job(const SimplifyOptions& options) {
     }
     if (repairs) append(crossing_needs(input, mesh, ImportPlan::kBrickVertices));
     append(simplify_needs(state.run, options, mesh.faces));
+    if (options.has_texture())
+      append(bake_needs(state.run, BakeOptions::of_texture(options.texture).page_size));
     if (state.inputs.size() > 1)
       append(import_needs(state.run, {1, "reference"}, claimed_mesh_size(state.inputs[1])));
     return needs;

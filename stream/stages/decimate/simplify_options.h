@@ -23,10 +23,12 @@ struct SimplifyOptions {
   double colour_weight = 0.0;
   double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
   std::string smooth = "off";  ///< smooth_before.h
+  double texture = 0.0;        ///< texture_option.h: width of a texel, kAutoTexture; 0 = colours of vertices
   int passes = 3;  ///< each with the whole tolerance: a ramp left three times the faces on terrain
   std::uint64_t block_faces = 1u << 16;  ///< with at most eight times as many of the reference below it
 
   bool smooths() const { return smooth != "off"; }
+  bool has_texture() const { return texture != 0.0; }
   /// \throws UsageError naming the option
   void validate() const;
   /// \pre the tolerance is known. What blocks are decimated with: the proof at the end is tight to a few percent, that much is left to it.

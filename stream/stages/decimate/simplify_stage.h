@@ -13,6 +13,7 @@
 #include "stream/meshes/mesh_blocking.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/stage.h"
+#include "stream/stages/bake/bake_colours.h"
 #include "stream/stages/decimate/simplify_options.h"
 
 namespace tessera {
@@ -51,6 +52,9 @@ struct SimplifyStores {
   /// How the job's output holds the result, where the box of `full` does not tell it; else empty. What that takes of the
   /// tolerance is off `tolerance_left` then.
   std::function<MeshPlacement(const JobState&)> placed = {};
+
+  /// Colours of textures; empty: those of the vertices of the mesh as it was given.
+  std::function<std::unique_ptr<BakeColours>(const JobState&)> colours = {};
 
   /// With the tolerance as it was asked for, or found.
   SimplifyOptions requested(const JobState& state, SimplifyOptions chosen) const {

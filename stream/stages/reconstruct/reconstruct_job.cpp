@@ -6,7 +6,6 @@
 
 #include <algorithm>
 
-#include "stream/files/path_text.h"
 #include "stream/files/task_files.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_bytes.h"
@@ -15,6 +14,7 @@
 #include "stream/meshes/mesh_store_output.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
+#include "stream/stages/bake/bake_stages.h"
 #include "stream/stages/coverage/coverage_stage.h"
 #include "stream/stages/coverage/missing_picture.h"
 #include "stream/stages/coverage/seen_stages.h"
@@ -24,6 +24,7 @@
 #include "stream/stages/plan/forecast_rates.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/reconstruct/forecast_stage.h"
+#include "stream/stages/reconstruct/scan_colours.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/ground_stages.h"
 #include "stream/stages/scan/normals_stage.h"
@@ -102,6 +103,7 @@ void summarise(Json& report) {
       report.contains("samples") && certificate.is_object() && certificate.contains("rounding"))
     report["samples"]["certified_max"] =
         report["samples"]["certified_max"].get<double>() + certificate.at("rounding").get<double>();
+  summarise_texture(report);
   if (const Json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
   if (const Json mended = mendings_of(report, kMaxRounds); mended.is_object()) report["crossings"] = mended;
   const Json written = result_of(report, "write");
@@ -122,14 +124,10 @@ void summarise(Json& report) {
   }
 }
 
-std::string crs_text(const Json& report) {
-  const Json crs = report.value("coordinate_system", Json());
-  return crs.is_object() ? bytes_of_json_text(crs.value("wkt", "")) : "";
-}
-
 /// What the passes before the forecast take, and of later ones what no scan is too small for.
 std::vector<StageNeed> early_needs(const JobState& state) {
   const ReconstructOptions options = reconstruct_options(state);
+  if (options.has_texture()) require_colours(state);
   std::uint64_t bytes = 0;
   for (const std::filesystem::path& input : state.inputs) bytes += std::filesystem::file_size(input);
   std::vector<StageNeed> needs = {{"survey", survey_finish_bytes(state.run, bytes), 0}};
@@ -240,6 +238,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   };
   const auto finish = [&](SimplifyStores stores) {
     stores.placed = [](const JobState& state) { return plan_placement(state, Plan::of_work(state.work)); };
+    stores.colours = colours_of_job;
     const SimplifyOptions simplify = reconstruct_simplify_options(options);
     append(simplify_stages(simplify, stores, "tessera reconstruct"));
     const auto result = [=](const JobState& s) {
@@ -328,8 +327,9 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
     job.sidecars.push_back({uncertain_points_path, "the doubts of --normals"});
   }
   job.sidecars.push_back({missing_picture_path, "the picture of what is missing"});
-  job.sidecars.push_back({crs_sidecar_path, "the coordinate system beside -o", false, crs_text});
+  job.sidecars.push_back(found_crs());
   job.sidecars.push_back(known_origin());
+  add_texture_sidecars(job, options.has_texture());
   if (options.keep_raw) {
     job.sidecars.push_back({raw_output_path, "--keep-raw", true});
     const auto path = [](const std::filesystem::path& out) { return stl_shift_path(raw_output_path(out)); };

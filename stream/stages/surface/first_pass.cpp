@@ -113,6 +113,7 @@ SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) 
   SimplifyOptions simplify;
   simplify.tolerance = options.tolerance;
   simplify.smooth = options.smooth;
+  simplify.texture = options.texture;
   return simplify;
 }
 

@@ -1,0 +1,79 @@
+#include "stream/stages/bake/bake_colours.h"
+
+#include <array>
+#include <utility>
+
+#include "kernels/mesh/mesh_block_ops.h"
+#include "octree/error.h"
+#include "stream/survey/measured_points.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kReadAhead = 3;  ///< slices of a scan
+
+class ScanColours : public BakeColours {
+ public:
+  explicit ScanColours(const std::vector<std::filesystem::path>& scans)
+      : points_(open_measured_scans(scans, {}, kReadAhead)) {
+    if (!points_->attributes.colour)
+      throw InputError(scans.front().string() + ": its points have no colours, so there is nothing to bake");
+  }
+  void read(const Double3& shift, TaskContext& context, const TexturePointSink& sink) override {
+    const Double3 by = points_->shift - shift;
+    points_->read([&](const PointChunk& chunk) {
+      context.check_stop();
+      if (chunk.rgba.empty()) return;  // of a scan without colours among others
+      for (std::size_t i = 0; i < chunk.size(); ++i)
+        sink(Double3{chunk.x[i], chunk.y[i], chunk.z[i]} + by, chunk.rgba[i] & 0xffffffu, {});
+    });
+  }
+  std::uint64_t bytes() const override { return kReadAhead * kSliceMemory; }
+  Crs crs() const override { return points_->crs; }
+  std::uint64_t left_out() const override { return points_->left_out; }
+  std::vector<std::string> notices() const override { return points_->notices(); }
+
+ private:
+  std::unique_ptr<MeasuredPoints> points_;
+};
+
+class StoreColours : public BakeColours {
+ public:
+  explicit StoreColours(MeshStore mesh) : mesh_(std::move(mesh)) {
+    if (!mesh_.info().colour)
+      throw InputError("the mesh that colours come from has no colours, so there is nothing to bake");
+  }
+  /// Vertices with the normals of their stars, each once.
+  void read(const Double3& shift, TaskContext& context, const TexturePointSink& sink) override {
+    const Double3 by = mesh_.info().shift - shift;
+    for (std::size_t p = 0; p < mesh_.patches().size(); ++p) {
+      context.check_stop();
+      const MeshHaloBlock near = mesh_.load_near(std::array{p}, 0.0);
+      const MeshBlock& block = near.block;
+      std::vector<Double3> normal(block.key.size(), Double3{});
+      for (const auto& f : block.faces) {
+        const Double3 n = triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]);
+        for (const std::uint32_t v : f) normal[v] = normal[v] + n;
+      }
+      for (const std::uint32_t v : near.core_vertices.at(0))
+        if (near.first_patch[v] == p)
+          sink(block.position[v] + by, block.rgba[v] & 0xffffffu, unit_or_zero(normal[v]));
+    }
+  }
+  std::uint64_t bytes() const override { return 8 * mesh_.largest_patch_bytes(); }
+  bool has_normals() const override { return true; }
+
+ private:
+  MeshStore mesh_;
+};
+
+}  // namespace
+
+std::unique_ptr<BakeColours> colours_of_scans(const std::vector<std::filesystem::path>& scans) {
+  return std::make_unique<ScanColours>(scans);
+}
+std::unique_ptr<BakeColours> colours_of_store(MeshStore mesh) {
+  return std::make_unique<StoreColours>(std::move(mesh));
+}
+
+}  // namespace tessera

@@ -1,0 +1,35 @@
+/// \file bake_colours.h
+/// What the colours of textures come from: coloured points, handed out in any order.
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "stream/formats/points/crs.h"
+#include "stream/meshes/mesh_store.h"
+#include "stream/runtime/stage.h"
+#include "stream/stages/bake/texture_points.h"
+
+namespace tessera {
+
+class BakeColours {
+ public:
+  virtual ~BakeColours() = default;
+  /// Hands out all points, `shift` taken off their coordinates.
+  /// \throws as the readers do; StoppedError
+  virtual void read(const Double3& shift, TaskContext& context, const TexturePointSink& sink) = 0;
+  virtual std::uint64_t bytes() const = 0;  ///< memory of reading
+  virtual bool has_normals() const { return false; }
+  virtual Crs crs() const { return {}; }  ///< unknown where that of the mesh is theirs
+  // After reading.
+  virtual std::uint64_t left_out() const { return 0; }
+  virtual std::vector<std::string> notices() const { return {}; }
+};
+
+/// \throws InputError for scans without colours, and as open_measured_scans()
+std::unique_ptr<BakeColours> colours_of_scans(const std::vector<std::filesystem::path>& scans);
+/// Vertices of a mesh, with their normals. \throws InputError where it has no colours
+std::unique_ptr<BakeColours> colours_of_store(MeshStore mesh);
+
+}  // namespace tessera

@@ -1,0 +1,84 @@
+#include "stream/stages/bake/bake_needs.h"
+
+#include <algorithm>
+
+#include "stream/meshes/store_write_stage.h"
+#include "stream/points/point_inputs.h"
+#include "stream/stages/bake/bake_options.h"
+#include "stream/stages/bake/bake_scale.h"
+#include "stream/stages/bake/chart_files.h"
+#include "stream/stages/bake/texture_points.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint64_t kBakePointsFixed = std::uint64_t{24} << 20;
+constexpr std::uint64_t kCellTableBytes = 27 * 120;  ///< of the cells around a patch
+constexpr double kPointBytes = 20.0, kChartTexelBytes = 1.0, kTexelBytes = 6.0, kPageBytes = 2.6;
+// Microseconds a point, a texel.
+constexpr double kPointTime = 0.6, kChartTime = 0.15, kPackTime = 0.2, kTexelTime = 2.5, kPageTime = 0.25;
+constexpr double kBlockFill = 0.5;  ///< of the texels that a block may have
+
+std::uint64_t texel_task_bytes(std::uint64_t page_size, double points_per_texel) {
+  const auto texels = static_cast<double>(kBlockTexels);
+  return block_raster_bytes(texels, page_size, 12) +
+         static_cast<std::uint64_t>(2.0 * points_per_texel * texels) *
+             (TexturePoints::bytes_per_point() + 60) +
+         (std::uint64_t{8} << 20);
+}
+
+}  // namespace
+
+std::uint64_t bake_points_bytes(std::uint64_t sort_bytes, std::uint64_t patches) {
+  return sort_bytes + kBakePointsFixed + patches * kCellTableBytes;
+}
+
+std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size) {
+  return {{"texture-points", bake_points_bytes(sort_bytes(run), 0), 0},
+          {"texture-pages", page_size * page_size * 13 + (std::uint64_t{12} << 20), 0}};
+}
+
+StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage, double texel) {
+  const auto page_size = std::uint64_t{BakeOptions{}.page_size};
+  // Two texels a point where nothing else is asked for; area from the faces of full resolution.
+  const double h = scan.plan.lattice.h, area = 0.5 * scan.faces * h * h;
+  const double texels = texel > 0.0 ? area / (texel * texel) : 2.0 * scan.points;
+  const double per_texel = texels > 0.0 ? std::min(scan.points / texels, 4.0) : 0.0;
+  const auto blocks =
+      static_cast<std::uint64_t>(texels / (kBlockFill * static_cast<double>(kBlockTexels))) + 1;
+  const auto pages =
+      static_cast<std::uint64_t>(1.4 * texels / static_cast<double>(page_size * page_size)) + 1;
+  StageForecast told = idle_forecast();
+  if (stage == "texture-points") {
+    told.finish_bytes = bake_points_bytes(sort_bytes(scan.run), scan.groups.size()) + PointInputs::kReadBytes;
+    told.disk_bytes = bytes_of(scan.points, kPointBytes), told.files = 1;
+    told.processor_us = scan.points * kPointTime;
+    told.moved_bytes = 4.0 * static_cast<double>(told.disk_bytes);
+  } else if (stage == "texture-charts") {
+    told.tasks = told.files = blocks;
+    told.task_bytes = block_raster_bytes(static_cast<double>(kBlockTexels), page_size, 9) +
+                      kBlockTextureFaces * kChartFaceBytes;
+    told.disk_bytes = bytes_of(texels, kChartTexelBytes / 4.0);
+    told.processor_us = texels * kChartTime;
+    told.moved_bytes = static_cast<double>(told.disk_bytes);
+  } else if (stage == "texture-pack") {
+    told.finish_bytes = bytes_of(texels, 0.25) + (std::uint64_t{8} << 20);
+    told.files = 2;
+    told.processor_us = texels * kPackTime * static_cast<double>(scan.run.threads);  // on one thread
+  } else if (stage == "texture-texels") {
+    told.tasks = told.files = blocks;
+    told.task_bytes = texel_task_bytes(page_size, per_texel);
+    told.disk_bytes = bytes_of(texels, kTexelBytes);
+    told.processor_us = texels * kTexelTime;
+    told.moved_bytes = static_cast<double>(told.disk_bytes) + scan.points * kPointBytes;
+  } else if (stage == "texture-pages") {
+    told.tasks = told.files = pages;
+    told.task_bytes = page_size * page_size * 13 + (std::uint64_t{12} << 20);
+    told.disk_bytes = bytes_of(texels, kPageBytes);
+    told.processor_us = texels * kPageTime;
+    told.moved_bytes = texels * kTexelBytes;
+  }
+  return told;
+}
+
+}  // namespace tessera

@@ -1,0 +1,23 @@
+/// \file bake_needs.h
+/// What the stages of textures will take.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "stream/runtime/options.h"
+#include "stream/runtime/stage.h"
+#include "stream/stages/plan/planned_scan.h"
+
+namespace tessera {
+
+/// Memory of the stage "texture-points" beside what reading takes.
+std::uint64_t bake_points_bytes(std::uint64_t sort_bytes, std::uint64_t patches);
+
+/// Whatever the mesh, before it is read.
+std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size);
+
+/// Of a stage of a reconstruction with `--texture`. \param texel  units of the scan; not above 0: automatic
+StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage, double texel);
+
+}  // namespace tessera

@@ -1,0 +1,176 @@
+// --texture of reconstruct and decimate as a user runs them: one job whose result has textures.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "stream/files/json.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/shell.h"
+
+namespace texture_jobs_test {
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSide = 80;
+
+double relief(double x, double y) {
+  return 0.8 * std::sin(0.3 * x) * std::cos(0.2 * y);
+}
+
+/// Red along x, green along y, a border in blue.
+std::array<int, 3> paint(double x, double y) {
+  return {static_cast<int>(12.0 * x), static_cast<int>(12.0 * y), x < 10.1 ? 20 : 220};
+}
+
+/// Sixteen points a unit of area.
+fs::path write_painted_scan(const fs::path& path) {
+  std::string text = "x y z r g b\n";
+  for (int j = 0; j <= kSide; ++j)
+    for (int i = 0; i <= kSide; ++i) {
+      const double x = 0.25 * i, y = 0.25 * j;
+      const std::array<int, 3> c = paint(x, y);
+      text += std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(relief(x, y)) + " " +
+              std::to_string(c[0]) + " " + std::to_string(c[1]) + " " + std::to_string(c[2]) + "\n";
+    }
+  std::ofstream(path) << text;
+  return path;
+}
+
+/// The same as a mesh with colours of vertices.
+fs::path write_painted_mesh(const fs::path& path, bool coloured = true) {
+  WholeMesh mesh;
+  for (int j = 0; j <= kSide; ++j)
+    for (int i = 0; i <= kSide; ++i) {
+      const double x = 0.25 * i, y = 0.25 * j;
+      mesh.points.push_back({x, y, static_cast<double>(static_cast<float>(relief(x, y)))});
+      const std::array<int, 3> c = paint(x, y);
+      if (coloured)
+        mesh.rgba.push_back(0xff000000u | static_cast<std::uint32_t>(c[0]) |
+                            static_cast<std::uint32_t>(c[1]) << 8 | static_cast<std::uint32_t>(c[2]) << 16);
+    }
+  for (std::uint64_t j = 0; j < kSide; ++j)
+    for (std::uint64_t i = 0; i < kSide; ++i) {
+      const std::uint64_t a = j * (kSide + 1) + i, b = a + kSide + 1;
+      mesh.faces.push_back({a, a + 1, b + 1});
+      mesh.faces.push_back({a, b + 1, b});
+    }
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  mesh.header.colour = coloured;
+  write_whole(path, mesh);
+  return path;
+}
+
+std::vector<std::string> words(const std::string& command, const fs::path& in, const fs::path& out,
+                               const std::vector<std::string>& more = {}) {
+  std::vector<std::string> w = {command, in.string(),  "-o",   out.string(), "--tolerance",
+                                "0.02",  "--progress", "none", "-q"};
+  w.insert(w.end(), more.begin(), more.end());
+  return w;
+}
+
+std::string bytes_of_run(const std::vector<std::string>& w, const fs::path& out) {
+  fs::remove(out);
+  const CommandResult r = tessera_command(w);
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK_FALSE(fs::exists(out.string() + ".tessera"));
+  return file_bytes(out);
+}
+
+}  // namespace
+
+TEST_CASE(
+    "texture: reconstruct and decimate end with textures, the same bytes over threads, memory and kills",
+    "[property]") {
+  const TempFolder folder;
+  const fs::path scan = write_painted_scan(folder.path() / "in.xyz"),
+                 mesh = write_painted_mesh(folder.path() / "in.ply"), out = folder.path() / "out.glb";
+  for (const auto& [command, in] : {std::pair{"reconstruct", scan}, std::pair{"decimate", mesh}}) {
+    INFO(command);
+    const std::string want =
+        bytes_of_run(words(command, in, out, {"--texture", "auto", "--threads", "1"}), out);
+    const Json report = parse_json(file_bytes(out.string() + ".report.json"));
+    CHECK(report.at("texture").at("texels").at("psnr_db").get<double>() > 32.0);
+    CHECK(report.at("texture").at("texels").at("psnr_db").get<double>() >
+          report.at("texture").at("texels").at("vertex_colours_psnr_db").get<double>());
+    CHECK(report.at("texture").at("charts").at("overlapping").get<int>() == 0);
+    CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.02);
+    std::uint64_t faces = 0;
+    open_mesh_file(out)->read_faces([&](std::span<const MeshFace> batch) { faces += batch.size(); });
+    CHECK(faces == report.at("mesh").at("faces").get<std::uint64_t>());
+    CHECK(faces < kSide * kSide);
+    CHECK(bytes_of_run(words(command, in, out, {"--texture", "auto", "--threads", "2", "--memory", "220M"}),
+                       out) == want);
+    const fs::path killed = folder.path() / (std::string(command) + ".glb");
+    const CommandResult r = resumed_after_kills(words(command, in, killed, {"--texture", "auto"}));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    CHECK(file_bytes(killed) == want);
+  }
+}
+
+TEST_CASE("texture: what bake makes of the decimated mesh, decimate --texture makes at once", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path mesh = write_painted_mesh(folder.path() / "in.ply");
+  const fs::path small = folder.path() / "small.ply", baked = folder.path() / "baked.obj",
+                 at_once = folder.path() / "at_once.obj";
+  bytes_of_run(words("decimate", mesh, small), small);
+  const CommandResult r = tessera_command({"bake", small.string(), "--from", mesh.string(), "-o",
+                                           baked.string(), "--texel", "0.1", "--progress", "none", "-q"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  bytes_of_run(words("decimate", mesh, at_once, {"--texture", "0.1"}), at_once);
+  const auto sorted_points = [](const fs::path& path) {
+    std::vector<Double3> points = read_whole(path).points;
+    std::sort(points.begin(), points.end());
+    return points;
+  };
+  const bool same = sorted_points(baked) == sorted_points(at_once);
+  CHECK(same);
+  CHECK(read_whole(baked).faces.size() == read_whole(at_once).faces.size());
+  CHECK(fs::exists(folder.path() / "at_once_0.png"));
+  CHECK(fs::exists(folder.path() / "at_once.mtl"));
+  const auto texel = [](const fs::path& out) {
+    return parse_json(file_bytes(out.string() + ".report.json")).at("texture").at("scale").at("texel");
+  };
+  CHECK(texel(baked) == texel(at_once));
+}
+
+TEST_CASE("texture: what cannot have textures is refused before anything runs", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path scan = write_painted_scan(folder.path() / "in.xyz"),
+                 plain = write_painted_mesh(folder.path() / "plain.ply", false),
+                 bare = folder.path() / "bare.xyz";
+  std::ofstream(bare) << "0 0 0\n1 0 0\n0 1 0\n1 1 0\n";
+  const auto refusal = [&](const std::vector<std::string>& w, int code) {
+    const CommandResult r = tessera_command(w);
+    INFO(r.errors);
+    CHECK(r.code == code);
+    CHECK_FALSE(fs::exists(folder.path() / "out.glb.tessera"));
+    return r.errors;
+  };
+  const fs::path out = folder.path() / "out.glb";
+  CHECK(refusal(words("decimate", plain, out, {"--texture", "auto"}), 3).find("no colours") !=
+        std::string::npos);
+  CHECK(refusal(words("reconstruct", bare, out, {"--texture", "auto"}), 3).find("no colours") !=
+        std::string::npos);
+  CHECK(refusal({"reconstruct", scan.string(), "-o", out.string(), "--texture", "auto"}, 2)
+            .find("--tolerance") != std::string::npos);
+  CHECK(refusal(words("reconstruct", scan, folder.path() / "out.stl", {"--texture", "auto"}), 2)
+            .find(".glb, .obj or .ply") != std::string::npos);
+}
+
+}  // namespace texture_jobs_test
