@@ -13,6 +13,7 @@ struct BlockComponents {
   std::vector<std::uint32_t> of_vertex;  ///< n; components are numbered by their first vertex
   std::vector<std::uint32_t> faces;      ///< per component
   std::vector<std::uint32_t> border;     ///< per component: edges at which the surface ends
+  std::vector<std::uint32_t> folded;     ///< per component: vertices at which it folds (count_folded)
   std::vector<std::uint8_t> open;        ///< per component: 1 if it goes on beyond the block
 };
 

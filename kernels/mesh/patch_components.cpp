@@ -20,6 +20,7 @@ PatchComponents find_components(const Patch& patch) {
     ++out.vertices[out.of_vertex[v]];
     out.border[out.of_vertex[v]] += patch.vertex_class[v] == VertexClass::kBorder ? 1 : 0;
   }
+  out.folded = count_folded<float>(patch.position, patch.faces, out.of_vertex, out.faces, out.border);
   return out;
 }
 

@@ -15,6 +15,7 @@ struct PatchComponents {
   std::vector<std::uint32_t> vertices;  ///< own vertices per component
   std::vector<std::uint32_t> faces;     ///< faces per component
   std::vector<std::uint32_t> border;    ///< own vertices per component at which the surface ends
+  std::vector<std::uint32_t> folded;    ///< own vertices per component at which it folds (count_folded)
 };
 
 /// Components of the patch's faces over shared vertices. Own vertices that only other bricks' faces use form

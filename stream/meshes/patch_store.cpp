@@ -5,7 +5,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSPATCH4", "a patch file"};
+constexpr PackedKind kKind = {"TSPATCH5", "a patch file"};
 
 /// Arrays of a patch in file order, as byte sizes.
 struct Layout {
@@ -16,7 +16,7 @@ struct Layout {
         exported_key(8ull * e.exported),
         exported_index(4ull * e.exported),
         component_of(e.components > 1 ? 4ull * (e.vertices + std::uint64_t{e.foreign}) : 0),
-        component_counts(12ull * e.components),
+        component_counts(16ull * e.components),
         position(12ull * e.vertices),
         rgba(e.has_colour ? 4ull * e.vertices : 0),
         vertex_class((e.vertices + 3ull) / 4 * 4),
@@ -70,9 +70,9 @@ void PatchFileWriter::add(const Patch& patch, const PatchComponents& components)
     indices.push_back(index);
   }
   const auto of_vertex = components.count > 1 ? bytes_of(components.of_vertex) : std::span<const std::byte>();
-  const Section seam =
-      file_.append({bytes_of(patch.foreign), bytes_of(keys), bytes_of(indices), of_vertex,
-                    bytes_of(components.vertices), bytes_of(components.faces), bytes_of(components.border)});
+  const Section seam = file_.append({bytes_of(patch.foreign), bytes_of(keys), bytes_of(indices), of_vertex,
+                                     bytes_of(components.vertices), bytes_of(components.faces),
+                                     bytes_of(components.border), bytes_of(components.folded)});
   constexpr std::array<std::byte, 3> kPadding{};
   const auto padding = std::span(kPadding).first((4 - patch.vertex_class.size() % 4) % 4);
   e.offset = seam.offset;
@@ -98,8 +98,8 @@ PatchSeam PatchStore::load_seam(std::size_t patch) const {
       layout.seam(e),
       {buffer(seam.foreign, layout.foreign), buffer(seam.exported_key, layout.exported_key),
        buffer(seam.exported_index, layout.exported_index), buffer(parts.of_vertex, layout.component_of),
-       buffer(parts.vertices, layout.component_counts / 3), buffer(parts.faces, layout.component_counts / 3),
-       buffer(parts.border, layout.component_counts / 3)});
+       buffer(parts.vertices, layout.component_counts / 4), buffer(parts.faces, layout.component_counts / 4),
+       buffer(parts.border, layout.component_counts / 4), buffer(parts.folded, layout.component_counts / 4)});
   if (e.components == 1) parts.of_vertex.assign(e.vertices + std::size_t{e.foreign}, 0);
   return seam;
 }

@@ -110,8 +110,8 @@ OptionTable option_table(ReconstructOptions& o) {
         "degrees out of the plane of the crease from which an edge is a corner")
       .within(0, 180);
   t.add("min-component", &o.min_component,
-        "faces; smaller islands are dropped; 0 = measured, and islands that are mostly border go too, 1 = "
-        "keep all");
+        "faces; smaller islands are dropped; 0 = measured, and islands that are mostly border and folded "
+        "go too, 1 = keep all");
   t.add("max-hole", &o.max_hole,
         "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
         "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "

@@ -258,7 +258,7 @@ struct FirstPass::Impl {
       if (!complete[v]) seams.push_back({block.key[v], parts.size() + components.of_vertex[v]});
     for (std::uint32_t c = 0; c < components.faces.size(); ++c)
       parts.push_back({first_brick, static_cast<std::uint32_t>(bricks), c, components.faces[c],
-                       components.border[c], level});
+                       components.border[c], components.folded[c], static_cast<std::uint32_t>(level)});
 
     ++blocks;
     if (!first) return;

@@ -59,7 +59,8 @@ struct IslandPart {
   std::uint32_t component = 0;  ///< of the block
   std::uint32_t faces = 0;
   std::uint32_t border = 0;  ///< edges at which the surface ends
-  std::uint64_t level = 0;   ///< of its cells, with --levels: 0 is the finest
+  std::uint32_t folded = 0;  ///< vertices at which it folds
+  std::uint32_t level = 0;   ///< of its cells, with --levels: 0 is the finest
 };
 /// A vertex that blocks share.
 struct IslandSeam {
@@ -73,7 +74,7 @@ struct IslandEntry {
   std::uint64_t dropped = 0;  ///< islands that went at once
   std::uint64_t dropped_faces = 0;
 };
-inline constexpr PackedKind kIslandKind = {"TSISLND4", "an island file"};
+inline constexpr PackedKind kIslandKind = {"TSISLND5", "an island file"};
 std::string island_file(std::size_t task);
 /// The block of these bricks, of a store: merged as the first pass had it. \param patches  out: its patches
 MeshBlock load_island_block(const MeshStore& store, std::uint64_t brick, std::uint32_t bricks,

@@ -37,7 +37,7 @@ struct DroppedPart {
 
 /// Parts that are one piece.
 struct Island {
-  std::uint64_t faces = 0, border = 0;
+  IslandShape shape;
   /// Faces counted in cells of the coarsest level, as the limit is: a finer level has four for one, and islands of sparse
   /// points must not look small for that.
   double large_faces = 0.0;
@@ -65,7 +65,7 @@ class IslandsStage : public SerialStage {
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
     DisjointSets<std::uint64_t> sets(parts_);
-    std::vector<std::uint64_t> faces(parts_, 0), border(parts_, 0);
+    std::vector<std::uint64_t> faces(parts_, 0), border(parts_, 0), folded(parts_, 0);
     std::vector<std::uint8_t> level(parts_, 0);
     ExternalSort<IslandSeam> sort(state_.work, sort_bytes(state_.run));
     std::uint64_t first = 0;
@@ -75,6 +75,7 @@ class IslandsStage : public SerialStage {
       read<IslandPart>(f, entries_[f].parts, [&](const IslandPart& p) {
         faces[part] = p.faces;
         level[part] = static_cast<std::uint8_t>(p.level);
+        folded[part] = p.folded;
         border[part++] = p.border;
       });
       read<IslandSeam>(f, entries_[f].seams, [&](const IslandSeam& s) { sort.add({s.key, s.part + first}); });
@@ -92,8 +93,9 @@ class IslandsStage : public SerialStage {
     std::uint64_t all_faces = 0;
     std::vector<Island> island(parts_);
     for (std::uint64_t c = 0; c < parts_; ++c) {
-      island[root[c]].faces += faces[c];
-      island[root[c]].border += border[c];
+      island[root[c]].shape.faces += faces[c];
+      island[root[c]].shape.border += border[c];
+      island[root[c]].shape.folded += folded[c];
       island[root[c]].large_faces += static_cast<double>(faces[c]) * share_of(level[c]);
       all_faces += faces[c];
     }
@@ -124,7 +126,7 @@ class IslandsStage : public SerialStage {
     std::uint64_t components = 0, dropped = dropped_, largest = 0, kept_faces = 0;
     double all_large = 0.0, largest_large = 0.0;
     for (const Island& i : island) {
-      largest = std::max(largest, i.faces);
+      largest = std::max(largest, i.shape.faces);
       largest_large = std::max(largest_large, i.large_faces);
       all_large += i.large_faces;
     }
@@ -133,13 +135,13 @@ class IslandsStage : public SerialStage {
     const std::uint64_t limit =
         given != 0 ? given : automatic_min_component(counted(all_large) + dropped_at_once);
     const auto stays = [&](const Island& i) {
-      return i.faces >= limit &&
-             (given != 0 || !is_shred(i.faces, i.border, counted(i.large_faces), counted(largest_large)));
+      return i.shape.faces >= limit &&
+             (given != 0 || !is_shred(i.shape, counted(i.large_faces), counted(largest_large)));
     };
     for (std::uint64_t c = 0; c < parts_; ++c) {
       if (root[c] != c) continue;
       (stays(island[c]) ? components : dropped) += 1;
-      if (stays(island[c])) kept_faces += island[c].faces;
+      if (stays(island[c])) kept_faces += island[c].shape.faces;
     }
     if (kept_faces == 0) {
       const std::string reason = clump_sentence(state_.work);
@@ -254,7 +256,7 @@ class PruneStage : public Stage {
 }  // namespace
 
 std::uint64_t islands_bytes(const RunOptions& run, std::uint64_t parts) {
-  return parts * 56 + sort_bytes(run) + (std::uint64_t{8} << 20);
+  return parts * 72 + sort_bytes(run) + (std::uint64_t{8} << 20);
 }
 
 std::uint64_t prune_task_bytes(std::uint64_t block_bytes) {

@@ -47,7 +47,7 @@ class SeamCache {
   };
   static std::uint64_t size_of(const PatchSeam& s) {
     return 8 * s.foreign.size() + 12 * s.exported_key.size() + 4 * s.components.of_vertex.size() +
-           8 * s.components.faces.size() + sizeof(Slot);
+           12 * s.components.faces.size() + sizeof(Slot);
   }
   const PatchStore& store_;
   std::map<std::size_t, Slot> cache_;
@@ -60,8 +60,12 @@ constexpr std::uint64_t kShredShare = 4;
 /// Least faces per border edge, which is the width of a strip and the radius of a disc in cells: leaves have 3 to 4,
 /// a strip as wide as the support of its samples 6.
 constexpr std::uint64_t kShredDepth = 5;
+/// Hands and chairs in the frame of a depth camera are smooth and have two faces per border edge and more, foil folds everywhere:
+/// at most one vertex in twenty may, of half as many as faces.
+constexpr std::uint64_t kSmoothDepth = 2;
+constexpr std::uint64_t kFoldedPart = 40;
 
-constexpr PackedKind kWeldKind = {"TSWELDS3", "a weld file"};
+constexpr PackedKind kWeldKind = {"TSWELDS4", "a weld file"};
 constexpr PackedKind kNumberingKind = {"TSNUMBR2", "a numbering"};
 
 /// Two components of different patches that share a vertex; indices over all patches.
@@ -74,6 +78,7 @@ struct ComponentSize {
   std::uint32_t vertices = 0;
   std::uint32_t faces = 0;
   std::uint32_t border = 0;  ///< vertices at which the surface ends
+  std::uint32_t folded = 0;  ///< vertices at which it folds
 };
 
 class WeldStage : public Stage {
@@ -108,7 +113,8 @@ class WeldStage : public Stage {
       context.check_stop();
       const PatchSeam seam = cache.get(p);  // a copy: the cache may drop it while owners are looked up
       for (std::size_t c = 0; c < seam.components.count; ++c)
-        sizes.push_back({seam.components.vertices[c], seam.components.faces[c], seam.components.border[c]});
+        sizes.push_back({seam.components.vertices[c], seam.components.faces[c], seam.components.border[c],
+                         seam.components.folded[c]});
       const std::size_t own = store_.patches()[p].vertices;
       for (std::size_t f = 0; f < seam.foreign.size(); ++f) {
         const VertexKey key = seam.foreign[f];
@@ -165,11 +171,12 @@ class WeldStage : public Stage {
 
   Json number(const std::vector<std::uint64_t>& root, const std::vector<ComponentSize>& sizes,
               const std::vector<Json>& summaries, TaskContext& context) const {
-    std::vector<std::uint64_t> faces(root.size(), 0), border(root.size(), 0);
+    std::vector<std::uint64_t> faces(root.size(), 0), border(root.size(), 0), folded(root.size(), 0);
     std::uint64_t all_faces = 0, largest = 0;
     for (std::uint64_t c = 0; c < root.size(); ++c) {
       faces[root[c]] += sizes[c].faces;
       border[root[c]] += sizes[c].border;
+      folded[root[c]] += sizes[c].folded;
       all_faces += sizes[c].faces;
     }
     for (const std::uint64_t f : faces) largest = std::max(largest, f);
@@ -182,7 +189,8 @@ class WeldStage : public Stage {
     std::uint64_t dropped = 0;
     for (std::uint64_t c = 0; c < root.size(); ++c) {
       const std::uint64_t f = faces[root[c]];
-      numbering.kept[c] = f >= limit && (given != 0 || !is_shred(f, border[root[c]], f, largest));
+      numbering.kept[c] =
+          f >= limit && (given != 0 || !is_shred({f, border[root[c]], folded[root[c]]}, f, largest));
       if (root[c] != c || faces[c] == 0) continue;
       (numbering.kept[c] ? components : dropped) += 1;
     }
@@ -243,15 +251,16 @@ std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches) {
 
 std::uint64_t weld_finish_bytes(std::uint64_t patches, std::uint64_t components) {
   // Union-find, sizes and the kept flags; places of the patches; one file's links.
-  return components * 41 + patches * sizeof(PatchSpan) + (64u << 20);
+  return components * 53 + patches * sizeof(PatchSpan) + (64u << 20);
 }
 
 std::uint64_t automatic_min_component(std::uint64_t faces) {
   return std::clamp<std::uint64_t>(faces / 500, 50, 1000);
 }
 
-bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t size, std::uint64_t largest) {
-  return size < largest / kShredShare && faces < kShredDepth * border;
+bool is_shred(const IslandShape& island, std::uint64_t size, std::uint64_t largest) {
+  if (size >= largest / kShredShare || island.faces >= kShredDepth * island.border) return false;
+  return island.faces < kSmoothDepth * island.border || kFoldedPart * island.folded > island.faces;
 }
 
 std::string too_small(std::uint64_t limit, const std::string& reason) {

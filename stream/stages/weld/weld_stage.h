@@ -48,10 +48,14 @@ struct WeldFile {
 /// Islands below this many faces go when --min-component is auto: a five-hundredth of all faces, within [50, 1000].
 std::uint64_t automatic_min_component(std::uint64_t faces);
 
-/// With --min-component auto islands go as well that are mostly border: leaves, spray, rims of passing people.
-/// \param border  edges at which the surface ends  \param size, largest  of this island and of the largest one, which stays: faces
-///                of one size
-bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t size, std::uint64_t largest);
+struct IslandShape {
+  std::uint64_t faces = 0;
+  std::uint64_t border = 0;  ///< edges or vertices at which the surface ends
+  std::uint64_t folded = 0;  ///< vertices at which it folds (count_folded)
+};
+/// With --min-component auto islands go as well that are mostly border and no smooth surface: leaves, spray, rims of passing
+/// people. \param size, largest  of this island and of the largest one, which stays: faces of one size
+bool is_shred(const IslandShape& island, std::uint64_t size, std::uint64_t largest);
 
 /// What a task over these patches takes at most.
 std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches);

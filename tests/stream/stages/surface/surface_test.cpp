@@ -138,12 +138,15 @@ TEST_CASE("main job: pure noise has no defect and no seam, whatever the tiles", 
   CHECK(run_job(points, setup).bytes == small.bytes);
 }
 
-TEST_CASE("islands: what is mostly border is a shred, but not the largest", "[unit]") {
-  CHECK(is_shred(4'000, 1'000, 4'000, 1'000'000));
-  CHECK_FALSE(is_shred(6'000, 1'000, 6'000, 1'000'000));
-  CHECK_FALSE(is_shred(4'000, 0, 4'000, 1'000'000));  // closed
-  CHECK_FALSE(is_shred(4'000, 1'000, 4'000, 4'000));
-  CHECK_FALSE(is_shred(4'000, 1'000, 4'000, 12'000));  // a part of the scene of its own
+TEST_CASE("islands: what is mostly border and folds is a shred, but not the largest", "[unit]") {
+  CHECK(is_shred({4'000, 1'000, 1'000}, 4'000, 1'000'000));
+  CHECK_FALSE(is_shred({6'000, 1'000, 1'000}, 6'000, 1'000'000));
+  CHECK_FALSE(is_shred({4'000, 0, 1'000}, 4'000, 1'000'000));  // closed
+  CHECK_FALSE(is_shred({4'000, 1'000, 1'000}, 4'000, 4'000));
+  CHECK_FALSE(is_shred({4'000, 1'000, 1'000}, 4'000, 12'000));  // a part of the scene of its own
+  CHECK_FALSE(is_shred({4'000, 1'000, 50}, 4'000, 1'000'000));  // smooth: a hand, a strip of ground
+  CHECK(is_shred({4'000, 1'000, 101}, 4'000, 1'000'000));
+  CHECK(is_shred({1'900, 1'000, 0}, 1'900, 1'000'000));  // but a fringe
 }
 
 TEST_CASE("main job: islands across bricks are counted whole before they are dropped", "[unit]") {
