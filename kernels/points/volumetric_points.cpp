@@ -12,7 +12,8 @@ constexpr float kVoxelCells = 4.0f;
 constexpr float kRough = 0.085f;
 constexpr float kRoughEcho = 0.03f;  ///< of points beyond which their pulse went on
 constexpr int kBrickVoxels = kBrickCells / static_cast<int>(kVoxelCells);
-constexpr float kOwn = 4.0f;  ///< weight of the own voxel against one beside it
+constexpr std::size_t kAround = 2;  ///< voxels on each side that tell what a point lies among
+constexpr float kOwn = 4.0f;        ///< weight of the own voxel against one beside it
 
 std::size_t voxel_of(const Float3& p) {
   std::size_t at = 0;
@@ -52,6 +53,37 @@ std::vector<std::uint8_t> find_volumetric(const VolumetricInput& in) {
         rough += s.rough, points += s.points;
       }
     out[i] = rough >= kRough * points || (echo && rough >= kRoughEcho * points) ? 1 : 0;
+  }
+  return out;
+}
+
+std::vector<std::uint8_t> find_among_volumetric(const VolumetricInput& in,
+                                                std::span<const std::uint8_t> volumetric) {
+  struct Sum {
+    std::uint32_t strewn = 0, points = 0;
+  };
+  constexpr auto kEdge = static_cast<std::size_t>(kBrickVoxels);
+  std::vector<Sum> sums(kEdge * kEdge * kEdge), wide(sums.size());
+  for (std::size_t i = 0; i < in.position.size(); ++i) {
+    Sum& s = sums[voxel_of(in.position[i])];
+    ++s.points, s.strewn += volumetric[i];
+  }
+  for (std::size_t stride = 1; stride < sums.size(); stride *= kEdge) {
+    for (std::size_t v = 0; v < sums.size(); ++v) {
+      const std::size_t at = v / stride % kEdge;
+      Sum& s = wide[v] = {};
+      for (std::size_t k = at - std::min(at, kAround); k <= std::min(at + kAround, kEdge - 1); ++k) {
+        const Sum& o = sums[v - at * stride + k * stride];
+        s.strewn += o.strewn, s.points += o.points;
+      }
+    }
+    sums.swap(wide);
+  }
+  std::vector<std::uint8_t> out(in.position.size(), 0);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (volumetric[i] != 0 || (!in.flags.empty() && (in.flags[i] & kPointGround) != 0)) continue;
+    const Sum& s = sums[voxel_of(in.position[i])];
+    out[i] = 3 * std::uint64_t{s.strewn} > s.points ? 1 : 0;
   }
   return out;
 }

@@ -155,9 +155,10 @@ void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<Point
     const PointOverlayRecord& o = overlay[i];
     PointRecord& p = records[i];
     const OverlayDecisions& d = impl_->decisions;
-    const VolumetricUse volumetric =
-        (o.supporters & kVolumetric) != 0 ? d.volumetric : VolumetricUse::kSurface;
-    if (volumetric == VolumetricUse::kDrop || (o.supporters & ~kVolumetric) < d.min_supporters)
+    const std::uint16_t strewn =
+        d.volumetric == VolumetricUse::kBodies ? kVolumetric | kAmongVolumetric : kVolumetric;
+    const VolumetricUse volumetric = (o.supporters & strewn) != 0 ? d.volumetric : VolumetricUse::kSurface;
+    if (volumetric == VolumetricUse::kDrop || (o.supporters & kSupporters) < d.min_supporters)
       p.flags |= kPointOutlier;
     if (volumetric == VolumetricUse::kTop) p.flags |= kPointVolumetric;
     if (volumetric == VolumetricUse::kBodies) {

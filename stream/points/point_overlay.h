@@ -17,10 +17,13 @@ namespace tessera {
 
 /// Bit of PointOverlayRecord::supporters: the point is strewn, see find_volumetric().
 inline constexpr std::uint16_t kVolumetric = 0x8000;
+/// It lies among strewn ones, see find_among_volumetric().
+inline constexpr std::uint16_t kAmongVolumetric = 0x4000;
+inline constexpr std::uint16_t kSupporters = 0x3fff;
 
 struct PointOverlayRecord {
   std::uint32_t normal = kNoNormal;
-  std::uint16_t supporters = 0;    ///< neighbours that confirm the point, and kVolumetric
+  std::uint16_t supporters = 0;    ///< neighbours that confirm the point, and kVolumetric, kAmongVolumetric
   std::uint16_t patch = kNoPatch;  ///< orientation patch inside the brick, kNoPatch or kGivenPatch
 };
 static_assert(sizeof(PointOverlayRecord) == 8);

@@ -177,7 +177,7 @@ class NormalsStage : public Stage {
         normals.set(s, n);
         records[s].patch = kGivenPatch;
       }
-      records[s].supporters = std::min<std::uint16_t>(shape.supporters, kVolumetric - 1);
+      records[s].supporters = std::min<std::uint16_t>(shape.supporters, kSupporters);
       ++histogram[std::min<std::size_t>(records[s].supporters, kSupporterBins - 1)];
       ++s;
     }
@@ -185,10 +185,13 @@ class NormalsStage : public Stage {
     if (mode_.propagate()) {
       compare(o, counts);
       const std::vector<std::uint8_t> volumetric = find_volumetric({o.position, o.roughness, o.flags});
+      const std::vector<std::uint8_t> among =
+          find_among_volumetric({o.position, o.roughness, o.flags}, volumetric);
       orientation = orient_brick({o.position, o.normal, o.variation, o.given, o.visible,
                                   mode_.each_seen() ? kSureView : kNeverSure});
       normals = Normals(records.size());  // in what orientation left
       for (std::size_t i = 0; i < records.size(); ++i) {
+        if (among[i] != 0) records[i].supporters |= kAmongVolumetric;
         if (volumetric[i] != 0) {
           records[i].supporters |= kVolumetric, ++counts.volumetric_points;
           if (orientation.patch[i] < orientation.stats.size())

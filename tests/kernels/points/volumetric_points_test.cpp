@@ -47,6 +47,28 @@ TEST_CASE("scatter: leaves go, a floor and its rough edge stay", "[unit]") {
   CHECK(find_volumetric({c.position, c.roughness, {}}) == volumetric);
 }
 
+TEST_CASE("scatter: a flake of leaves in a crown lies among strewn points, the floor below does not",
+          "[unit]") {
+  Cloud c;
+  for (float y = 0.5f; y < 64.0f; y += 1.0f)
+    for (float x = 0.5f; x < 64.0f; x += 1.0f) c.add({x, y, 5.0f}, 0.002f);
+  const std::size_t flake = c.position.size();
+  for (float y = 18.5f; y < 24.0f; y += 1.0f)
+    for (float x = 18.5f; x < 24.0f; x += 1.0f) c.add({x, y, 40.0f}, 0.002f);
+  const std::size_t crown = c.position.size();
+  for (float z = 30.5f; z < 56.0f; z += 1.0f)
+    for (float y = 10.5f; y < 30.0f; y += 1.0f)
+      for (float x = 10.5f; x < 30.0f; x += 1.0f) c.add({x, y, z}, 0.2f);
+  const std::vector<std::uint8_t> volumetric = find_volumetric({c.position, c.roughness, c.flags});
+  const std::vector<std::uint8_t> among =
+      find_among_volumetric({c.position, c.roughness, c.flags}, volumetric);
+  for (std::size_t i = flake; i < crown; ++i) CHECK(volumetric[i] + among[i] == 1);
+  CHECK(count(among, 0, flake) == 0);
+  CHECK(count(among, crown, c.position.size()) == 0);  // these are strewn themselves
+  std::vector<std::uint16_t> ground(c.position.size(), kPointGround);
+  CHECK(count(find_among_volumetric({c.position, c.roughness, ground}, volumetric), 0, crown) == 0);
+}
+
 TEST_CASE("scatter: ground is never strewn, an echo goes sooner than a last return", "[unit]") {
   Cloud c;
   for (float x = 8.5f; x < 56.0f; x += 1.0f) c.add({x, 8.5f, 8.5f}, 0.2f, kPointGround);
