@@ -134,6 +134,30 @@ TEST_CASE("orient: an animal of a few rings of points is an object, in one piece
   CHECK(checked(out, folder.path()).components == 1);
 }
 
+TEST_CASE("orient: a mast has no top that stands in for it", "[pipeline]") {
+  const TempFolder folder;
+  Random random(7);
+  std::string text;
+  const auto point = [&](double x, double y, double z) {
+    text += std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n";
+  };
+  for (int i = 0; i < 1500; ++i) {
+    const double angle = random.in(0, 6.2831853);
+    point(0.06 * std::cos(angle) + 0.012 * random.gaussian(),
+          0.06 * std::sin(angle) + 0.012 * random.gaussian(), random.in(0, 6));
+  }
+  for (int i = 0; i < 300; ++i)
+    point(random.in(0, 0.9), random.in(-0.12, 0.12), 6.0 + 0.012 * random.gaussian());
+  const auto out = folder.path() / "mesh.ply";
+  const tessera::Json report = reconstructed(folder.write("mast.xyz", text), out, {});
+  const tessera::Json entry = orient_entry(out);
+  INFO(tessera::dump_json(entry));
+  CHECK(entry.at("scene") == "from above");
+  CHECK(entry.at("level_fraction").get<double>() < 0.3);
+  CHECK(entry.at("vegetation").at("as") == "surface");
+  CHECK(report.at("coverage").at("confirmed").get<double>() > 0.97);
+}
+
 TEST_CASE("orient: a forest without return numbers was seen from above", "[pipeline]") {
   const TempFolder folder;
   Random random(4);

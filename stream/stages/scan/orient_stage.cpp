@@ -29,6 +29,8 @@ constexpr std::uint32_t kMaxSupporters = 16;
 // sparse samples are as true as dense ones, and only the lower limit tells strays.
 constexpr std::uint64_t kMaxStrays = 20;  ///< one in so many
 
+/// Share of level area from which a scene shows a top that can stand in for points: a lamp post has 0.22, a cliff 0.5.
+constexpr double kMinTopLevel = 0.3;
 constexpr double kNotable = 0.01;  ///< share of points in doubt from which the user is told
 
 class OrientStage : public Stage {
@@ -101,9 +103,8 @@ class OrientStage : public Stage {
     OverlayDecisions decisions;
     Json entry = {{"needed", true}};
     if (mode_.propagate()) {
-      decisions.volumetric = volumetric_use(is_from_above(viewers_.own  ? viewers_.scene
-                                                          : in_blocks() ? kSeenFromAbove
-                                                                        : ""));
+      decisions.volumetric =
+          volumetric_use(viewers_.own ? is_from_above(viewers_.scene) : in_blocks() && shows_top());
       if (viewers_.unknown())
         entry.update({{"covered_fraction", scene_.covered},
                       {"roofed_fraction", scene_.roofed},
@@ -138,6 +139,9 @@ class OrientStage : public Stage {
   static bool is_from_above(const std::string& scene) {
     return scene == kAirborne || scene == kSeenFromAbove;
   }
+
+  /// What stands upright alone, as a mast, would become pillars.
+  bool shows_top() const { return from_ != "auto" || surface_ != "all" || scene_.level >= kMinTopLevel; }
 
   VolumetricUse volumetric_use(bool from_above) const {
     if (vegetation_ == "keep") return VolumetricUse::kBodies;
