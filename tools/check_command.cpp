@@ -4,10 +4,12 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "octree/error.h"
 #include "stream/check/mesh_check.h"
 #include "stream/check/mesh_compare.h"
+#include "stream/check/mesh_textures.h"
 #include "stream/check/truth.h"
 #include "stream/files/json.h"
 #include "stream/files/output_file.h"
@@ -34,6 +36,7 @@ struct CheckCommand {
   CompareOptions compare;
   std::string method = "exact";
   bool with_borders = false;
+  bool textures = false;
   int threads = 0;
   bool strict = false;
   bool closed = false;
@@ -90,6 +93,12 @@ void run_check(const CheckCommand& command) {
   const MeshCheck check = check_mesh(*mesh, options);
   std::cout << describe(check) << std::flush;
   for (const std::string& warning : mesh->warnings()) std::cout << "warning: " << warning << std::endl;
+  std::optional<MeshTextures> textures;
+  if (command.textures) {
+    textures = check_textures(command.mesh, {options.memory_bytes, options.temp, options.check_stop});
+    std::cout << (textures ? describe(*textures) : "textures: the file has no texture coordinates\n")
+              << std::flush;
+  }
   Json truth_report, comparison_report, coverage;
   std::string complaint;
   if (!command.reference.empty()) {
@@ -111,6 +120,7 @@ void run_check(const CheckCommand& command) {
     Json report = to_json(check);
     if (!truth_report.is_null()) report["truth"] = truth_report;
     if (!coverage.is_null()) report["coverage"] = coverage;
+    if (textures) report["textures"] = to_json(*textures);
     if (!comparison_report.is_null()) {
       report["deviation"] = comparison_report;
       report["deviation"]["reference"] = json_text(command.reference);
@@ -123,6 +133,8 @@ void run_check(const CheckCommand& command) {
   }
   if (!complaint.empty()) throw ValidationError(command.mesh.string() + ": " + complaint);
   std::vector<std::string> faults = check.defects();
+  if (textures)
+    for (std::string& defect : textures->defects()) faults.push_back(std::move(defect));
   if (command.closed && check.boundary_edges > 0)
     faults.push_back(std::to_string(check.boundary_edges) + " boundary edges");
   if (command.closed && check.faces == 0) faults.push_back("no faces");
@@ -149,6 +161,11 @@ cli::Command check_command() {
         "measure what meshers of volumes and solvers stumble over: angles between faces, and the thinnest "
         "wall, "
         "by sampling; e.g. tessera check part.stl --quality --crossings");
+  t.add("textures", &c.textures,
+        "check texture coordinates and pages of OBJ, binary PLY and GLB: none beyond 0 and 1, no face "
+        "flipped or over "
+        "another, pages there; with --strict they are defects, e.g. tessera check small.glb --textures "
+        "--strict");
   t.add("strict", &c.strict,
         "fail with exit code 6 if there are defects; with --crossings faces that cross are");
   t.add("closed", &c.closed, "like --strict, and boundary edges are defects too");

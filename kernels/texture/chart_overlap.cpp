@@ -8,8 +8,6 @@ namespace {
 
 using PlaneTriangle = std::array<Double2, 3>;
 
-/// Of the extent of a chart: what rounding may let neighbours overlap by.
-constexpr double kOverlapRounding = 1e-9;
 constexpr std::size_t kMaxOverlapCells = 1024;  ///< along an axis
 constexpr std::uint32_t kNoEntry = 0xffffffffu;
 
@@ -42,7 +40,8 @@ bool triangles_overlap(const PlaneTriangle& a, const PlaneTriangle& b, double to
 }
 
 std::vector<std::uint32_t> overlapping_faces(std::span<const Double2> uv,
-                                             std::span<const std::array<std::uint32_t, 3>> faces) {
+                                             std::span<const std::array<std::uint32_t, 3>> faces,
+                                             double rounding) {
   std::vector<std::uint32_t> out;
   if (faces.size() < 2) return out;
   Double2 low = uv[faces[0][0]], high = low;
@@ -81,7 +80,7 @@ std::vector<std::uint32_t> overlapping_faces(std::span<const Double2> uv,
           const std::uint32_t other = entries[e].face;
           if (seen[other] == f) continue;
           seen[other] = f;
-          over = triangles_overlap(t, corners(other), kOverlapRounding * extent);
+          over = triangles_overlap(t, corners(other), rounding * extent);
         }
     if (over) {
       out.push_back(f);

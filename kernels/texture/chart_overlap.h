@@ -16,7 +16,9 @@ bool triangles_overlap(const std::array<Double2, 3>& a, const std::array<Double2
 
 /// Indices of triangles, ascending, that overlap one before them that is not among them: without these no two overlap.
 /// Triangles without area overlap none. \param uv  finite
+/// \param rounding  of the extent of all: what rounding of coordinates may let neighbours overlap by
 std::vector<std::uint32_t> overlapping_faces(std::span<const Double2> uv,
-                                             std::span<const std::array<std::uint32_t, 3>> faces);
+                                             std::span<const std::array<std::uint32_t, 3>> faces,
+                                             double rounding = 1e-9);
 
 }  // namespace tessera

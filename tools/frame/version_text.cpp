@@ -20,6 +20,7 @@ constexpr std::pair<const char*, const char*> kLicences[] = {
     {"libexpat.", "MIT"},
     {"libfmt.", "MIT"},
     {"libgcc_s.", "GPL with the runtime exception"},
+    {"libjpeg.", "BSD, IJG"},
     {"libm.", "LGPL"},
     {"libmeshoptimizer.", "MIT"},
     {"libmetis.", "Apache 2.0"},

@@ -68,7 +68,7 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS python3)  # serves the page of `tess
 set(CPACK_COMPONENT_LIBRARY_DESCRIPTION "Headers and static libraries of Tessera, for C++ programs")
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libtessera-dev)
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_LIBRARY_PACKAGE_DEPENDS "libexpat1-dev, libmeshoptimizer-dev, libmetis-dev, libpng-dev, libspdlog-dev, \
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_DEPENDS "libexpat1-dev, libjpeg62-turbo-dev, libmeshoptimizer-dev, libmetis-dev, libpng-dev, libspdlog-dev, \
 libsuitesparse-dev, libtbb-dev, libxxhash-dev, libzstd-dev, nlohmann-json3-dev, zlib1g-dev")
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "Tessera for Python: jobs, readers, closest points, winding numbers")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-tessera)

@@ -20,7 +20,7 @@ constexpr std::size_t kMaxValues = 400000;  ///< kept; about 120 bytes each with
 constexpr std::size_t kMaxRun = std::size_t{4}
                                 << 20;  ///< bytes of a text, or without any: the lexer keeps them
 
-/// Everything that GlbMeshReader asks for.
+/// Everything that GlbMeshReader and GlbTextures ask for.
 const std::set<std::string, std::less<>>& known_keys() {
   static const std::set<std::string, std::less<>> keys = {"COLOR_0",
                                                           "EXT_mesh_gpu_instancing",
@@ -34,6 +34,7 @@ const std::set<std::string, std::less<>>& known_keys() {
                                                           "accessors",
                                                           "asset",
                                                           "attributes",
+                                                          "baseColorTexture",
                                                           "buffer",
                                                           "bufferView",
                                                           "bufferViews",
@@ -48,21 +49,28 @@ const std::set<std::string, std::less<>>& known_keys() {
                                                           "extensionsRequired",
                                                           "filter",
                                                           "generator",
+                                                          "images",
+                                                          "index",
                                                           "indices",
+                                                          "material",
+                                                          "materials",
                                                           "matrix",
                                                           "mesh",
                                                           "meshes",
                                                           "mode",
                                                           "nodes",
                                                           "normalized",
+                                                          "pbrMetallicRoughness",
                                                           "primitives",
                                                           "rotation",
                                                           "scale",
                                                           "scene",
                                                           "scenes",
                                                           "skin",
+                                                          "source",
                                                           "sparse",
                                                           "tessera_shift",
+                                                          "textures",
                                                           "translation",
                                                           "type",
                                                           "values"};

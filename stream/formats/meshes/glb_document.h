@@ -11,7 +11,7 @@ namespace tessera {
 
 /// \param bytes  the chunk
 /// \param name   of the file, for messages
-/// \returns the document with the keys that GlbMeshReader looks at; at most some 50 MiB, whatever the chunk holds
+/// \returns the document with the keys that GlbMeshReader and open_textures() look at; at most some 50 MiB, whatever the chunk holds
 /// \throws InputError when the chunk is no JSON object, nests deeper than 64, or holds more than fits that
 Json read_glb_document(ByteWindow bytes, const std::string& name);
 

@@ -76,7 +76,8 @@ std::string TexturedGlb::document(std::uint64_t& bin) const {
           {{"baseColorTexture", {{"index", i}}}, {"metallicFactor", 0}, {"roughnessFactor", 1}}},
          {"extensions", {{"KHR_materials_unlit", Json::object()}}}});
     textures.push_back({{"sampler", 0}, {"source", i}});
-    images.push_back({{"bufferView", views.size()}, {"mimeType", "image/png"}});
+    images.push_back({{"bufferView", views.size()},
+                      {"mimeType", p.image.extension() == ".jpg" ? "image/jpeg" : "image/png"}});
     views.push_back({{"buffer", 0}, {"byteOffset", bin}, {"byteLength", bytes}});
     bin += padded(bytes);
     first_vertex += p.vertices, first_face += p.faces;

@@ -42,7 +42,7 @@ class TexturedGlb {
   struct Page {
     std::uint64_t vertices = 0, faces = 0;  ///< > 0
     Float3 min{}, max{};                    ///< of file_position()
-    std::filesystem::path image;            ///< PNG
+    std::filesystem::path image;            ///< PNG, or JPEG if it ends in .jpg
   };
   static Float3 file_position(const Double3& p, const Double3& origin);
 
