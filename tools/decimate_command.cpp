@@ -8,6 +8,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/meshes/textured_mesh_writer.h"
 #include "stream/runtime/job_report.h"
+#include "stream/stages/bake/texture_colours.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -19,7 +20,11 @@ void run_decimate(const SimplifyOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "decimated");
   cli::require_output(state.output);
   options.has_texture() ? require_textured_extension(state.output) : require_mesh_extension(state.output);
-  if (options.has_texture() && !open_mesh_file(input)->header().colour)
+  const bool textured = has_textures(input);
+  if (textured && !options.has_texture())
+    fmt::print(stderr, "tessera: warning: {}: its textures are left out; --texture auto bakes them anew\n",
+               input.string());
+  if (options.has_texture() && !textured && !open_mesh_file(input)->header().colour)
     throw InputError(
         input.string() +
         ": has no colours, so there is nothing for --texture to show; tessera bake takes those of a scan");

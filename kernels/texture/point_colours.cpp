@@ -89,7 +89,7 @@ Int3 PointColours::cell_of(const Double3& p) const {
   return cell;
 }
 
-void PointColours::gather(const Double3& at, const Double3& normal, const Int3& cell,
+void PointColours::gather(const Double3& at, const Double3& normal, const Int3& cell, std::uint32_t without,
                           std::vector<Near>& out) const {
   const std::uint64_t key = cell_key(cell);
   for (std::size_t s = mix(key) & (slots_.size() - 1); slots_[s].end != 0;
@@ -98,6 +98,7 @@ void PointColours::gather(const Double3& at, const Double3& normal, const Int3& 
     const double limit = options_.max_distance * options_.max_distance;
     for (std::uint32_t o = slots_[s].first; o < slots_[s].end; ++o) {
       const std::uint32_t i = order_[o];
+      if (i == without) continue;
       const double square = squared_distance(wide(position_[i]), at);
       if (square > limit) continue;
       if (!normal_.empty() && normal_[i] != 0 && dot(unpack_normal(normal_[i]), normal) < kFacing) continue;
@@ -108,7 +109,7 @@ void PointColours::gather(const Double3& at, const Double3& normal, const Int3& 
 }
 
 bool PointColours::find(const Double3& at, const Double3& normal, std::uint32_t& rgba,
-                        std::vector<Near>& near) const {
+                        std::vector<Near>& near, std::uint32_t without) const {
   near.clear();
   if (position_.empty()) return false;
   const auto less = [](const Near& a, const Near& b) {
@@ -121,7 +122,7 @@ bool PointColours::find(const Double3& at, const Double3& normal, std::uint32_t&
       for (int j = -ring; j <= ring; ++j) {
         const bool side = std::abs(k) == ring || std::abs(j) == ring;
         for (int i = -ring; i <= ring; i += side || ring == 0 ? 1 : 2 * ring)
-          gather(at, normal, {middle[0] + i, middle[1] + j, middle[2] + k}, near);
+          gather(at, normal, {middle[0] + i, middle[1] + j, middle[2] + k}, without, near);
       }
     if (ring == 0 || near.size() < options_.neighbours) continue;
     std::nth_element(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(options_.neighbours - 1),

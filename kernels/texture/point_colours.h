@@ -36,15 +36,18 @@ class PointColours {
     std::uint32_t point;
   };
   /// The colour at a place of the surface. \param normal  unit, or zero \param near  scratch
-  /// \returns false where no point is near
-  bool find(const Double3& at, const Double3& normal, std::uint32_t& rgba, std::vector<Near>& near) const;
+  /// \param without  a point that does not count \returns false where no point is near
+  bool find(const Double3& at, const Double3& normal, std::uint32_t& rgba, std::vector<Near>& near,
+            std::uint32_t without = kAllPoints) const;
+  static constexpr std::uint32_t kAllPoints = 0xffffffffu;
   /// Bytes per point beside the spans.
   static constexpr std::uint64_t bytes_per_point() { return 16 + 4 + 40; }
 
  private:
   std::uint64_t cell_key(const Int3& cell) const;
   Int3 cell_of(const Double3& p) const;
-  void gather(const Double3& at, const Double3& normal, const Int3& cell, std::vector<Near>& out) const;
+  void gather(const Double3& at, const Double3& normal, const Int3& cell, std::uint32_t without,
+              std::vector<Near>& out) const;
 
   std::span<const Float3> position_;
   std::span<const std::uint32_t> rgba_, normal_;

@@ -6,9 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "octree/error.h"
 #include "octree/portable_math.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/texture_image.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
@@ -133,6 +135,45 @@ TEST_CASE("bake: all three formats hold the same mesh", "[pipeline]") {
   const std::string header = file_bytes(folder.path() / "a.ply").substr(0, 600);
   CHECK(header.find("comment TextureFile a_0.png") != std::string::npos);
   CHECK(header.find("property list uchar float texcoord") != std::string::npos);
+}
+
+TEST_CASE("bake: pages as JPEG have the same bytes every time, and are near to those of PNG",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz");
+  const auto run = [&](const std::string& name, const std::vector<std::string>& more) {
+    const fs::path out = folder.path() / name;
+    const CommandResult r = tessera_command(words(mesh, from, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return out;
+  };
+  const fs::path png = run("a.obj", {}), jpeg = run("b.obj", {"--page-format", "jpeg", "--threads", "2"}),
+                 again = run("c.obj", {"--page-format", "jpeg", "--threads", "1"}),
+                 coarse = run("d.obj", {"--page-format", "jpeg", "--quality", "50"});
+  CHECK_FALSE(fs::exists(folder.path() / "b_0.png"));
+  const std::string bytes = file_bytes(folder.path() / "b_0.jpg");
+  CHECK(bytes == file_bytes(folder.path() / "c_0.jpg"));
+  CHECK(fs::file_size(folder.path() / "d_0.jpg") < bytes.size());
+  CHECK(file_bytes(folder.path() / "b.mtl").find("map_Kd b_0.jpg") != std::string::npos);
+  const auto image = [&](const char* name) {
+    const ReadFile file(folder.path() / name);
+    return read_texture_image(file, 0, file.size());
+  };
+  const TextureImage exact = image("a_0.png"), packed = image("b_0.jpg");
+  REQUIRE(exact.rgb.size() == packed.rgb.size());
+  double squares = 0.0;
+  for (std::size_t i = 0; i < exact.rgb.size(); ++i) {
+    const double d = static_cast<double>(exact.rgb[i]) - packed.rgb[i];
+    squares += d * d;
+  }
+  CHECK(std::sqrt(squares / static_cast<double>(exact.rgb.size())) < 3.0);
+  const fs::path glb = run("e.glb", {"--page-format", "jpeg"});
+  CHECK(file_bytes(glb).find("image/jpeg") != std::string::npos);
+  CHECK(tessera_command({"check", glb.string(), "--textures"}).code == 0);
+  // Damage is told.
+  std::ofstream(folder.path() / "bad.jpg", std::ios::binary) << bytes.substr(0, 30);
+  CHECK_THROWS_AS(image("bad.jpg"), InputError);
 }
 
 TEST_CASE("bake: what cannot work is refused", "[pipeline]") {

@@ -173,4 +173,82 @@ TEST_CASE("texture: what cannot have textures is refused before anything runs", 
             .find(".glb, .obj or .ply") != std::string::npos);
 }
 
+TEST_CASE(
+    "texture: textures of the input are baked anew, from OBJ, PLY and GLB alike, or told to be left out",
+    "[pipeline]") {
+  const TempFolder folder;
+  const fs::path scan = write_painted_scan(folder.path() / "in.xyz"),
+                 plain = write_painted_mesh(folder.path() / "plain.ply", false);
+  for (const char* name : {"a.obj", "b.ply", "c.glb"}) {
+    INFO(name);
+    const fs::path textured = folder.path() / name, out = folder.path() / "out.glb";
+    const CommandResult r = tessera_command({"bake", plain.string(), "--from", scan.string(), "-o",
+                                             textured.string(), "--progress", "none", "-q"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    bytes_of_run(words("decimate", textured, out, {"--texture", "auto"}), out);
+    const Json texture = parse_json(file_bytes(out.string() + ".report.json")).at("texture");
+    CHECK(texture.at("texels").at("psnr_db").get<double>() > 35.0);  // against the texels of the input
+    CHECK(texture.at("texels").at("without_points").get<int>() == 0);
+    CHECK(texture.at("scale").at("spacing").get<double>() == Approx(0.7 * 0.25).epsilon(0.2));
+    fs::remove(out);
+    const CommandResult dropped = tessera_command(words("decimate", textured, out));
+    CHECK(dropped.code == 0);
+    CHECK(dropped.errors.find("--texture auto bakes them anew") != std::string::npos);
+    fs::remove(out);
+  }
+}
+
+TEST_CASE("texture: check tells what is wrong with textures, and passes what we write", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path scan = write_painted_scan(folder.path() / "in.xyz"),
+                 plain = write_painted_mesh(folder.path() / "plain.ply", false);
+  const auto check = [&](const fs::path& mesh, const std::string& text = "") {
+    if (!text.empty()) std::ofstream(mesh) << text;
+    const fs::path json = folder.path() / "check.json";
+    const CommandResult r = tessera_command(
+        {"check", mesh.string(), "--textures", "--weld", "--strict", "--json", json.string(), "--force"});
+    INFO(r.errors);
+    return std::pair{r.code, parse_json(file_bytes(json)).at("textures")};
+  };
+  for (const char* name : {"a.obj", "b.ply", "c.glb"}) {
+    INFO(name);
+    const fs::path out = folder.path() / name;
+    const CommandResult r = tessera_command({"bake", plain.string(), "--from", scan.string(), "-o",
+                                             out.string(), "--page-size", "128", "--progress", "none", "-q"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    const auto [code, found] = check(out);
+    CHECK(code == 0);
+    CHECK(found.at("faces") == 2 * kSide * kSide);
+    CHECK(found.at("pages").get<int>() > 1);
+    CHECK(found.at("used_share").get<double>() == Approx(parse_json(file_bytes(out.string() + ".report.json"))
+                                                             .at("texture")
+                                                             .at("pack")
+                                                             .at("used_share")
+                                                             .get<double>())
+                                                      .epsilon(0.01));
+  }
+  // Two triangles of a square, on a page of their own.
+  fs::copy_file(folder.path() / "a_0.png", folder.path() / "page.png");
+  const std::string square = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+  const fs::path mesh = folder.path() / "m.obj";
+  std::ofstream(folder.path() / "m.mtl") << "newmtl a\nmap_Kd page.png\n";
+  const std::string good = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\n";
+  CHECK(check(mesh, square + good + "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n").first == 0);
+  const auto counts = [&](const std::string& text, const char* key) {
+    const auto [code, found] = check(mesh, square + text);
+    CHECK(code == 6);
+    return found.at(key).get<int>();
+  };
+  CHECK(counts(good + "f 1/1 2/2 3/3\nf 1/1 3/3 4/2\n", "flipped_faces") == 1);
+  CHECK(counts(good + "f 1/1 2/2 3/3\nf 1/1 3/2 4/4\n", "overlapping_faces") == 1);
+  CHECK(counts("vt 0 0\nvt 1.5 0\nvt 1 1\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n",
+               "outside_faces") == 1);
+  std::ofstream(folder.path() / "m.mtl") << "newmtl a\nmap_Kd lost.png\n";
+  const auto [code, found] = check(mesh, square + good + "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n");
+  CHECK(code == 6);
+  CHECK(found.at("missing_pages") == Json::array({"lost.png"}));
+}
+
 }  // namespace texture_jobs_test

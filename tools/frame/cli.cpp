@@ -310,6 +310,9 @@ void print_texture(const Json& report) {
   fmt::print("colours at points: {:.2f} dB (PSNR)", texels.at("psnr_db").get<double>());
   if (texels.contains("vertex_colours_psnr_db"))
     fmt::print(", by the colours of vertices {:.2f} dB", texels.at("vertex_colours_psnr_db").get<double>());
+  if (texels.contains("points_around_psnr_db"))
+    fmt::print(", of points by those around them {:.2f} dB",
+               texels.at("points_around_psnr_db").get<double>());
   fmt::print("\n");
 }
 

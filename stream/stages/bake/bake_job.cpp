@@ -31,10 +31,10 @@ void summarise(Json& report) {
 }
 
 /// Pages lie beside files that cannot hold them.
-std::filesystem::path first_page(const std::filesystem::path& output) {
+std::filesystem::path first_page(const std::filesystem::path& output, bool jpeg) {
   if (material_path(output).empty() && output.extension() != ".ply" && output.extension() != ".PLY")
     return {};
-  return output.parent_path() / page_image_name(output, 0);
+  return output.parent_path() / page_image_name(output, 0, jpeg);
 }
 
 }  // namespace
@@ -49,10 +49,12 @@ void summarise_texture(Json& report) {
   if (texture.is_object()) report["texture"] = std::move(texture);
 }
 
-void add_texture_sidecars(JobDescription& job, bool wanted) {
+void add_texture_sidecars(JobDescription& job, const BakeOptions& options, bool wanted) {
   if (!wanted) return;
   job.sidecars.push_back({material_path, "the material beside -o", true});
-  job.sidecars.push_back({first_page, "the pages beside -o", true});
+  job.sidecars.push_back(
+      {[jpeg = options.is_jpeg()](const std::filesystem::path& out) { return first_page(out, jpeg); },
+       "the pages beside -o", true});
 }
 
 std::vector<StageEntry> bake_stages(const BakeOptions& options, const BakeStores& stores) {
@@ -61,7 +63,7 @@ std::vector<StageEntry> bake_stages(const BakeOptions& options, const BakeStores
           {"texture-charts", [=](const JobState& s) { return make_bake_charts_stage(s, options, stores); }},
           {"texture-pack", [=](const JobState& s) { return make_bake_pack_stage(s, options); }},
           {"texture-texels", [=](const JobState& s) { return make_bake_texels_stage(s, options, stores); }},
-          {"texture-pages", [=](const JobState& s) { return make_bake_pages_stage(s); }},
+          {"texture-pages", [=](const JobState& s) { return make_bake_pages_stage(s, options); }},
           {"write", [=](const JobState& s) { return make_bake_write_stage(s, options, stores); }}};
 }
 
@@ -84,7 +86,7 @@ JobDescription bake_job(const BakeOptions& options) {
   }
   for (StageEntry& entry : bake_stages(options, stores)) stages.push_back(std::move(entry));
   JobDescription job{"bake", std::move(stages), 0, summarise, {carried_crs()}, job_page()};
-  add_texture_sidecars(job);
+  add_texture_sidecars(job, options);
   job.needs = [options](const JobState& state) {
     std::vector<StageNeed> needs =
         import_needs(state.run, baked_source(), claimed_mesh_size(state.inputs.at(0)));

@@ -26,6 +26,12 @@ OptionTable option_table(BakeOptions& o) {
        "max-stretch", &o.max_stretch,
        "charts that are unfolded by least squares are stretched (L2) no more than this; others are projected")
       .within(1, 2);
+  t.add("page-format", &o.page_format,
+        "format of the pages; png: exact; jpeg: a fifth as large, e.g. bake small.ply --from scan.laz -o "
+        "small.glb "
+        "--page-format jpeg")
+      .one_of({"png", "jpeg"});
+  t.add("quality", &o.quality, "of JPEG pages, 100 is the best").within(1, 100);
   t.add("scans", &o.scans, "how many inputs follow the mesh").hidden();
   t.add("fine-mesh", &o.fine_mesh, "whether what follows is a mesh").hidden();
   return t;

@@ -2,6 +2,7 @@
 /// What of baked textures users choose; part of a job's identity.
 #pragma once
 #include <cstdint>
+#include <string>
 
 #include "stream/runtime/option_table.h"
 
@@ -13,9 +14,12 @@ struct BakeOptions {
   std::uint32_t page_size = 2048;
   std::uint32_t margin = 2;  ///< texels
   double max_stretch = 1.12;
-  std::uint64_t scans = 1;  ///< inputs behind the mesh
-  bool fine_mesh = false;   ///< that input is a mesh
+  std::string page_format = "png";
+  std::uint32_t quality = 90;  ///< of JPEG
+  std::uint64_t scans = 1;     ///< inputs behind the mesh
+  bool fine_mesh = false;      ///< that input is a mesh
 
+  bool is_jpeg() const { return page_format == "jpeg"; }
   /// Of a job whose result gets textures. \param texture  width of a texel, or kAutoTexture
   static BakeOptions of_texture(double texture);
   /// \throws UsageError naming the option

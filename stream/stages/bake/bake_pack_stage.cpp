@@ -119,12 +119,12 @@ std::size_t page_texel(const ChartEntry& chart, const ChartSpot& spot, const Bak
   return std::size_t{spot.y * kMaskCell + p[1]} * page.width + spot.x * kMaskCell + p[0];
 }
 
-std::string page_image_name(const std::filesystem::path& output, std::size_t page) {
-  return output.stem().string() + "_" + std::to_string(page) + ".png";
+std::string page_image_name(const std::filesystem::path& output, std::size_t page, bool jpeg) {
+  return output.stem().string() + "_" + std::to_string(page) + (jpeg ? ".jpg" : ".png");
 }
 
-std::string page_image_file(std::size_t page) {
-  return kBakeImages + task_file_stem(page) + ".png";
+std::string page_image_file(std::size_t page, bool jpeg) {
+  return kBakeImages + task_file_stem(page) + (jpeg ? ".jpg" : ".png");
 }
 
 std::unique_ptr<Stage> make_bake_pack_stage(const JobState& state, const BakeOptions& options) {

@@ -34,9 +34,9 @@ Double2 page_uv(const ChartEntry& chart, const ChartSpot& spot, const BakePages:
 std::size_t page_texel(const ChartEntry& chart, const ChartSpot& spot, const BakePages::Size& page,
                        std::uint32_t x, std::uint32_t y);
 
-/// "site_0.png" for page 0 of "site.obj".
-std::string page_image_name(const std::filesystem::path& output, std::size_t page);
+/// "site_0.png", or "site_0.jpg", for page 0 of "site.obj".
+std::string page_image_name(const std::filesystem::path& output, std::size_t page, bool jpeg);
 /// Of the work directory.
-std::string page_image_file(std::size_t page);
+std::string page_image_file(std::size_t page, bool jpeg);
 
 }  // namespace tessera

@@ -1,5 +1,6 @@
 #include "kernels/texture/page_fill.h"
 #include "stream/files/json.h"
+#include "stream/render/jpeg_file.h"
 #include "stream/render/png_file.h"
 #include "stream/stages/bake/bake_pages.h"
 #include "stream/stages/bake/bake_stages.h"
@@ -10,7 +11,8 @@ namespace {
 
 class BakePagesStage : public Stage {
  public:
-  explicit BakePagesStage(const JobState& state) : work_(state.work), pages_(BakePages::of_work(state.work)) {
+  BakePagesStage(const JobState& state, const BakeOptions& options)
+      : work_(state.work), options_(options), pages_(BakePages::of_work(state.work)) {
     for (const BakePages::Size& p : pages_.pages) texels_ += std::uint64_t{p.width} * p.height;
   }
   std::string name() const override { return "texture-pages"; }
@@ -20,7 +22,8 @@ class BakePagesStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     const BakePages::Size& p = pages_.pages[task];
     // The page with its levels, the picture, a chart.
-    return std::uint64_t{p.width} * p.height * 13 + pages_.spots.size() * 8 + (std::uint64_t{12} << 20);
+    return std::uint64_t{p.width} * p.height * (options_.is_jpeg() ? 16 : 13) + pages_.spots.size() * 8 +
+           (std::uint64_t{12} << 20);
   }
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
@@ -58,8 +61,12 @@ class BakePagesStage : public Stage {
       }
     std::vector<std::uint32_t>().swap(rgba);
     context.check_stop();
-    const std::filesystem::path path = context.create(page_image_file(task));
-    write_png(path, image);
+    const std::filesystem::path path = context.create(page_image_file(task, options_.is_jpeg()));
+    if (options_.is_jpeg()) {
+      write_jpeg(path, image, static_cast<int>(options_.quality));
+    } else {
+      write_png(path, image);
+    }
     context.count_written(std::filesystem::file_size(path));
     context.advance(std::uint64_t{size.width} * size.height);
     return {{"bytes", std::filesystem::file_size(path)}};
@@ -74,14 +81,15 @@ class BakePagesStage : public Stage {
 
  private:
   std::filesystem::path work_;
+  BakeOptions options_;
   BakePages pages_;
   std::uint64_t texels_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<Stage> make_bake_pages_stage(const JobState& state) {
-  return std::make_unique<BakePagesStage>(state);
+std::unique_ptr<Stage> make_bake_pages_stage(const JobState& state, const BakeOptions& options) {
+  return std::make_unique<BakePagesStage>(state, options);
 }
 
 }  // namespace tessera

@@ -48,7 +48,7 @@ std::vector<StageEntry> bake_stages(const BakeOptions& options, const BakeStores
 /// `texture` of a report: what they say, by stage without "texture-"; nothing without them.
 void summarise_texture(Json& report);
 /// Files beside an output with textures. \param wanted  false: none
-void add_texture_sidecars(JobDescription& job, bool wanted = true);
+void add_texture_sidecars(JobDescription& job, const BakeOptions& options, bool wanted = true);
 
 std::unique_ptr<Stage> make_bake_points_stage(const JobState& state, const BakeStores& stores);
 std::unique_ptr<Stage> make_bake_scale_stage(const JobState& state, const BakeOptions& options,
@@ -58,7 +58,7 @@ std::unique_ptr<Stage> make_bake_charts_stage(const JobState& state, const BakeO
 std::unique_ptr<Stage> make_bake_pack_stage(const JobState& state, const BakeOptions& options);
 std::unique_ptr<Stage> make_bake_texels_stage(const JobState& state, const BakeOptions& options,
                                               const BakeStores& stores);
-std::unique_ptr<Stage> make_bake_pages_stage(const JobState& state);
+std::unique_ptr<Stage> make_bake_pages_stage(const JobState& state, const BakeOptions& options);
 std::unique_ptr<Stage> make_bake_write_stage(const JobState& state, const BakeOptions& options,
                                              const BakeStores& stores);
 

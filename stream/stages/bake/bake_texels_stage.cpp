@@ -24,7 +24,7 @@ constexpr std::uint64_t kTexelFaceBytes = 500;
 
 /// Errors of colours at points, squares summed over three channels.
 struct ColourErrors {
-  std::uint64_t points = 0, texture = 0, vertices = 0;
+  std::uint64_t points = 0, texture = 0, vertices = 0, around = 0;
 };
 
 /// Corners across the edges of a block and what lies around it, by the keys of their ends.
@@ -173,13 +173,14 @@ class BakeTexelsStage : public Stage {
       charts.push_back(std::move(done));
     }
     context.count_written(writer.finish(table));
-    const ColourErrors errors = measure(block, near, charts, points, origin);
+    const ColourErrors errors = measure(block, near, charts, points, colours, origin);
     context.advance(block.faces.size());
     return {{"inside", inside},
             {"bare", bare},
             {"points", errors.points},
             {"texture", errors.texture},
-            {"vertices", errors.vertices}};
+            {"vertices", errors.vertices},
+            {"around", errors.around}};
   }
 
   Json finish(const std::vector<Json>& tasks, TaskContext&) const override {
@@ -189,10 +190,12 @@ class BakeTexelsStage : public Stage {
       inside += t.at("inside").get<std::uint64_t>(), bare += t.at("bare").get<std::uint64_t>();
       all.points += t.at("points").get<std::uint64_t>(), all.texture += t.at("texture").get<std::uint64_t>();
       all.vertices += t.at("vertices").get<std::uint64_t>();
+      all.around += t.at("around").get<std::uint64_t>();
     }
     Json out = {{"texels", inside}, {"without_points", bare}, {"compared_points", all.points}};
     if (all.points > 0) {
       out["psnr_db"] = psnr(all.texture, all.points);
+      out["points_around_psnr_db"] = psnr(all.around, all.points);
       if (store_.info().colour) out["vertex_colours_psnr_db"] = psnr(all.vertices, all.points);
     }
     return out;
@@ -207,7 +210,7 @@ class BakeTexelsStage : public Stage {
   /// Points whose nearest face is of the block, against what its texture shows there.
   ColourErrors measure(const MeshBlock& block, const MeshHaloBlock& near,
                        const std::vector<ColouredChart>& charts, const TexturePointBlock& points,
-                       const Double3& origin) const {
+                       const PointColours& colours, const Double3& origin) const {
     struct OfFace {
       std::uint32_t chart = 0, index = 0;
     };
@@ -222,6 +225,7 @@ class BakeTexelsStage : public Stage {
       if (near.core[f]) in_block[f] = next++;
     const ClosestFaces closest(near.block.position, near.block.faces, origin);
     ColourErrors errors;
+    std::vector<PointColours::Near> scratch;
     for (std::size_t i = 0; i < points.position.size(); ++i) {
       const Float3& q = points.position[i];
       const Double3 p = wide(q);
@@ -252,6 +256,12 @@ class BakeTexelsStage : public Stage {
       if (!chart.sample(uv, static_cast<int>(options_.margin), seen)) continue;
       ++errors.points;
       errors.texture += squared_difference(seen, points.rgba[i]);
+      std::uint32_t around = points.rgba[i];
+      colours.find(p, n / std::sqrt(square), around, scratch, static_cast<std::uint32_t>(i));
+      errors.around +=
+          squared_difference({static_cast<int>(around & 255u), static_cast<int>(around >> 8 & 255u),
+                              static_cast<int>(around >> 16 & 255u)},
+                             points.rgba[i]);
       if (!block.rgba.empty())
         errors.vertices += squared_difference(mixed_colour(block, t, weights), points.rgba[i]);
     }

@@ -23,6 +23,7 @@ class BakeWriteStage : public SerialStage {
   BakeWriteStage(const JobState& state, const BakeOptions& options, const BakeStores& stores)
       : state_(state),
         margin_(static_cast<int>(options.margin)),
+        jpeg_(options.is_jpeg()),
         placement_(stores.placement),
         comment_(stores.comment(state)),
         store_(stores.mesh(state)),
@@ -52,8 +53,8 @@ class BakeWriteStage : public SerialStage {
     std::vector<std::string> names;
     for (std::size_t p = 0; p < pages_.pages.size(); ++p) {
       context.check_stop();
-      names.push_back(page_image_name(state_.output, p));
-      std::filesystem::copy_file(state_.work / page_image_file(p),
+      names.push_back(page_image_name(state_.output, p, jpeg_));
+      std::filesystem::copy_file(state_.work / page_image_file(p, jpeg_),
                                  context.create(kSidecarName + names.back()),
                                  std::filesystem::copy_options::overwrite_existing);
     }
@@ -153,7 +154,7 @@ class BakeWriteStage : public SerialStage {
       TexturedGlb::Page& page = pages[p];
       constexpr float kHuge = std::numeric_limits<float>::infinity();
       page.min = {kHuge, kHuge, kHuge}, page.max = {-kHuge, -kHuge, -kHuge};
-      page.image = state_.work / page_image_file(p);
+      page.image = state_.work / page_image_file(p, jpeg_);
       for_each_chart(
           p, context,
           [&](const MeshChart& chart, const ChartEntry&, const ChartSpot&, const MeshBlock& block) {
@@ -202,6 +203,7 @@ class BakeWriteStage : public SerialStage {
 
   JobState state_;
   int margin_;
+  bool jpeg_;
   std::function<MeshPlacement(const JobState&)> placement_;
   std::string comment_;
   MeshStore store_;

@@ -12,6 +12,7 @@
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/bake/bake_needs.h"
 #include "stream/stages/bake/bake_stages.h"
+#include "stream/stages/bake/texture_colours.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/result_mend.h"
 #include "stream/stages/decimate/simplify_needs.h"
@@ -54,8 +55,7 @@ std::vector<StageEntry> texture_stages(const SimplifyOptions& options, const Sim
                                        const std::string& made_by) {
   BakeStores bake;
   bake.mesh = [=](const JobState& s) { return open_round_result(s, options.passes, last_round(s.work)); };
-  bake.colours = stores.colours ? stores.colours
-                                : [=](const JobState& s) { return colours_of_store(stores.reference(s)); };
+  bake.colours = stores.colours;
   bake.comment = [=](const JobState& s) {
     return made_with(made_by, stores.requested(s, options).tolerance);
   };
@@ -184,12 +184,15 @@ JobDescription decimate_job(const SimplifyOptions& options) {
   const CrossingPlan input = input_mend(kDecimateImport);
   if (repairs)
     for (StageEntry& entry : crossing_stages(input)) stages.push_back(std::move(entry));
-  for (StageEntry& entry : simplify_stages(
-           options, repairs ? mended_stores(input) : imported_stores(kDecimateImport), "tessera decimate"))
+  SimplifyStores stores = repairs ? mended_stores(input) : imported_stores(kDecimateImport);
+  stores.colours = [given = stores.full](const JobState& s) {
+    return has_textures(s.inputs.at(0)) ? colours_of_textures(s.inputs.at(0), s) : colours_of_store(given(s));
+  };
+  for (StageEntry& entry : simplify_stages(options, stores, "tessera decimate"))
     stages.push_back(std::move(entry));
   JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_crs(), known_origin()},
                         job_page()};
-  add_texture_sidecars(job, options.has_texture());
+  add_texture_sidecars(job, BakeOptions(), options.has_texture());
   job.needs = [=](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kDecimateImport}, mesh);

@@ -69,7 +69,7 @@ OptionTable option_table(SimplifyOptions& o) {
         "times as long, sharp creases (both as of tessera smooth); auto: denoise from a noise of 0.02 edges "
         "on, else implicit")
       .one_of({"off", "implicit", "denoise", "auto"});
-  add_texture(t, o.texture, "the vertices of the input");
+  add_texture(t, o.texture, "the input, of its own textures or its vertices,");
   t.add("passes", &o.passes, "passes over shifted blocks").within(1, 8);
   t.add("block-faces", &o.block_faces, "most faces of a block").at_least(1024);
   // For tests of the rounds: makes the passes bolder than the certificate allows.

@@ -53,7 +53,7 @@ struct SimplifyStores {
   /// tolerance is off `tolerance_left` then.
   std::function<MeshPlacement(const JobState&)> placed = {};
 
-  /// Colours of textures; empty: those of the vertices of the mesh as it was given.
+  /// Colours of textures, where the result gets any.
   std::function<std::unique_ptr<BakeColours>(const JobState&)> colours = {};
 
   /// With the tolerance as it was asked for, or found.

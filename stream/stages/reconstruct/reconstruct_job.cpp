@@ -329,7 +329,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
   job.sidecars.push_back({missing_picture_path, "the picture of what is missing"});
   job.sidecars.push_back(found_crs());
   job.sidecars.push_back(known_origin());
-  add_texture_sidecars(job, options.has_texture());
+  add_texture_sidecars(job, BakeOptions(), options.has_texture());
   if (options.keep_raw) {
     job.sidecars.push_back({raw_output_path, "--keep-raw", true});
     const auto path = [](const std::filesystem::path& out) { return stl_shift_path(raw_output_path(out)); };
