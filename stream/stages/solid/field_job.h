@@ -5,7 +5,6 @@
 
 #include "stream/runtime/job.h"
 #include "stream/runtime/option_table.h"
-#include "stream/stages/solid/solid_stages.h"
 
 namespace tessera {
 

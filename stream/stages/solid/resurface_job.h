@@ -3,12 +3,14 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "stream/runtime/job.h"
 #include "stream/runtime/option_table.h"
-#include "stream/stages/solid/solid_stages.h"
 
 namespace tessera {
+
+struct SolidModel;  // solid_stages.h, which not every caller of a job need read
 
 /// What every job that makes a surface of solids asks for.
 struct SolidSurfaceOptions {
