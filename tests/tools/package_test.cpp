@@ -36,6 +36,8 @@ TEST_CASE("package: programs link the installed floors from an empty folder", "[
   said_by("cmake --build " + build);
   const std::string flags = shell("grep -h INCLUDES " + build + "/build.ninja").said;
   CHECK(flags.find(TESSERA_SOURCE_DIR) == std::string::npos);  // nothing of the tree is needed
+  // Nor what the package libtessera-dev does not depend on.
+  CHECK(said_by("ninja -C " + build + " -t deps").find("/openvdb/") == std::string::npos);
 
   CHECK(said_by(build + "/simplify_block").find("19602 faces became") != std::string::npos);
   CHECK(said_by(build + "/remesh_openmesh").find("closed: 1") != std::string::npos);
@@ -60,6 +62,26 @@ TEST_CASE("package: programs link the installed floors from an empty folder", "[
     CAPTURE(library);
     CHECK(linked.find(library) == std::string::npos);
   }
+}
+
+TEST_CASE("package: the page of licences is what every target links", "[pipeline]") {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  skip("sanitizers are linked too");
+#else
+  for (const char* built : {"tessera-vdb", "tessera-gdal", "python/tessera"})
+    if (!std::filesystem::exists(kBuild / built)) return skip(std::string(built) + " is not built");
+  said_by(TESSERA_SOURCE_DIR "/tools/licences --check " + kBuild.string());
+#endif
+}
+
+TEST_CASE("package: the unit of the folder watch is one that systemd takes", "[pipeline]") {
+  if (shell("command -v systemd-analyze").code != 0) return skip("needs systemd-analyze (systemd)");
+  const TempFolder folder;
+  const std::string unit = (folder / "tessera-watch@site.service").string();
+  said_by("sed 's#/usr/bin/tessera#" TESSERA_BINARY "#' '" TESSERA_SOURCE_DIR
+          "/tools/packaging/tessera-watch@.service' >" +
+          unit);
+  CHECK(said_by("systemd-analyze verify " + unit + " 2>&1").find(unit) == std::string::npos);
 }
 
 }  // namespace package_test
