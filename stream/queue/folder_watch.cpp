@@ -8,6 +8,7 @@
 #include "stream/files/json.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/points/point_source.h"
+#include "stream/runtime/work_dir.h"
 
 namespace tessera {
 namespace {
@@ -34,7 +35,16 @@ bool failed_before(const WatchedScan& scan) {
   }
 }
 
-ScanState state_of(const WatchOptions& options, const WatchedScan& scan) {
+/// Where jobs keep what they have done; empty: beside their outputs.
+fs::path work_folder(const WatchOptions& options) {
+  if (options.job.empty()) return {};
+  const Json job = parse_json(read_text(options.job), options.job.string());
+  return job.contains("temp") && job.at("temp").is_string() ? job.at("temp").get<std::string>() : "";
+}
+
+ScanState state_of(const WatchOptions& options, const fs::path& temp, const WatchedScan& scan) {
+  // A job whose mesh is there may still write its report.
+  if (work_in_use(work_path(scan.output, temp))) return ScanState::kBusy;
   if (fs::exists(scan.output)) return ScanState::kDone;
   const std::chrono::duration<double> age = fs::file_time_type::clock::now() - fs::last_write_time(scan.scan);
   if (age.count() < options.settle) return ScanState::kGrowing;
@@ -68,13 +78,14 @@ std::vector<WatchedScan> look_at_folder(const WatchOptions& options) {
     throw;
   }
   std::sort(files.begin(), files.end());
+  const fs::path temp = work_folder(options);
   std::vector<WatchedScan> scans;
   for (const fs::path& file : files) {
     WatchedScan scan{file, options.out / file.lexically_relative(options.in)};
     scan.output += ".ply";
     std::error_code gone;
     if (!fs::exists(file, gone)) continue;
-    scan.state = state_of(options, scan);
+    scan.state = state_of(options, temp, scan);
     scans.push_back(std::move(scan));
   }
   return scans;

@@ -23,6 +23,7 @@ struct WatchOptions {
 
 enum class ScanState {
   kGrowing,  ///< changed within the time to settle
+  kBusy,     ///< another process works on it: the job of a watch that was killed
   kReady,    ///< to be worked on, or gone on with
   kFailed,   ///< as it stands, for a reason that another try does not cure
   kDone,

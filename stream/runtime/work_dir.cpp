@@ -192,6 +192,14 @@ void require_not_queued(const fs::path& work) {
                   work.string()));
 }
 
+bool work_in_use(const fs::path& work) {
+  const int fd = ::open((work / kLockFile).c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool used = try_file_lock(fd, LOCK_EX) == EWOULDBLOCK;
+  ::close(fd);
+  return used;
+}
+
 WorkDir WorkDir::open_job(const fs::path& path, const Json& identity, bool force) {
   remove_discarded(path);
   WorkDir dir;

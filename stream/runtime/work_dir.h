@@ -35,6 +35,9 @@ Json job_identity(const std::string& command, const JobState& state,
 /// <output>.tessera beside the output, or of that name in `temp`.
 std::filesystem::path work_path(const std::filesystem::path& output, const std::filesystem::path& temp);
 
+/// Whether a process of this machine drives the job of this work directory, or runs a task of it; false where there is none.
+bool work_in_use(const std::filesystem::path& work);
+
 /// Where a work directory keeps what concerns its batch queue; kQueueMark is there while the queue has the job.
 inline constexpr const char* kQueueFolder = "queue";
 inline constexpr const char* kQueueMark = "queue/active.json";

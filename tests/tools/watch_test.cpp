@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tests/helpers/shell.h"
+#include "tests/helpers/skip.h"
 
 namespace watch_test {
 
@@ -84,6 +85,59 @@ TEST_CASE("watch: a kill and a full disk are gone on from", "[fault]") {
   INFO(done.said);
   CHECK(done.code == 0);
   CHECK(std::filesystem::exists(out + "/a.ply.ply"));
+}
+
+TEST_CASE("watch: a watch that is killed leaves a job that the next one waits for", "[fault]") {
+  const TempFolder folder;
+  const std::string in = (folder / "in").string(), out = (folder / "out").string();
+  std::filesystem::create_directories(folder / "in");
+  const std::string scan = in + "/a.ply", mesh = out + "/a.ply.ply";
+  REQUIRE(shell(TESSERA_BINARY " synth --scene sphere --points 300k --normals -o " + scan).code == 0);
+  std::filesystem::remove(scan + ".truth.json");
+  const std::string watch = TESSERA_BINARY " watch " + in + " " + out + " --once --settle 0 --every 0.1";
+  const std::string until_begun =
+      " & P=$!; while [ ! -e " + mesh + ".tessera/journal ] && kill -0 $P 2>/dev/null; do sleep 0.01; done; ";
+  // Its job goes on without it, and holds the work directory.
+  const Outcome killed =
+      shell(watch + until_begun + "kill -9 $P; wait $P; [ -e " + mesh + " ] || exec " + watch);
+  INFO(killed.said);
+  CHECK(killed.code == 0);
+  CHECK(holds(killed.said, "waits: another process works on it"));
+  CHECK_FALSE(std::filesystem::exists(mesh + ".failed"));
+  REQUIRE(std::filesystem::exists(mesh));
+  CHECK(std::filesystem::exists(mesh + ".report.html"));  // the watch did not end before its job
+  CHECK(
+      shell(TESSERA_BINARY " reconstruct --no-html " + scan + " -o " + (folder / "one.ply").string()).code ==
+      0);
+  CHECK(file_bytes(mesh) == file_bytes(folder / "one.ply"));
+}
+
+TEST_CASE("watch: a disk that is full takes a scan when it has room again", "[fault]") {
+  const TempFolder folder;
+  const std::string in = (folder / "in").string(), disk = (folder / "disk").string();
+  std::filesystem::create_directories(folder / "in");
+  std::filesystem::create_directories(disk);
+  const std::string scan = in + "/a.ply", one = (folder / "one.ply").string();
+  REQUIRE(shell(TESSERA_BINARY " synth --scene sphere --points 100k --normals -o " + scan).code == 0);
+  std::filesystem::remove(scan + ".truth.json");
+  const std::string mount = "mount -t tmpfs -o size=4m tmpfs " + disk;
+  if (shell("unshare --mount sh -c '" + mount + "'").code != 0)
+    return skip("needs the right to mount (root)");
+  REQUIRE(shell(TESSERA_BINARY " reconstruct --no-html " + scan + " -o " + one).code == 0);
+  const std::string watch =
+      TESSERA_BINARY " watch " + in + " " + disk + "/out --once --settle 0 --every 0.1; echo code $?; ";
+  const Outcome both = shell("unshare --mount sh -c '" + mount + " && " + watch + "ls " + disk +
+                             "/out; mount -o remount,size=400m " + disk + "; " + watch + "cmp " + one + " " +
+                             disk + "/out/a.ply.ply && echo the same bytes'");
+  INFO(both.said);
+  const std::size_t full = both.said.find("code 4"), done = both.said.find("code 0");
+  CHECK(holds(both.said, "waits: "));
+  CHECK(holds(both.said, "the disk is full"));
+  CHECK(full != std::string::npos);
+  CHECK(done != std::string::npos);
+  CHECK(full < done);
+  CHECK_FALSE(holds(both.said, ".failed"));
+  CHECK(holds(both.said, "the same bytes"));
 }
 
 TEST_CASE("watch: folders that make no sense are refused", "[pipeline]") {

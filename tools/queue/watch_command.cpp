@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -116,16 +117,19 @@ void run_watch(const WatchArguments& arguments) {
     throw InputError(options.job.string() + ": cannot read the job file; name a file of JSON");
   fs::create_directories(options.out);
   WatchLog log(options.out);
+  fs::path told_busy;
   for (;;) {
     std::string waits;
-    bool growing = false;
+    bool more = false;  // comes without a try of ours
     for (const WatchedScan& scan : look_at_folder(options)) {
       throw_if_stopped();
-      growing = growing || scan.state == ScanState::kGrowing;
+      more = more || scan.state == ScanState::kGrowing || scan.state == ScanState::kBusy;
+      if (scan.state == ScanState::kBusy && std::exchange(told_busy, scan.scan) != scan.scan)
+        log.say(scan.scan.string() + ": waits: another process works on it");
       if (scan.state != ScanState::kReady) continue;
       if (const std::string reason = work_on(options, scan, log); !reason.empty()) waits = reason;
     }
-    if (options.once && !growing) {
+    if (options.once && !more) {
       if (!waits.empty()) throw ResourceError(waits);
       return;
     }

@@ -127,9 +127,12 @@ TEST_CASE("work directory: what a killed start or removal leaves does not stop t
 TEST_CASE("work directory: one driver at a time, tasks together", "[unit]") {
   const TempFolder scratch;
   const JobState state = state_in(scratch);
+  CHECK_FALSE(work_in_use(state.work));
   begin(state);
+  CHECK_FALSE(work_in_use(state.work));
   {
     const WorkDir work = WorkDir::open_job(state.work, identity_of(state), false);
+    CHECK(work_in_use(state.work));
     CHECK_THROWS_WITH(WorkDir::open_job(state.work, identity_of(state), false),
                       Catch::Contains("another process"));
     CHECK_THROWS_AS(WorkDir::open_existing(state.work, true), UsageError);
@@ -137,6 +140,7 @@ TEST_CASE("work directory: one driver at a time, tasks together", "[unit]") {
   }
   const WorkDir one = WorkDir::open_existing(state.work, true);
   const WorkDir two = WorkDir::open_existing(state.work, true);
+  CHECK(work_in_use(state.work));
   CHECK_THROWS_AS(WorkDir::open_job(state.work, identity_of(state), false), UsageError);
 }
 
