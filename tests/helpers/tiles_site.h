@@ -190,6 +190,10 @@ inline DecodedTile decode_tile(const std::string& glb) {
       tile.normals.push_back({c(0), -c(2), c(1)});
     }
   }
+  if (!primitive.contains("indices")) {
+    if (primitive.at("mode") != 0) throw std::runtime_error("neither points nor faces");
+    return tile;
+  }
   const std::vector<unsigned char> corners =
       bytes_of(primitive.at("indices").get<std::size_t>(), count, stride);
   tile.faces.resize(count / 3);

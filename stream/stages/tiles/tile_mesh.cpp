@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <stdexcept>
 
 #include <meshoptimizer.h>
@@ -29,6 +30,14 @@ enum Target { kArrayBuffer = 34962, kElementBuffer = 34963 };
 /// The binary part of the file and the views into it.
 class Binary {
  public:
+  Binary() {
+    static const bool once = [] {  // the versions that the extension asks for
+      meshopt_encodeIndexVersion(1);
+      meshopt_encodeVertexVersion(0);
+      return true;
+    }();
+    (void)once;
+  }
   /// \param stride  bytes an element, a multiple of 4
   std::size_t add_attribute(const void* elements, std::size_t count, std::size_t stride,
                             const char* filter = nullptr) {
@@ -42,12 +51,6 @@ class Binary {
 
   std::size_t add_indices(const std::vector<std::uint32_t>& indices, std::size_t vertices,
                           std::size_t stride) {
-    static const bool once = [] {  // the version that the extension asks for
-      meshopt_encodeIndexVersion(1);
-      meshopt_encodeVertexVersion(0);
-      return true;
-    }();
-    (void)once;
     std::vector<unsigned char> packed(meshopt_encodeIndexBufferBound(indices.size(), vertices));
     packed.resize(meshopt_encodeIndexBuffer(packed.data(), packed.size(), indices.data(), indices.size()));
     return add(packed, indices.size(), stride, {{"target", kElementBuffer}}, {{"mode", "TRIANGLES"}});
@@ -131,7 +134,7 @@ class GlbTile {
     if (!tile.normal.empty()) add_normals();
     if (!tile.rgba.empty()) add_colours();
     if (!tile.synthetic.empty()) add_synthetic();
-    add_triangles();
+    if (!tile.faces.empty()) add_triangles();
   }
 
   std::string file() const {
@@ -153,12 +156,13 @@ class GlbTile {
  private:
   /// Triangles as the codec of indices packs them best.
   void order() {
+    remap_.resize(vertices_);
+    if (tile_.faces.empty()) return std::iota(remap_.begin(), remap_.end(), 0u);  // points, as they come
     std::vector<std::uint32_t> corners;
     corners.reserve(3 * tile_.faces.size());
     for (const auto& f : tile_.faces) corners.insert(corners.end(), f.begin(), f.end());
     indices_.resize(corners.size());
     meshopt_optimizeVertexCacheStrip(indices_.data(), corners.data(), corners.size(), vertices_);
-    remap_.resize(vertices_);
     meshopt_optimizeVertexFetchRemap(remap_.data(), indices_.data(), indices_.size(), vertices_);
     for (std::uint32_t& v : indices_) v = remap_[v];
   }
@@ -240,6 +244,11 @@ class GlbTile {
     const Json node = {{"mesh", 0},
                        {"translation", {along(tile_.low[0]), along(tile_.low[2]), -along(tile_.high[1])}},
                        {"scale", {tile_.grid.step, tile_.grid.step, tile_.grid.step}}};
+    Json primitive = {{"attributes", attributes_}, {"material", 0}};
+    if (tile_.faces.empty())
+      primitive["mode"] = 0;
+    else
+      primitive["indices"] = triangles_;
     const Json extensions = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
     return {{"asset", {{"version", "2.0"}, {"generator", "Tessera"}}},
             {"extensionsUsed", extensions},
@@ -247,8 +256,7 @@ class GlbTile {
             {"scene", 0},
             {"scenes", {{{"nodes", {0}}}}},
             {"nodes", {node}},
-            {"meshes",
-             {{{"primitives", {{{"attributes", attributes_}, {"indices", triangles_}, {"material", 0}}}}}}},
+            {"meshes", {{{"primitives", Json::array({std::move(primitive)})}}}},
             {"materials",
              {{{"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}},
                {"doubleSided", true}}}},

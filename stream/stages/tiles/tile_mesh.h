@@ -41,7 +41,8 @@ TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector
 std::vector<Double3> tile_normals(const MeshBlock& block, const MeshBlock& around);
 
 /// One mesh, y up as glTF has it, under a node that puts it where it is relative to the grid's origin. Tiles wider than
-/// 65,535 steps get floats for positions, which are whole numbers then too. A pure function of the tile.
+/// 65,535 steps get floats for positions, which are whole numbers then too. A tile without faces is one of points, in their order. A
+/// pure function of the tile.
 /// \throws std::logic_error when an encoder fails
 std::string tile_glb(const TileMesh& tile);
 
