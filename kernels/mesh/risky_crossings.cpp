@@ -70,8 +70,7 @@ void risky_crossings(const RiskyMesh& mesh, const ContactCell& core,
     compared.push_back(face);
     number.push_back(static_cast<std::uint32_t>(k));
   }
-  block_contacts(compared, core, [&](std::uint32_t i, std::uint32_t j, FaceContact contact) {
-    if (contact == FaceContact::kTouch) return;
+  block_contacts(compared, core, [&](std::uint32_t i, std::uint32_t j, FaceContact) {
     if (mesh.is_risky(mesh.faces[number[i]]) || mesh.is_risky(mesh.faces[number[j]]))
       use(number[i], number[j]);
   });

@@ -27,7 +27,7 @@ struct RiskyMesh {
   }
 };
 
-/// Calls use(i, j), i < j, for the pairs of faces that cross or overlap in the core (block_contacts.h), a risky one among
+/// Calls use(i, j), i < j, for the pairs of faces that cross, overlap or touch in the core (block_contacts.h), a risky one among
 /// them. Only faces with a corner within a cell of a risky one are compared. Faces without an area take no part.
 /// \pre  as block_contacts', but faces may have no area; one that is not risky is at most a cell wide; the core is bounded
 /// \cost O(n) time and n log n in what is compared; risky_crossings_bytes()

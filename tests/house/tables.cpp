@@ -276,7 +276,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/top_surface_model", "stream/stages/weld", {"blunt_stage"});
     by("tools/uncross", "stream/stages/weld",
        {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",
-        "patch_positions", "uncross_stage", "weld_stage"});
+        "patch_positions", "uncross_stage", "weld_stage", "written_positions"});
     by("tools/bake", "stream/stages/bake",
        {"bake_charts_stage", "bake_colours", "bake_job", "bake_needs", "bake_options", "bake_pack_stage",
         "bake_pages", "bake_scale", "bake_pages_stage", "bake_points_stage", "bake_scale_stage",

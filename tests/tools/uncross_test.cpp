@@ -1,6 +1,8 @@
 // What commands extract does not cross itself: features and borders that would make faces cross give way.
 #include <catch2/catch.hpp>
 
+#include <cmath>
+
 #include "octree/portable_math.h"
 #include "stream/files/json.h"
 #include "tests/helpers/command.h"
@@ -83,6 +85,32 @@ TEST_CASE("uncross: a solid full of features does not cross itself, the same byt
   check_sound(out);
   CHECK(run({"-t", "2", "--tile-size", "64", "--memory", "160M"}) == bytes);
   CHECK(run({"-t", "2", "--tile-size", "128", "--processes"}) == bytes);
+}
+
+TEST_CASE("uncross: faces are apart as they are written, and at the sides of cells and bricks",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply";
+  const auto run = [&](const Double3& by, double snap, const std::string& name) {
+    WholeMesh mesh = rough_ball();
+    for (Double3& p : mesh.points)
+      for (std::size_t a = 0; a < 3; ++a)
+        p[a] = by[a] + (snap > 0.0 ? std::round(5.0 * p[a] / snap) * snap : 5.0 * p[a]);
+    mesh.header.double_positions = true;
+    write_whole(in, mesh);
+    const fs::path to = folder / name;
+    const CommandResult r = tessera_command({"resurface", in.string(), "-o", to.string(), "--resolution",
+                                             "0.2", "--no-html", "-q", "--force", "--progress", "none"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    CHECK(pairs_found(to) > 100);
+    check_sound(to);
+  };
+  // Floats step by a thousandth of a cell there: feature samples that hardly leave their cells cross others when they are rounded.
+  run({3000, 3000, 3000}, 0.0, "far.ply");
+  run({3000, 3000, 3000}, 0.0, "far.glb");
+  // Corners at nodes of the lattice, features in the sides of cells, where what is on both sides would touch.
+  run({0, 0, 0}, 0.2, "snapped.ply");
 }
 
 TEST_CASE("uncross: a noisy scan with torn borders does not cross itself, the same bytes whatever runs",

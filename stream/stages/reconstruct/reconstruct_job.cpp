@@ -293,7 +293,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   append({{"weld", make_weld_stage, forecast_weld},
           {"border", make_border_stage, forecast_border},
           {"blunt", make_blunt_stage, forecast_blunt}});
-  append(uncross_stages());
+  append(uncross_stages(written_by(true)));
   append(hole_stages());
   if (!options.decimates()) {
     append({{"coverage", [](const JobState& state) { return make_coverage_stage(state, welded_faces); },

@@ -9,6 +9,7 @@
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/solid/solid_stages.h"
+#include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/write_stage.h"
 #include "stream/stages/weld/uncross_stage.h"
 #include "stream/stages/weld/weld_stage.h"
@@ -111,7 +112,7 @@ std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_
                           s,
                           {min_component, "nothing is left: the solids have no common inside", kCrumbFaces});
                     }});
-  for (StageEntry& entry : uncross_stages()) stages.push_back(std::move(entry));
+  for (StageEntry& entry : uncross_stages(written_by(false))) stages.push_back(std::move(entry));
   stages.push_back({"write", [maker](const JobState& s) { return make_write_stage_of(s, maker); }});
   return stages;
 }

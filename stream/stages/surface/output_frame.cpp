@@ -5,6 +5,7 @@
 
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/level_files.h"
+#include "stream/stages/weld/weld_stage.h"
 
 namespace tessera {
 namespace {
@@ -55,6 +56,34 @@ MeshPlacement plan_placement(const JobState& state, const Plan& plan) {
   const double requested = reconstruct_options(state).tolerance, fine = kFineCells * finest.lattice.h;
   return brick_placement(state.output, output_frame(state, finest, farthest), plan.lattice, first, last,
                          requested > 0.0 ? std::min(fine, 1e-2 * requested) : fine);
+}
+
+PatchFrame patch_frame(const JobState& state, const Plan& plan, const PatchStore& store, bool reconstructs) {
+  double farthest = 0.0;
+  Int3 first = {0, 0, 0}, last = {0, 0, 0};
+  for (const PatchEntry& e : store.patches()) {
+    const Int3 brick = brick_of_key(e.key);
+    if (&e == store.patches().data()) first = last = brick;
+    farthest = std::max(farthest, farthest_coordinate(plan.lattice, brick));
+    for (std::size_t a = 0; a < 3; ++a) {
+      first[a] = std::min(first[a], brick[a]);
+      last[a] = std::max(last[a], brick[a]);
+    }
+  }
+  PatchFrame out;
+  out.frame = reconstructs ? output_frame(state, plan, farthest) : output_frame(plan, farthest, false);
+  out.written.lattice = plan.lattice;
+  out.written.shift = out.frame.shift;
+  out.written.floats = !out.frame.double_positions || holds_floats_only(state.output);
+  out.written.origin =
+      brick_placement(state.output, out.frame, plan.lattice, first, last, kFineCells * plan.lattice.h).origin;
+  return out;
+}
+
+WrittenBy written_by(bool reconstructs) {
+  return [reconstructs](const JobState& state) {
+    return patch_frame(state, Plan::of_work(state.work), open_patches(state.work), reconstructs).written;
+  };
 }
 
 MeshPlacement brick_placement(const std::filesystem::path& output, const MeshFrame& frame,

@@ -3,8 +3,10 @@
 #pragma once
 #include "kernels/mesh/patch_mesh.h"
 #include "stream/formats/meshes/mesh_precision.h"
+#include "stream/meshes/patch_store.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/stage.h"
+#include "stream/stages/weld/written_positions.h"
 
 namespace tessera {
 
@@ -23,6 +25,16 @@ MeshPlacement plan_placement(const JobState& state, const Plan& plan);
 /// The same for bricks of a lattice, whatever that of the frame. \param fine  as of place_mesh
 MeshPlacement brick_placement(const std::filesystem::path& output, const MeshFrame& frame,
                               const Lattice& lattice, const Int3& first, const Int3& last, double fine);
+/// The frame and where positions lie in the output, of the patches of a job.
+struct PatchFrame {
+  MeshFrame frame;
+  WrittenPositions written;
+};
+/// \param reconstructs  the job, so that its options tell of `--local-output`
+PatchFrame patch_frame(const JobState& state, const Plan& plan, const PatchStore& store, bool reconstructs);
+/// The positions alone, for the passes before the output is written.
+WrittenBy written_by(bool reconstructs);
+
 inline constexpr double kFineCells = 1e-3;  ///< of the lattice spacing: rounding that is no matter
 
 }  // namespace tessera

@@ -79,26 +79,12 @@ class WriteStage : public SerialStage {
       header.synthetic |= head.faces > 0;
     }
     for (const PatchEntry& e : store_.patches()) header.synthetic |= e.has_synthetic != 0;
-    double farthest = 0.0;
-    Int3 first = {0, 0, 0}, last = {0, 0, 0};
-    for (const PatchEntry& e : store_.patches()) {
-      const Int3 brick = brick_of_key(e.key);
-      if (&e == store_.patches().data()) first = last = brick;
-      farthest = std::max(farthest, farthest_coordinate(plan_.lattice, brick));
-      for (std::size_t a = 0; a < 3; ++a) {
-        first[a] = std::min(first[a], brick[a]);
-        last[a] = std::max(last[a], brick[a]);
-      }
-    }
-    const MeshFrame frame =
-        maker_ == kReconstruct ? output_frame(state_, plan_, farthest) : output_frame(plan_, farthest, false);
+    const auto [frame, written] = patch_frame(state_, plan_, store_, maker_ == kReconstruct);
     header.colour = frame.colour;
     header.double_positions = frame.double_positions;
     header.shift = frame.shift;
     if (!raw_) {
-      header.origin =
-          brick_placement(state_.output, frame, plan_.lattice, first, last, kFineCells * plan_.lattice.h)
-              .origin;
+      header.origin = written.origin;
       header.check_rounding = holds_floats_only(state_.output);
     }
     header.comments.push_back("made by " + maker_ + ", lattice spacing " + dump_json(Json(plan_.lattice.h)));

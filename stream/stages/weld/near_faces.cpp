@@ -9,6 +9,8 @@ constexpr std::uint64_t kVertexCacheBytes = std::uint64_t{20} << 20;
 constexpr std::uint64_t kViewCacheBytes = std::uint64_t{20} << 20;
 constexpr double kSide = kBrickCells;
 constexpr double kMaxSpan = 10.0;  ///< cells; no face is so wide
+/// Cells: what comes so near to the side of a brick may touch what is beyond it, for there vertices lie, or do when rounded.
+constexpr double kAtSide = 1e-3;
 
 Double3 seen_from(const Double3& at, const Int3& owner, const Int3& brick) {
   Double3 p = at;
@@ -64,7 +66,8 @@ const NearFaces::View& NearFaces::view(std::size_t patch) {
     out.position.push_back(p);
     out.returns.push_back(p != safe);
     const Double3 here = seen_from(wide(p), owner, brick);
-    beyond.push_back(std::any_of(here.begin(), here.end(), [](double x) { return x < 0.0 || x > kSide; }));
+    beyond.push_back(
+        std::any_of(here.begin(), here.end(), [](double x) { return x < kAtSide || x > kSide - kAtSide; }));
   };
   for (std::size_t v = 0; v < own.position.size(); ++v) add(own.position[v], own.safe[v], brick);
   for (const VertexSlot& slot : out.foreign) {
@@ -83,6 +86,18 @@ const NearFaces::View& NearFaces::view(std::size_t patch) {
   return out;
 }
 
+bool NearFaces::reaches(const View& there, std::uint32_t number, std::size_t patch, const Int3& brick) const {
+  Double3 low = {1e9, 1e9, 1e9}, high = {-1e9, -1e9, -1e9};
+  for (const std::uint32_t v : there.faces[number]) {
+    const Int3 owner = brick_of_key(store_.patches()[there.slot(patch, v).patch].key);
+    const Double3 p = seen_from(wide(there.position[v]), owner, brick);
+    for (std::size_t a = 0; a < 3; ++a) low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
+  }
+  for (std::size_t a = 0; a < 3; ++a)
+    if (high[a] < -kAtSide || low[a] > kSide + kAtSide) return false;
+  return true;
+}
+
 void NearFaces::gather(const Int3& brick, const std::vector<std::size_t>& around) {
   mesh_ = {};
   returns_.clear();
@@ -95,7 +110,9 @@ void NearFaces::gather(const Int3& brick, const std::vector<std::size_t>& around
       const VertexSlot slot = there.slot(p, v);
       // Moved from its owner's corner in one step, whichever patch names it: each step rounds.
       const Int3 owner = brick_of_key(store_.patches()[slot.patch].key);
-      mesh_.position.push_back(seen_from(wide(there.position[v]), owner, brick));
+      mesh_.position.push_back(written_.floats
+                                   ? written_.of(seen_from(wide(there.position[v]), owner, {0, 0, 0}))
+                                   : seen_from(wide(there.position[v]), owner, brick));
       mesh_.name.push_back(patch_vertex(slot.patch, slot.vertex));
       mesh_.risky.push_back(there.risky[v]);
       returns_.push_back(there.returns[v]);
@@ -108,6 +125,7 @@ void NearFaces::gather(const Int3& brick, const std::vector<std::size_t>& around
       continue;
     }
     for (const std::uint32_t number : there.reaching) {
+      if (!reaches(there, number, p, brick)) continue;
       torn = torn || reaching == kMaxReaching;
       if (torn) break;
       ++reaching;
@@ -125,7 +143,13 @@ std::uint64_t NearFaces::find_crossings(const Int3& brick, std::vector<std::uint
     return 0;
   gather(brick, around);
   std::uint64_t pairs = 0;
-  risky_crossings(mesh_, {{0, 0, 0}, {kSide, kSide, kSide}}, [&](std::uint32_t i, std::uint32_t j) {
+  ContactCell core = {{0, 0, 0}, {kSide, kSide, kSide}};
+  if (written_.floats) {
+    mesh_.cell = written_.lattice.h;
+    core = {written_.of(seen_from({0, 0, 0}, brick, {0, 0, 0})),
+            written_.of(seen_from(core.high, brick, {0, 0, 0}))};
+  }
+  risky_crossings(mesh_, core, [&](std::uint32_t i, std::uint32_t j) {
     ++pairs;
     for (const std::uint32_t f : {i, j})
       for (const std::uint32_t v : mesh_.faces[f])

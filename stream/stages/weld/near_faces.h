@@ -9,6 +9,7 @@
 #include "kernels/mesh/risky_crossings.h"
 #include "stream/stages/weld/numbered_patches.h"
 #include "stream/stages/weld/patch_positions.h"
+#include "stream/stages/weld/written_positions.h"
 
 namespace tessera {
 
@@ -17,8 +18,11 @@ class NearFaces {
  public:
   /// \param round  of the pass "uncross", from 0: in the first, faces are risky whose corners may go back; later, those of
   ///               which one did in the round before
-  NearFaces(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering, int round)
-      : store_(store),
+  /// \param written  where faces are compared: rounding may make some cross that do not on the lattice
+  NearFaces(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering, int round,
+            const WrittenPositions& written)
+      : written_(written),
+        store_(store),
         numbering_(numbering),
         round_(round),
         numbered_(work, store, numbering),
@@ -47,7 +51,7 @@ class NearFaces {
     std::vector<std::uint8_t> returns, risky;  ///< per vertex: it may go back; it makes its faces risky
     std::vector<VertexSlot> foreign;
     std::vector<PatchFace> faces;
-    std::vector<std::uint32_t> reaching;  ///< faces with a corner beyond the brick
+    std::vector<std::uint32_t> reaching;  ///< faces with a corner beyond the brick or at its sides
     VertexSlot slot(std::size_t patch, std::uint32_t v) const {
       const std::size_t own = position.size() - foreign.size();
       return v < own ? VertexSlot{static_cast<std::uint32_t>(patch), v} : foreign[v - own];
@@ -62,9 +66,12 @@ class NearFaces {
   bool may_be_risky(std::size_t patch, const Int3& brick);
   const Vertices& vertices(std::size_t patch);
   const View& view(std::size_t patch);
+  /// Whether a face of another patch comes into the brick, or to its sides.
+  bool reaches(const View& there, std::uint32_t number, std::size_t patch, const Int3& brick) const;
   /// Faces lie in the bricks of their patches, but for those with vertices that were moved.
   void gather(const Int3& brick, const std::vector<std::size_t>& around);
 
+  const WrittenPositions written_;
   const PatchStore& store_;
   const Numbering& numbering_;
   int round_;

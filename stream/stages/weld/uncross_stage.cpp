@@ -10,9 +10,10 @@ namespace {
 
 class UncrossStage : public Stage {
  public:
-  UncrossStage(const JobState& state, int round)
+  UncrossStage(const JobState& state, int round, const WrittenBy& written)
       : work_(state.work),
         round_(round),
+        written_(written(state)),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)),
         needed_(round == 0 || PatchPositions(state.work, store_, round).returned_any(round - 1)) {}
@@ -28,7 +29,7 @@ class UncrossStage : public Stage {
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
-    NearFaces near(work_, store_, numbering_, round_);
+    NearFaces near(work_, store_, numbering_, round_, written_);
     std::vector<std::uint64_t> back;
     std::uint64_t pairs = 0;
     const auto [first, last] = store_.file_range(task);
@@ -67,6 +68,7 @@ class UncrossStage : public Stage {
 
   std::filesystem::path work_;
   int round_;
+  WrittenPositions written_;
   PatchStore store_;
   Numbering numbering_;
   bool needed_;
@@ -93,11 +95,13 @@ StageForecast forecast_uncross(const PlannedScan& scan, int round) {
 
 }  // namespace
 
-std::vector<StageEntry> uncross_stages() {
+std::vector<StageEntry> uncross_stages(const WrittenBy& written) {
   std::vector<StageEntry> stages;
   for (int round = 0; round < kUncrossRounds; ++round)
     stages.push_back({"uncross-" + std::to_string(round + 1),
-                      [round](const JobState& state) { return std::make_unique<UncrossStage>(state, round); },
+                      [round, written](const JobState& state) {
+                        return std::make_unique<UncrossStage>(state, round, written);
+                      },
                       [round](const PlannedScan& scan) { return forecast_uncross(scan, round); }});
   return stages;
 }
