@@ -9,7 +9,9 @@ namespace tessera {
 namespace {
 
 constexpr std::uint32_t kMinPageSide = 16;  ///< cells
+constexpr std::uint32_t kMaxRatio = 8;      ///< of the sides of a page
 constexpr double kGoodShare = 0.72;         ///< a page that holds all that is left, so full, is the last one
+constexpr double kFullShare = 0.7;          ///< a page so full is taken, whatever is left for the next
 constexpr double kOfferedShare = 1.5;  ///< of a page's area is offered to it; what does not fit comes next
 constexpr double kTightest = 0.97;     ///< no page gets fuller
 constexpr std::ptrdiff_t kTriedSizes = 4;
@@ -136,12 +138,30 @@ struct FilledPage {
   }
 };
 
-/// \param all_or_none  ends at the first chart that does not fit
+/// In which order charts are put on a page: the largest first, by what they take, by their boxes, by the shorter or the
+/// longer sides of those.
+enum class ChartOrder : std::uint8_t { kCells, kBox, kShort, kLong };
+
+std::uint64_t order_key(const ChartMask& chart, ChartOrder by) {
+  const std::uint64_t low = std::min(chart.width, chart.height), high = std::max(chart.width, chart.height);
+  switch (by) {
+    case ChartOrder::kBox:
+      return low * high;
+    case ChartOrder::kShort:
+      return low << 32 | chart.cells;
+    case ChartOrder::kLong:
+      return high << 32 | chart.cells;
+    default:
+      return chart.cells;
+  }
+}
+
 FilledPage fill_with_charts(std::span<const ChartMask> charts, std::span<const std::uint32_t> offered,
-                            const PageSize& size, bool all_or_none) {
+                            const PageSize& size, ChartOrder by = ChartOrder::kCells) {
   std::vector<std::uint32_t> order(offered.begin(), offered.end());
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::uint32_t a, std::uint32_t b) { return charts[a].cells > charts[b].cells; });
+  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return order_key(charts[a], by) > order_key(charts[b], by);
+  });
   FilledPage out;
   out.size = size;
   Page page(size.width, size.height);
@@ -162,7 +182,6 @@ FilledPage fill_with_charts(std::span<const ChartMask> charts, std::span<const s
     }
     if (best.empty()) {
       out.left.push_back(c);
-      if (all_or_none) return out;
       continue;
     }
     page.put(best, spot.x, spot.y);
@@ -173,17 +192,31 @@ FilledPage fill_with_charts(std::span<const ChartMask> charts, std::span<const s
   return out;
 }
 
+/// The order that leaves the fewest cells, as soon as one leaves none.
+FilledPage fill_with_all(std::span<const ChartMask> charts, std::span<const std::uint32_t> offered,
+                         const PageSize& size) {
+  FilledPage best;
+  for (const ChartOrder by : {ChartOrder::kCells, ChartOrder::kBox, ChartOrder::kShort, ChartOrder::kLong}) {
+    FilledPage filled = fill_with_charts(charts, offered, size, by);
+    if (best.placed.empty() || filled.cells > best.cells) best = std::move(filled);
+    if (best.left.empty()) break;
+  }
+  return best;
+}
+
 std::uint64_t area_of(const PageSize& size) {
   return std::uint64_t{size.width} * size.height;
 }
 
-/// Squares and rectangles of 2 to 1, ascending, up to a square.
+/// Squares and rectangles up to a square, by area, squares first.
 std::vector<PageSize> page_sizes(std::uint32_t max_side) {
   std::vector<PageSize> sizes;
-  for (std::uint32_t side = std::min(kMinPageSide, max_side); side <= max_side; side *= 2) {
-    sizes.push_back({side, side});
-    if (side < max_side) sizes.push_back({2 * side, side});
-  }
+  for (std::uint32_t side = std::min(kMinPageSide, max_side); side <= max_side; side *= 2)
+    for (std::uint32_t high = side; high <= max_side && high <= kMaxRatio * side; high *= 2)
+      sizes.push_back({side, high});
+  std::stable_sort(sizes.begin(), sizes.end(), [](const PageSize& a, const PageSize& b) {
+    return area_of(a) != area_of(b) ? area_of(a) < area_of(b) : a.height < b.height;
+  });
   return sizes;
 }
 
@@ -237,15 +270,15 @@ ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_si
       longest = std::max(longest, std::max(charts[c].width, charts[c].height));
       widest = std::max(widest, std::min(charts[c].width, charts[c].height));
     }
-    const auto holds = [&](const PageSize& s) { return s.width >= longest && s.height >= widest; };
+    const auto holds = [&](const PageSize& s) { return s.height >= longest && s.width >= widest; };
     FilledPage best;
     // All of it on one page that it fills well?
     for (const PageSize& s : sizes) {
       const double share = static_cast<double>(area) / static_cast<double>(area_of(s));
       if (!holds(s) || share > kTightest) continue;
       if (share < kGoodShare && area_of(s) > area_of(sizes.front())) break;
-      best = fill_with_charts(charts, queue, s, true);
-      if (best.left.empty()) break;
+      best = fill_with_all(charts, queue, s);
+      if (best.left.empty() || best.share() >= kFullShare) break;
       best = {};
     }
     if (best.placed.empty()) {
@@ -253,7 +286,9 @@ ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_si
       // smallest that holds them.
       std::vector<PageSize> candidates;
       for (const PageSize& s : sizes)
-        if (holds(s) && (candidates.empty() || area_of(s) <= area)) candidates.push_back(s);
+        if (holds(s) &&
+            (candidates.empty() || (area_of(s) <= area && area_of(s) > area_of(candidates.back()))))
+          candidates.push_back(s);
       if (candidates.size() > kTriedSizes)
         candidates.erase(candidates.begin(), candidates.end() - kTriedSizes);
       // Many pages are to come: the largest size is full enough, and its charts lie together.
@@ -266,7 +301,7 @@ ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_si
           if (static_cast<double>(sum) > kOfferedShare * static_cast<double>(area_of(s))) break;
         }
         FilledPage filled =
-            fill_with_charts(charts, std::span(queue).first(std::max<std::size_t>(count, 1)), s, false);
+            fill_with_charts(charts, std::span(queue).first(std::max<std::size_t>(count, 1)), s);
         filled.left.insert(filled.left.end(),
                            queue.begin() + static_cast<std::ptrdiff_t>(std::max<std::size_t>(count, 1)),
                            queue.end());

@@ -190,7 +190,9 @@ TEST_CASE(
     const Json texture = parse_json(file_bytes(out.string() + ".report.json")).at("texture");
     CHECK(texture.at("texels").at("psnr_db").get<double>() > 35.0);  // against the texels of the input
     CHECK(texture.at("texels").at("without_points").get<int>() == 0);
-    CHECK(texture.at("scale").at("spacing").get<double>() == Approx(0.7 * 0.25).epsilon(0.2));
+    // The texels of the input are so far apart.
+    CHECK(texture.at("scale").at("spacing").get<double>() > 0.4 * 0.25);
+    CHECK(texture.at("scale").at("spacing").get<double>() < 0.8 * 0.25);
     fs::remove(out);
     const CommandResult dropped = tessera_command(words("decimate", textured, out));
     CHECK(dropped.code == 0);

@@ -9,8 +9,8 @@
 namespace tessera {
 namespace {
 
-/// Larger charts leave holes on pages that nothing fills, smaller ones have more of their texels in margins.
-constexpr double kChartTexels = 176.0;
+/// Smaller charts have more of their texels in margins, larger ones are too few to fill a page.
+constexpr double kChartTexels = 256.0;
 
 class BakeChartsStage : public Stage {
  public:

@@ -9,8 +9,8 @@ namespace tessera {
 OptionTable option_table(BakeOptions& o) {
   OptionTable t("What it computes");
   t.add("texel", &o.texel,
-        "width of a texel, units of the mesh; auto = 0.7 times the mean spacing of the points along the "
-        "surface")
+        "width of a texel, units of the mesh; auto = 0.5 to 0.7 times the mean spacing of the points along "
+        "the surface, so that pages are full")
       .at_least(0)
       .or_word("auto", 0.0);
   t.add(

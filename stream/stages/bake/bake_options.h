@@ -9,7 +9,8 @@
 namespace tessera {
 
 struct BakeOptions {
-  double texel = 0.0;  ///< units of the mesh; 0 = 0.7 times the mean spacing of the points on the surface
+  double texel =
+      0.0;  ///< units of the mesh; 0 = 0.5 to 0.7 times the mean spacing of the points on the surface
   double max_distance = 0.0;  ///< units of the mesh; 0 = so many spacings (BakeScale)
   std::uint32_t page_size = 2048;
   std::uint32_t margin = 2;  ///< texels

@@ -13,11 +13,29 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kScaleTaskFaces = 1u << 20;
-/// Two texels a point: with one, filtering blurs what points show (30.6 dB instead of 32.3 on a quarry), with four pages are
-/// twice as large for 1 dB more.
+/// Two texels a point at least: with one, filtering blurs what points show (30.6 dB instead of 32.3 on a quarry), with four
+/// pages are twice as large for 1 dB more.
 constexpr double kTexelSpacings = 0.7;
 constexpr double kDistanceSpacings = 8.0;
 constexpr double kMaxTexels = 0x1p36;
+
+/// Of the area of pages, what charts without their margins take.
+constexpr double kFilledShare = 0.7;
+/// Texels may be so much wider, in area, where that saves half a page.
+constexpr double kCoarser = 1.1;
+
+/// Not wider than asked for by more than that, so that what would be empty on the pages is used.
+double texel_that_fills_pages(double area, double wanted, std::uint32_t page_size) {
+  const double texels = area / (wanted * wanted) / kCoarser;
+  const double largest = kFilledShare * page_size * page_size;
+  double room = largest;
+  if (texels > largest) {
+    room *= std::ceil(texels / largest);
+  } else {
+    while (0.5 * room >= texels && room > 1.0) room *= 0.5;  // pages of half the area
+  }
+  return std::sqrt(area / room);
+}
 
 class BakeScaleStage : public Stage {
  public:
@@ -59,7 +77,9 @@ class BakeScaleStage : public Stage {
     const TexturePoints points(work_ / kBakePoints);
     BakeScale scale;
     scale.spacing = std::sqrt(area / static_cast<double>(points.cells().points));
-    scale.texel = options_.texel > 0.0 ? options_.texel : kTexelSpacings * scale.spacing;
+    scale.texel = options_.texel > 0.0
+                      ? options_.texel
+                      : texel_that_fills_pages(area, kTexelSpacings * scale.spacing, options_.page_size);
     scale.max_distance =
         options_.max_distance > 0.0 ? options_.max_distance : kDistanceSpacings * scale.spacing;
     scale.max_distance = std::max(scale.max_distance, scale.spacing);
