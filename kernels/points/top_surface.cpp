@@ -24,6 +24,10 @@ constexpr double kMaxCovered = 0.3;
 /// rooms of enough columns.
 constexpr double kMaxRoofed = 0.15;
 constexpr std::size_t kTellingColumns = 256;
+/// Of fewer columns a clearing and its trees have no wide surface over another, and ground in nearly all; animals and rooms have.
+constexpr std::size_t kFewColumns = 32;
+constexpr double kMaxRoofedFew = 0.02;
+constexpr double kMinGroundFew = 0.8;
 /// Objects without wide surfaces, as plants, face every way; from above flanks show less.
 constexpr double kMinLevel = 0.52;
 /// Share of the columns that hold ground, of a clearing and its trees seen from the ground.
@@ -197,9 +201,11 @@ TopSurface::TopSurface(std::span<const JobSurfel> surfels, const Float3& up,
     : TopSurface(up, [&](const SurfelBatch& visit) { visit(surfels, group); }) {}
 
 bool TopSurface::seen_from_above() const {
-  return covered_share_ < kMaxCovered ||
-         (columns_.columns().size() >= kTellingColumns && roofed_share_ < kMaxRoofed &&
-          (level_share_ > kMinLevel || ground_share_ > kMinGround));
+  if (covered_share_ < kMaxCovered) return true;
+  const std::size_t columns = columns_.columns().size();
+  if (columns < kTellingColumns)
+    return columns >= kFewColumns && roofed_share_ < kMaxRoofedFew && ground_share_ > kMinGroundFew;
+  return roofed_share_ < kMaxRoofed && (level_share_ > kMinLevel || ground_share_ > kMinGround);
 }
 
 std::vector<PatchVote> vote_by_top(std::span<const JobSurfel> surfels, const TopColumns& columns,

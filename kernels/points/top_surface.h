@@ -73,7 +73,7 @@ class TopSurface {
   /// plant.
   double ground_share() const { return ground_share_; }
   /// Little is covered; or it is by crowns alone, and the scene is large enough to tell them from ceilings. From stations on
-  /// the ground crowns show more flanks than level surface: there the ground below them tells.
+  /// the ground crowns show more flanks than level surface: there the ground below them tells, of few columns that alone.
   bool seen_from_above() const;
 
   const TopColumns& columns() const { return columns_; }

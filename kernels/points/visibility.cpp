@@ -222,11 +222,13 @@ class Looker {
     for (const Views& v : views) ended += v.ended[0] + v.ended[1], deep += v.deep[0] + v.deep[1];
     const double mean = ended > 0.0 ? deep / ended : 0.0;
     out.enclosed = looked > 0.0 ? enclosed / looked : 0.0;
-    const bool shell = shells > kShell * looked;
+    out.shells = looked > 0.0 ? shells / looked : 0.0;
+    out.density_spread = density_spread();
+    const bool shell = out.shells > kShell;
     const std::uint64_t fine = std::accumulate(all_.begin(), all_.end(), std::uint64_t{0});
     if (known)
       out.scene = *known;
-    else if (out.enclosed > kRoom || (shell && fine >= kTellingSurfels && density_spread() > kAmid))
+    else if (out.enclosed > kRoom || (shell && fine >= kTellingSurfels && out.density_spread > kAmid))
       out.scene = SceneKind::kRoom;
     else
       out.scene = shell ? SceneKind::kObject : SceneKind::kLand;

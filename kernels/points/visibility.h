@@ -32,6 +32,8 @@ struct VisibilityVotes {
   std::vector<PatchVote> pairs;  ///< between groups that see each other, merged; of objects and land
   std::vector<PatchVote> sides;  ///< of groups, for the side that they show; `b` is the number of groups
   double enclosed = 0.0;         ///< share of the surfels that cannot be seen from outside the job
+  double shells = 0.0;           ///< share of them with one side that sees next to nothing of the open
+  double density_spread = 0.0;   ///< 1: points lie evenly; far more where a scanner stood amid its scene
   SceneKind scene = SceneKind::kLand;
 };
 

@@ -76,6 +76,8 @@ std::vector<PatchVote> votes_of_scene(std::vector<JobSurfel>& surfels, const Vie
                            });
                          });
   entry["enclosed_fraction"] = visibility.enclosed;
+  entry["shell_fraction"] = visibility.shells;
+  entry["density_spread"] = visibility.density_spread;
   entry["scene"] = name_of(visibility.scene);
   std::vector<PatchVote> votes = std::move(visibility.pairs);
   votes.insert(votes.end(), visibility.sides.begin(), visibility.sides.end());

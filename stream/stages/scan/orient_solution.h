@@ -18,7 +18,7 @@ namespace tessera {
 std::uint64_t whole_orientation_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse);
 
 /// Fills decisions.patch. Entry gets what OrientationTally tells, frustrated_fraction, and where nobody was known to see,
-/// scene with what told it (enclosed_fraction: visibility.h).
+/// scene with what told it (enclosed_fraction, shell_fraction, density_spread: visibility.h).
 void solve_whole_orientation(const PointOverlay& overlay, const PatchLinks& links, const Viewers& viewers,
                              const TaskContext& context, OverlayDecisions& decisions, Json& entry);
 

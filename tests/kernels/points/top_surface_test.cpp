@@ -107,6 +107,32 @@ TEST_CASE("top surface: ground with trees that show their flanks is land, trees 
   CHECK_FALSE(trees.seen_from_above());
 }
 
+TEST_CASE("top surface: a small clearing with trees is land, a shrub without its ground is not", "[unit]") {
+  std::vector<JobSurfel> surfels;
+  test::Random random(6);
+  const auto add_trees = [&] {
+    for (float y = 20.0f; y < 100.0f; y += 30.0f)
+      for (float x = 20.0f; x < 100.0f; x += 30.0f) {
+        add_crown(surfels, random, {x, y, 200.0f}, 14.0f);
+        add_limb(surfels, {x, y, 110.0f}, {x, y, 190.0f}, 3.0f);
+      }
+  };
+  add_square(surfels, 4.0f, 108.0f, 100.0f, 0);
+  add_trees();
+  const TopSurface clearing(surfels, {0, 0, 1});
+  CHECK(clearing.columns().columns().size() < 256);
+  CHECK(clearing.covered_share() > 0.3);
+  CHECK(clearing.ground_share() > 0.8);
+  CHECK(clearing.roofed_share() < 0.02);
+  CHECK(clearing.seen_from_above());
+  surfels.clear();
+  add_trees();
+  const TopSurface trees(surfels, {0, 0, 1});
+  CHECK(trees.columns().columns().size() < 256);
+  CHECK(trees.covered_share() > 0.3);
+  CHECK_FALSE(trees.seen_from_above());
+}
+
 TEST_CASE("top surface: a room was not seen from above, however small or wide", "[unit]") {
   const float wide = GENERATE(60.0f, 400.0f), high = GENERATE(20.0f, 60.0f);
   CAPTURE(wide, high);

@@ -26,8 +26,11 @@ TEST_CASE("sight: a shell with even density is an object, one that is dense at o
   const VisibilityVotes object = vote_by_visibility(ball(1.0f), 1, {0, 0, 1}, kScale, std::nullopt, in_order);
   CHECK(object.scene == SceneKind::kObject);
   CHECK(shown(object, 0) > 0);
+  CHECK(object.shells > 0.9);
+  CHECK(object.density_spread == Approx(1.0).margin(0.01));
   const VisibilityVotes room = vote_by_visibility(ball(100.0f), 1, {0, 0, 1}, kScale, std::nullopt, in_order);
   CHECK(room.scene == SceneKind::kRoom);
+  CHECK(room.density_spread > 3.0);
   CHECK(room.pairs.empty());
   CHECK(shown(room, 0) < 0);
 }
