@@ -131,6 +131,15 @@ class CrossingGuard::Outline {
   alignas(32) std::array<int, kMaxSides> corner_ = {-1, -1, -1, -1, -1, -1, -1, -1};
 };
 
+namespace {
+
+/// Fans that hang together in copies of a vertex meet there whatever is done: counted, that would allow as many crossings.
+bool guarded_meet(const ContactFace& a, const ContactFace& b) {
+  return face_contact(a, b) != FaceContact::kNone && !meet_in_copies(a, b);
+}
+
+}  // namespace
+
 ContactFace CrossingGuard::contact_face(std::uint32_t f) const {
   const std::uint32_t* v = mesh_.face(f).vertex;
   return {{mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}, {v[0], v[1], v[2]}};
@@ -247,7 +256,7 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Ou
       const unsigned all_of_it = (1u << planes_[g].size()) - 1u;
       for (unsigned bits = all_of_it & ~planes_[g].apart(face); bits != 0; bits &= bits - 1) {
         const std::size_t i = g * FacePlanes::kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
-        if (box_[i].meets(box)) found += face_contact(faces[i], face) != FaceContact::kNone;
+        if (box_[i].meets(box)) found += guarded_meet(faces[i], face);
       }
     }
   };
@@ -272,7 +281,7 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Ou
   test_waiting();
   if (found >= enough || outline.tiled_by(faces)) return found;
   for (std::size_t i = 0; i < faces.size(); ++i)
-    for (std::size_t j = 0; j < i; ++j) found += face_contact(faces[i], faces[j]) != FaceContact::kNone;
+    for (std::size_t j = 0; j < i; ++j) found += guarded_meet(faces[i], faces[j]);
   return found;
 }
 

@@ -26,7 +26,7 @@ class CrossingGuard {
   /// \param order  kGiven where numbers of faces that are near each other are, too
   void build(FaceBoxes::Order order);
 
-  // Whether the faces that an edit makes meet more of the mesh, and of each other, than those that it takes away do: a place
+  // Whether the faces that an edit makes meet more of the mesh, and of each other, than those that it takes away do, but in copies of a vertex: a place
   // that crosses already may be edited as long as it does not get worse. Once the edit is done, accept() takes it over.
 
   /// The collapse of the star's centre into star.ring[at].

@@ -577,14 +577,6 @@ class CrossingMender {
 
 }  // namespace
 
-bool meet_in_copies(const ContactFace& a, ContactFace b) {
-  bool any = false;
-  for (std::size_t j = 0; j < 3; ++j)
-    for (std::size_t i = 0; i < 3; ++i)
-      if (b.corner[j] == a.corner[i] && b.vertex[j] != a.vertex[i]) b.vertex[j] = a.vertex[i], any = true;
-  return any && face_contact(a, b) == FaceContact::kNone;
-}
-
 CrossingMend mend_crossing(const MeshBlock& block, std::span<const std::uint32_t> crossing,
                            const ContactCell& whole, const CrossingMendOptions& options) {
   if (crossing.empty()) return {};

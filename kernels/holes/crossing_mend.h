@@ -49,10 +49,6 @@ struct CrossingMend {
 CrossingMend mend_crossing(const MeshBlock& block, std::span<const std::uint32_t> crossing,
                            const ContactCell& whole, const CrossingMendOptions& options);
 
-/// Whether faces that meet do so only where both have corners, at one place and under two names: a vertex or an edge of several
-/// fans that was taken apart, which is no crossing.
-bool meet_in_copies(const ContactFace& a, ContactFace b);
-
 /// Upper bound of what it allocates.
 std::uint64_t crossing_mend_bytes(std::uint64_t faces, const CrossingMendOptions& options);
 

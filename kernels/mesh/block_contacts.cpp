@@ -226,8 +226,9 @@ std::size_t count_contacts(const MeshBlock& block, std::size_t enough) {
   const std::vector<ContactFace> faces = contact_faces(block);
   if (faces.size() < 2) return 0;
   std::size_t pairs = 0;
-  ContactTree(faces, kAllSpace).each_pair([&](std::uint32_t, std::uint32_t, FaceContact) {
-    return ++pairs < enough;
+  ContactTree(faces, kAllSpace).each_pair([&](std::uint32_t i, std::uint32_t j, FaceContact) {
+    pairs += !meet_in_copies(faces[i], faces[j]);
+    return pairs < enough;
   });
   return pairs;
 }

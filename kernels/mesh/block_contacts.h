@@ -38,7 +38,8 @@ inline constexpr ContactCell kAllSpace = {
 /// \param number  gets their numbers; may be null
 std::vector<ContactFace> contact_faces(const MeshBlock& block, std::vector<std::uint32_t>* number = nullptr);
 
-/// How many pairs of faces of a block meet so, whatever the kind; those without an area meet none. It stops at `enough`.
+/// How many pairs of faces of a block meet so, whatever the kind, but for those that meet in copies of a vertex alone; those
+/// without an area meet none. It stops at `enough`.
 /// \cost  as above, and 96 bytes a face
 std::size_t count_contacts(const MeshBlock& block, std::size_t enough = ~std::size_t{0});
 

@@ -181,4 +181,12 @@ FaceContact face_contact(const ContactFace& a, const ContactFace& b) {
   return common > 0 && on_both_sides(of_a) && on_both_sides(of_b) ? FaceContact::kCross : FaceContact::kTouch;
 }
 
+bool meet_in_copies(const ContactFace& a, ContactFace b) {
+  bool any = false;
+  for (std::size_t j = 0; j < 3; ++j)
+    for (std::size_t i = 0; i < 3; ++i)
+      if (b.corner[j] == a.corner[i] && b.vertex[j] != a.vertex[i]) b.vertex[j] = a.vertex[i], any = true;
+  return any && face_contact(a, b) == FaceContact::kNone;
+}
+
 }  // namespace tessera

@@ -29,4 +29,8 @@ struct ContactFace {
 ///      both have lies at one position
 FaceContact face_contact(const ContactFace& a, const ContactFace& b);
 
+/// Whether faces that meet do so only where both have corners, at one place and under two names: a vertex or an edge of several
+/// fans that was taken apart, which is no crossing. \pre as above
+bool meet_in_copies(const ContactFace& a, ContactFace b);
+
 }  // namespace tessera

@@ -47,6 +47,38 @@ WholeMesh pits() {
   return mesh;
 }
 
+/// The same with funnels that stand on the bottoms of their pits: one vertex has two fans there.
+WholeMesh standing_funnels() {
+  constexpr int kPits = 4, kApart = 6, kEdge = kPits * kApart + kApart;
+  WholeMesh mesh;
+  const auto pit = [](double x) { return std::fmod(x + 0.5, kApart) < 1.0 && x > 1.0; };
+  append(mesh, height_grid(kEdge, kEdge, [&](double x, double y) { return pit(x) && pit(y) ? -1.0 : 0.0; }),
+         {});
+  const auto at = [&](const Double3& p, std::size_t first) {
+    for (std::size_t v = first; v < mesh.points.size(); ++v)
+      if (norm(mesh.points[v] - p) < 1e-6) return static_cast<std::uint64_t>(v);
+    FAIL("no vertex there");
+    return std::uint64_t{0};
+  };
+  for (int i = 1; i <= kPits; ++i)
+    for (int j = 1; j <= kPits; ++j) {
+      const Double3 foot = {double{kApart} * i, double{kApart} * j, -1.0};
+      const std::size_t first = mesh.points.size(), first_face = mesh.faces.size();
+      append(mesh,
+             height_grid(6, 0.3,
+                         [](double x, double y) {
+                           return 8.0 * std::max(std::fabs(x - 0.15), std::fabs(y - 0.15)) - 1.0;
+                         }),
+             {foot[0] - 0.15, foot[1] - 0.15, 0});
+      const std::uint64_t tip = at(foot, first), bottom = at(foot, 0);
+      for (std::size_t f = first_face; f < mesh.faces.size(); ++f)
+        std::replace(mesh.faces[f].begin(), mesh.faces[f].end(), tip, bottom);
+    }
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  return mesh;
+}
+
 /// Pairs that cross, overlap or touch.
 std::uint64_t crossings_of(const fs::path& mesh) {
   const fs::path report = mesh.string() + ".check.json";
@@ -90,6 +122,29 @@ TEST_CASE("untangle: smoothing makes no faces cross, the same bytes whatever run
   CHECK(mesh.at("rms_move").get<double>() < 0.98 * kept_rms);
   CHECK(run({"-t", "2", "--tile-size", "64", "--memory", "160M"}) == bytes);
   CHECK(run({"-t", "2", "--tile-size", "128", "--processes"}) == bytes);
+}
+
+TEST_CASE("untangle: fans of one vertex do not come to cross each other", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", out = folder / "out.ply";
+  write_whole(in, standing_funnels());
+  REQUIRE(crossings_of(in) == 0);
+  const auto run = [&](const std::string& crossings) {
+    REQUIRE(tessera_command({"smooth", in.string(), "-o", out.string(), "--feature-angle", "0", "--force",
+                             "-q", "--crossings", crossings})
+                .code == 0);
+  };
+  run("keep");
+  CHECK(crossings_of(out) > 50);
+  run("refuse");
+  CHECK(report_of(out).at("mesh").at("crossing_pairs") == 0);
+  const fs::path report = folder / "welded.json";
+  REQUIRE(
+      tessera_command({"check", out.string(), "--crossings", "--weld", "--report", report.string()}).code ==
+      0);
+  const Json pairs = parse_json(file_bytes(report)).at("crossings");
+  CHECK(pairs.at("cross") == 0);
+  CHECK(pairs.at("overlap") == 0);
 }
 
 TEST_CASE("untangle: killed at any moment, the same command ends with the same bytes", "[fault]") {

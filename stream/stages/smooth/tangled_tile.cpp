@@ -43,7 +43,7 @@ std::uint64_t TangledTile::find(bool widely, std::vector<VertexBack>& found) con
   block_contacts(faces, kAllSpace, [&](std::uint32_t i, std::uint32_t j, FaceContact) {
     const std::uint32_t one = number[i], other = number[j];
     if (near_.core[one] == 0 && near_.core[other] == 0) return;
-    if (!(moved(one) || moved(other)) || met_before(one, other)) return;
+    if (!(moved(one) || moved(other)) || meet_in_copies(faces[i], faces[j]) || met_before(one, other)) return;
     // Faces are in the order of their keys in every block: the first one's tile counts the pair.
     pairs += near_.core[std::min(one, other)];
     for (const std::uint32_t f : {one, other})
@@ -100,7 +100,7 @@ bool TangledTile::met_before(std::uint32_t one, std::uint32_t other) const {
     return !collinear(f.corner[0], f.corner[1], f.corner[2]);
   };
   const ContactFace a = as_given(one), b = as_given(other);
-  return has_area(a) && has_area(b) && face_contact(a, b) != FaceContact::kNone;
+  return has_area(a) && has_area(b) && face_contact(a, b) != FaceContact::kNone && !meet_in_copies(a, b);
 }
 
 const Double3& TangledTile::smoothed(std::uint32_t v) const {

@@ -90,6 +90,35 @@ TEST_CASE("crossing guard: tells what all pairs of faces tell, edit by edit", "[
   CHECK(harmless > 10);
 }
 
+TEST_CASE("crossing guard: fans that hang together in copies of a vertex may not cross for that", "[unit]") {
+  // Two pyramids tip to tip, the tip twice.
+  const MeshBlock block =
+      make_block({{0, 0, 0},
+                  {1, 0, -1},
+                  {0, 1, -1},
+                  {-1, 0, -1},
+                  {0, -1, -1},
+                  {0, 0, 0},
+                  {1, 0, 1},
+                  {0, 1, 1},
+                  {-1, 0, 1},
+                  {0, -1, 1}},
+                 {{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 1}, {5, 7, 6}, {5, 8, 7}, {5, 9, 8}, {5, 6, 9}});
+  CHECK(count_contacts(block) == 0);
+  const CollapseMesh mesh(block, {0, 0, 0});
+  CrossingGuard guard(mesh);
+  guard.build(FaceBoxes::Order::kGiven);
+  Star star;
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v) {
+    if (mesh.at(v) != Double3{0, 0, 0}) continue;
+    REQUIRE(mesh.gather(v, star));
+    REQUIRE(star.closed);
+    const double out = mesh.at(star.ring[0])[2];  // towards its own base
+    CHECK_FALSE(guard.move_adds(star, {0.1, 0.05, 0.3 * out}));
+    CHECK(guard.move_adds(star, {0.1, 0.05, -0.7 * out}));
+  }
+}
+
 TEST_CASE("decimate: a mesh that does not meet itself does not afterwards, one that does no more often",
           "[property]") {
   const auto placement = GENERATE(DecimatePlacement::kEndpoint, DecimatePlacement::kOptimal);
