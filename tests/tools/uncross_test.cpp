@@ -5,6 +5,7 @@
 
 #include "octree/portable_math.h"
 #include "stream/files/json.h"
+#include "tests/helpers/block_meshes.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
@@ -111,6 +112,48 @@ TEST_CASE("uncross: faces are apart as they are written, and at the sides of cel
   run({3000, 3000, 3000}, 0.0, "far.glb");
   // Corners at nodes of the lattice, features in the sides of cells, where what is on both sides would touch.
   run({0, 0, 0}, 0.2, "snapped.ply");
+}
+
+TEST_CASE("uncross: what rounding of the written floats makes meet does not", "[pipeline]") {
+  const TempFolder folder;
+  WholeMesh ball = rough_ball();
+  for (Double3& p : ball.points) p = p + Double3{250, 250, 250};
+  ball.header.double_positions = true;
+  write_whole(folder / "ball.ply", ball);
+  for (const std::string name : {"out.ply", "out.stl"}) {
+    const fs::path out = folder / name;
+    const CommandResult r = tessera_command({"resurface", (folder / "ball.ply").string(), "-o", out.string(),
+                                             "--resolution", "0.03", "--progress", "none", "-q"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    check_sound(out);
+  }
+  CHECK_FALSE(read_whole(folder / "out.ply").header.double_positions);
+}
+
+TEST_CASE("uncross: solids that touch along an edge, and walls in the sides of bricks, do not touch",
+          "[pipeline]") {
+  const TempFolder folder;
+  WholeMesh cubes;
+  for (const Double3& at : {Double3{-0.5, -0.5, -0.5}, Double3{0.5, 0.5, -0.5}}) {
+    const MeshBlock cube = cube_block(1);
+    const auto first = static_cast<std::uint64_t>(cubes.points.size());
+    for (const Double3& p : cube.position) cubes.points.push_back(p + at);
+    for (const auto& f : cube.faces) cubes.faces.push_back({first + f[0], first + f[1], first + f[2]});
+  }
+  cubes.header.vertices = cubes.points.size();
+  cubes.header.faces = cubes.faces.size();
+  const std::string in = (folder / "cubes.ply").string();
+  write_whole(in, cubes);
+  const fs::path out = folder / "out.ply";
+  for (const std::string h : {"0.017", "0.03", "0.015625"}) {
+    CAPTURE(h);
+    const CommandResult r = tessera_command(
+        {"csg", in, "+", in, "-o", out.string(), "--force", "--resolution", h, "--progress", "none", "-q"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    check_sound(out);
+  }
 }
 
 TEST_CASE("uncross: a noisy scan with torn borders does not cross itself, the same bytes whatever runs",

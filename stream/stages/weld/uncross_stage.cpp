@@ -47,7 +47,13 @@ class UncrossStage : public Stage {
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
-    return sum_counts(summaries, {{"crossing_pairs", 0}, {"torn_bricks", 0}});
+    Json sum = sum_counts(summaries, {{"crossing_pairs", 0}, {"torn_bricks", 0}});
+    const auto left = sum.at("crossing_pairs").get<std::uint64_t>();
+    if (round_ + 1 == kUncrossRounds && left > 0)
+      sum["warnings"] = {
+          std::to_string(left) +
+          " pairs of faces still cross, overlap or touch: `tessera check --crossings` lists them"};
+    return sum;
   }
 
  private:

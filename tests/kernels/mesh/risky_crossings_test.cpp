@@ -55,6 +55,18 @@ std::vector<ContactFace> strewn_faces(std::uint64_t seed, std::size_t count) {
 
 }  // namespace
 
+TEST_CASE("risky crossings: what only touches counts", "[unit]") {
+  RiskyMesh mesh;
+  mesh.position = {{1, 1, 1}, {2, 1, 1}, {1, 2, 1}, {1.2, 1.2, 1}, {2, 1, 2}, {1, 2, 2}};  // a tip on a face
+  mesh.name = {0, 1, 2, 3, 4, 5};
+  mesh.risky = {0, 0, 0, 1, 0, 0};
+  mesh.faces = {{0, 1, 2}, {3, 4, 5}};
+  int pairs = 0;
+  const auto count = [&](std::uint32_t, std::uint32_t) { ++pairs; };
+  risky_crossings(mesh, {{0, 0, 0}, {8, 8, 8}}, count);
+  CHECK(pairs == 1);
+}
+
 TEST_CASE("risky crossings: those of all pairs, one by one", "[property]") {
   const ContactCell core = {{0, 0, 0}, {8, 8, 8}};
   std::size_t all = 0;
