@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <set>
 
 #include "octree/placement.h"
 #include "stream/files/json.h"
+#include "tests/helpers/command.h"
 #include "tests/helpers/icosphere.h"
 #include "tests/helpers/solid_command.h"
 #include "tests/helpers/temp_folder.h"
@@ -101,6 +103,40 @@ TEST_CASE("csg --exact: the same bytes for any order of the input, threads, cap 
   CHECK(run({}) == bytes);
   reverse_order(two);
   CHECK(run({}) == bytes);
+}
+
+TEST_CASE("csg --exact: killed at any moment, the same command ends with the same bytes", "[fault]") {
+  const TempFolder folder;
+  Placement placement = rotation(unit(Double3{1, -2, 3}), 71.0);
+  placement.shift = {.4, .2, .1};
+  write_whole(folder / "a.ply", ball(4, {}));
+  write_whole(folder / "b.ply", ball(4, placement));
+  const auto words = [&](const std::string& out) {
+    return std::vector<std::string>{"csg",     (folder / "a.ply").string(),
+                                    "-",       (folder / "b.ply").string(),
+                                    "-o",      (folder / out).string(),
+                                    "--exact", "--no-html",
+                                    "-q",      "--progress",
+                                    "none"};
+  };
+  REQUIRE(tessera_command(words("one.ply")).code == 0);
+  const std::string bytes = file_bytes(folder / "one.ply");
+  int kills = 0;
+  for (const char* point : {"commit:1", "commit:2", "commit:3", "commit:4", "write:1", "write:2"}) {
+    INFO(point);
+    const CommandResult killed = tessera_command(words("two.ply"), 0, std::string("TESSERA_FAULT=") + point);
+    kills += killed.code == 128 + SIGKILL;
+    // Nothing stands under the output's name before it is whole.
+    if (std::filesystem::exists(folder / "two.ply")) CHECK(file_bytes(folder / "two.ply") == bytes);
+    const CommandResult r = tessera_command(words("two.ply"));
+    INFO(r.errors);
+    CHECK(r.code == 0);
+    CHECK(file_bytes(folder / "two.ply") == bytes);
+    for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
+      if (entry.path().filename().string().rfind("two.ply", 0) == 0)
+        std::filesystem::remove_all(entry.path());
+  }
+  CHECK(kills >= 3);
 }
 
 TEST_CASE("csg --exact: solids that share faces, edges, corners or all", "[pipeline]") {
