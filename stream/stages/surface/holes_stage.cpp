@@ -185,8 +185,7 @@ class HolesStage : public Stage {
     Try out = {fill_hole(loop, limits)};
     if (out.filling.outcome == HoleOutcome::kFilled)
       out.crosses = (limit_.membranes && is_dense(loop, out.filling)) ||
-                    ((limits.outer || is_chained(loop) || is_risky(out.filling)) &&
-                     crosses(named, loop, out.filling, corner, around));
+                    crosses(named, loop, out.filling, corner, around);
     return out;
   }
 
@@ -223,11 +222,6 @@ class HolesStage : public Stage {
       if (j != i + 1 && !(i == 0 && j + 1 == n)) loop.taken.push_back({i, j});
     }
     std::sort(loop.taken.begin(), loop.taken.end());
-  }
-
-  /// Narrow fillings that fold no farther than a right angle stay clear of all but the rim.
-  bool is_risky(const HoleFilling& filling) const {
-    return filling.width > plan_.radius_cells || filling.min_cosine < 0.0;
   }
 
   /// Whether faces of a filling would meet each other, or the mesh, beyond what they share.
