@@ -26,7 +26,7 @@ constexpr double kMaxRoofed = 0.15;
 constexpr std::size_t kTellingColumns = 256;
 /// Of fewer columns a clearing and its trees have no wide surface over another, and ground in nearly all; animals and rooms have.
 constexpr std::size_t kFewColumns = 32;
-constexpr double kMaxRoofedFew = 0.02;
+constexpr double kMaxRoofedFew = 0.06;
 constexpr double kMinGroundFew = 0.8;
 /// Objects without wide surfaces, as plants, face every way; from above flanks show less.
 constexpr double kMinLevel = 0.52;

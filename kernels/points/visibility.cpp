@@ -29,7 +29,9 @@ constexpr double kShut = 0.1;  ///< share of looks into the open below which a s
 constexpr double kRoom =
     0.01;                      ///< share of enclosed surfels from which the job is a room; objects have 0.004
 constexpr double kAmid = 3.0;  ///< spread of densities (1: even) from which the scanner stood amid its scene
-constexpr std::uint64_t kTellingSurfels = 8192;  ///< in fewer a dense part of an object spreads them as much
+/// In fewer surfels a dense part of an object spreads them as much: animals of 3,400 points to 3.5, rooms from 7.7.
+constexpr std::uint64_t kTellingSurfels = 8192;
+constexpr double kAmidFew = 5.5;
 constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from which it is an object
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;
@@ -228,7 +230,8 @@ class Looker {
     const std::uint64_t fine = std::accumulate(all_.begin(), all_.end(), std::uint64_t{0});
     if (known)
       out.scene = *known;
-    else if (out.enclosed > kRoom || (shell && fine >= kTellingSurfels && out.density_spread > kAmid))
+    else if (out.enclosed > kRoom ||
+             (shell && out.density_spread > (fine >= kTellingSurfels ? kAmid : kAmidFew)))
       out.scene = SceneKind::kRoom;
     else
       out.scene = shell ? SceneKind::kObject : SceneKind::kLand;

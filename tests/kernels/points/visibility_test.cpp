@@ -35,10 +35,19 @@ TEST_CASE("sight: a shell with even density is an object, one that is dense at o
   CHECK(shown(room, 0) < 0);
 }
 
-TEST_CASE("sight: a small shell with a dense part is still an object", "[unit]") {
-  std::vector<JobSurfel> small = ball(100.0f);
-  for (JobSurfel& s : small) s.surfels = 1;
-  CHECK(vote_by_visibility(small, 1, {0, 0, 1}, kScale, std::nullopt, in_order).scene == SceneKind::kObject);
+TEST_CASE(
+    "sight: a small shell with a dense part is still an object, unless that is as dense as around a scanner",
+    "[unit]") {
+  const auto scene_of = [](float dense) {
+    std::vector<JobSurfel> small = ball(dense);
+    for (JobSurfel& s : small) s.surfels = 1;
+    const VisibilityVotes v = vote_by_visibility(small, 1, {0, 0, 1}, kScale, std::nullopt, in_order);
+    CAPTURE(v.density_spread);
+    CHECK(v.density_spread > 2.5);
+    return v.scene;
+  };
+  CHECK(scene_of(12.0f) == SceneKind::kObject);
+  CHECK(scene_of(100.0f) == SceneKind::kRoom);
 }
 
 TEST_CASE("sight: a wide bore through an object does not make it a room, however many surfels it has",
