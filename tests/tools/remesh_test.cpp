@@ -13,6 +13,7 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
+#include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/seam_traces.h"
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
@@ -195,6 +196,40 @@ TEST_CASE("remesh: far more faces than asked for are no result, unless edges or 
   CHECK(tessera_command(words(in, out, {"--faces", "1700", "--force"})).code == 0);
   CHECK(tessera_command(words(in, out, {"--edge", "2.4", "--force"})).code == 0);
   CHECK(tessera_command(words(in, out, {"--faces", "300", "--tolerance", "0.5", "--force"})).code == 0);
+}
+
+TEST_CASE("remesh: edges get longer where creases and borders keep far more faces than asked for",
+          "[pipeline]") {
+  const TempFolder folder;
+  // Four triangles: halved again and again, their borders have a power of two of edges.
+  WholeMesh pyramid;
+  pyramid.points = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}, {0, 0, 0.7}};
+  pyramid.faces = {{0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}};
+  pyramid.header.vertices = pyramid.points.size();
+  pyramid.header.faces = pyramid.faces.size();
+  const fs::path in = folder.path() / "pyramid.ply", out = folder.path() / "out.ply";
+  write_whole(in, pyramid);
+  std::vector<std::string> plain = words(in, out, {"--faces", "3000"});
+  const CommandResult r = tessera_command(plain);
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const Json report = report_of(out);
+  CHECK(stage_result(report, "pass-3").at("longer_edge").get<double>() ==
+        Approx(report.at("quality").at("edge").get<double>()));
+  CHECK(stage_result(report, "sizing").at("edge").get<double>() <
+        report.at("quality").at("edge").get<double>());
+  CHECK(report.at("mesh").at("faces") <= 3600);
+  CHECK(report.at("mesh").at("faces") >= 1800);
+  CHECK(report.at("certificate").at("certified_max").get<double>() > 0.0);
+  const std::string bytes = file_bytes(out);
+  fs::remove(out);
+  plain.insert(plain.end(), {"-t", "2", "--processes"});
+  REQUIRE(tessera_command(plain).code == 0);
+  CHECK(file_bytes(out) == bytes);
+  fs::remove(out);
+  plain.resize(plain.size() - 3);
+  CHECK(resumed_after_kills(plain).code == 0);
+  CHECK(file_bytes(out) == bytes);
 }
 
 TEST_CASE("remesh: options and inputs that make no sense are refused with one sentence", "[pipeline]") {

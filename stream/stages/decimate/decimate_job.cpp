@@ -90,7 +90,7 @@ Json certificate_of(const Json& report) {
   Json last = result_of(report, certify_name(0));
   for (int round = 1; round < kMaxRounds; ++round) {
     const Json again = result_of(report, certify_name(round));
-    if (!again.is_object() || again.empty()) break;
+    if (!again.is_object() || again.empty()) continue;
     last = again;
     last["rounds_again"] = round;
   }

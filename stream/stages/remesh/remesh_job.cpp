@@ -57,6 +57,11 @@ RemeshJobOptions before_rounding(const JobState& state, RemeshJobOptions options
   return options;
 }
 
+/// How long edges were in the end.
+Sizing last_sizing(const JobState& state, const RemeshJobOptions& options) {
+  return Sizing::of_work(state.work, options.keeps_faces() ? last_remesh_round(state.work) : 0);
+}
+
 StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& stores, int round,
                          bool last) {
   CertifyRequest request;
@@ -64,17 +69,19 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
   request.tolerance = options.tolerance;
   request.mesh = [=](const JobState& s) { return open_round_result(s, options.passes, round); };
   request.reference = stores.full;
-  if (!last) request.failed_file = failed_faces_file(round);
-  if (round > 0) {
+  const bool proves = options.tolerance > 0.0;
+  if (!last && proves) request.failed_file = failed_faces_file(round);
+  if (round > 0 && proves) {
     request.name_before = certify_name(round - 1);
     request.mesh_before = [=](const JobState& s) { return open_round_result(s, options.passes, round - 1); };
   }
   return {request.name, [=](const JobState& state) {
-            if (round > last_round(state.work)) return make_idle_stage(request.name);
+            const int last_one = last_remesh_round(state.work);
+            if (round > last_one || (!proves && round < last_one)) return make_idle_stage(request.name);
             CertifyRequest now = request;
             now.tolerance = before_rounding(state, options).tolerance;
             now.placement = placement(state, options);
-            now.scale = kMeasuredShare * Sizing::of_work(state.work).edge;
+            now.scale = kMeasuredShare * last_sizing(state, options).edge;
             return make_certify_stage(state, now);
           }};
 }
@@ -92,9 +99,11 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
   if (repairs)
     for (StageEntry& entry : crossing_stages(input)) stages.push_back(std::move(entry));
   const SimplifyStores stores = repairs ? mended_stores(input) : imported_stores(kRemeshImport);
-  const int rounds = options.tolerance > 0.0 ? kMaxRounds : 1;
+  // Of the proof, or with longer edges, which do all anew.
+  const bool again = options.tolerance > 0.0 || options.keeps_faces();
+  const int rounds = again ? kMaxRounds : 1;
   const auto margin = [=](const JobState& state) {
-    return options.tolerance > 0.0 ? options.tolerance : kMeasuredShare * Sizing::of_work(state.work).edge;
+    return options.tolerance > 0.0 ? options.tolerance : kMeasuredShare * last_sizing(state, options).edge;
   };
   for (int round = 0; round < rounds; ++round) {
     for (int p = 0; p < options.passes; ++p) {
@@ -103,15 +112,18 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
                           return make_remesh_stage(state, before_rounding(state, options), stores, pass);
                         }});
     }
-    for (StageEntry& entry : crossing_stages(result_mend(stores, margin, options.passes, round, rounds)))
-      stages.push_back(std::move(entry));
+    CrossingPlan mend =
+        result_mend(stores, margin, options.passes, round, options.tolerance > 0.0 ? rounds : 1);
+    if (options.keeps_faces())
+      mend.due = [=](const JobState& state) { return round == last_remesh_round(state.work); };
+    for (StageEntry& entry : crossing_stages(mend)) stages.push_back(std::move(entry));
     stages.push_back(certify_entry(options, stores, round, round + 1 == rounds));
   }
   stages.push_back({"write", [=](const JobState& state) {
                       return make_store_write_stage(
-                          state, open_round_result(state, options.passes, last_round(state.work)),
+                          state, open_round_result(state, options.passes, last_remesh_round(state.work)),
                           "made by tessera remesh, edges of " +
-                              dump_json(Json(Sizing::of_work(state.work).edge)),
+                              dump_json(Json(last_sizing(state, options).edge)),
                           sort_bytes(state.run), placement(state, options));
                     }});
   JobDescription job = {"remesh", std::move(stages), 0, summarise, {known_origin()}, job_page()};

@@ -21,9 +21,11 @@ OptionTable option_table(RemeshJobOptions& o) {
   t.add("edge", &o.edge, "length of the edges, units of the mesh; 0 = from --faces or --tolerance")
       .at_least(0);
   t.add("faces", &o.faces,
-        "about so many faces: the length of the edges follows; without --tolerance the exit code is 6 where "
-        "creases, "
-        "borders and needles keep more than 1.2 times as many");
+        "about so many faces: the length of the edges follows; without --tolerance edges get longer, up to "
+        "three "
+        "times, where creases, borders and needles keep more than 1.2 times as many, and the exit code is 6 "
+        "where "
+        "that does not help");
   t.add("tolerance", &o.tolerance,
         "largest distance between result and input, both ways, units of the mesh; alone: the length of the "
         "edges "

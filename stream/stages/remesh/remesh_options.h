@@ -22,6 +22,8 @@ struct RemeshJobOptions {
   std::uint64_t block_faces = 1u << 16;
   std::string crossings = "refuse";
 
+  /// Without a tolerance a number of faces is kept by edges as long as it takes.
+  bool keeps_faces() const { return faces > 0 && !(tolerance > 0.0); }
   /// \throws UsageError naming the option
   void validate() const;
   /// What blocks are remeshed with. \param edge  length of edges, the longest one where they adapt

@@ -1,12 +1,14 @@
 #include "stream/stages/remesh/remesh_stage.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/sizing_field.h"
 #include "kernels/remesh/triangle_quality.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/files/json_fields.h"
 #include "stream/files/task_files.h"
@@ -28,6 +30,10 @@ constexpr std::uint64_t kCapacityFactor = 3, kMinCapacity = 4096;
 /// Of the faces asked for, how many may come out, and how many more of a small number.
 constexpr double kMostTimesFaces = 1.2;
 constexpr std::uint64_t kAlwaysMoreFaces = 100;
+/// Edges get longer as long as a round leaves no more than this share of what the one before left.
+constexpr double kWorthWhile = 0.95;
+/// What creases keep grows less than the square of the length tells.
+constexpr double kLongerStill = 1.02;
 /// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
 constexpr double kHaloEdges = 4.0;
 
@@ -99,14 +105,15 @@ class RemeshStage : public Stage {
               const SimplifyPass& pass)
       : options_(options),
         pass_(pass),
-        sizing_(Sizing::of_work(state.work)),
+        sizing_(Sizing::of_work(state.work, options.keeps_faces() ? pass.round : 0)),
         blocks_(state, stores, pass,
                 {options.tolerance,
                  std::max(options.tolerance, 0.25 * (options.adaptive ? sizing_.shortest : sizing_.edge)),
                  kTaskFaces,
                  [&](const MeshStore& in, const MeshStore& reference) {
                    return remesh_blocks(in, reference, options, sizing_, pass.pass);
-                 }}),
+                 },
+                 options.keeps_faces()}),
         in_(blocks_.in()),
         reference_(blocks_.reference()) {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
@@ -160,7 +167,7 @@ class RemeshStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{4} << 20; }
 
-  Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
+  Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     TriangleQuality quality;
     Json sum = Json::object();
     for (Json s : summaries) {
@@ -169,22 +176,30 @@ class RemeshStage : public Stage {
       add_counts(sum, s);
     }
     if (!is_last()) return sum;
-    refuse_far_more(quality.faces);
     sum["quality"] = quality_report(quality, sizing_.edge);
+    if (!are_far_more(quality.faces)) return sum;
+    const bool helped = sizing_.left == 0 ||
+                        static_cast<double>(quality.faces) <= kWorthWhile * static_cast<double>(sizing_.left);
+    if (pass_.round + 1 == kMaxRounds || !helped) refuse_far_more(quality.faces);
+    const double times =
+        kLongerStill * std::sqrt(static_cast<double>(quality.faces) / static_cast<double>(options_.faces));
+    const Sizing longer = sizing_.longer(times, quality.faces);
+    write_durably(context.create(sizing_file(pass_.round + 1)), dump_json(longer.to_json()));
+    sum["longer_edge"] = longer.edge;
     return sum;
   }
 
  private:
   /// A tolerance asks for as many as it needs; edges of a length for as many as there are.
+  bool are_far_more(std::uint64_t faces) const {
+    return options_.keeps_faces() && faces > options_.faces + kAlwaysMoreFaces &&
+           static_cast<double>(faces) > kMostTimesFaces * static_cast<double>(options_.faces);
+  }
   /// \throws ValidationError  naming the way to get them all
-  void refuse_far_more(std::uint64_t faces) const {
-    const std::uint64_t asked = options_.faces;
-    if (asked == 0 || options_.tolerance > 0.0 || faces <= asked + kAlwaysMoreFaces ||
-        static_cast<double>(faces) <= kMostTimesFaces * static_cast<double>(asked))
-      return;
-    throw ValidationError("--faces " + std::to_string(asked) +
+  [[noreturn]] void refuse_far_more(std::uint64_t faces) const {
+    throw ValidationError("--faces " + std::to_string(options_.faces) +
                           " cannot be had: creases, borders and needles of this mesh keep " +
-                          std::to_string(faces) + " faces where edges are to be " +
+                          std::to_string(faces) + " faces even where edges are to be " +
                           number_text(sizing_.edge) + " long; ask for more, or give --edge " +
                           number_text(sizing_.edge) + ", which takes as many as there are");
   }
@@ -295,7 +310,7 @@ std::vector<MeshBlockCut> remesh_blocks(const MeshStore& in, const MeshStore& re
 
 std::unique_ptr<Stage> make_remesh_stage(const JobState& state, const RemeshJobOptions& options,
                                          const SimplifyStores& stores, const SimplifyPass& pass) {
-  if (pass.round > last_round(state.work)) return make_idle_stage(pass.stage_name());
+  if (pass.round > last_remesh_round(state.work)) return make_idle_stage(pass.stage_name());
   return std::make_unique<RemeshStage>(state, options, stores, pass);
 }
 

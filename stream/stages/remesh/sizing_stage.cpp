@@ -12,11 +12,11 @@
 #include "stream/files/read_file.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/numbers.h"
+#include "stream/stages/decimate/simplify_stage.h"
 
 namespace tessera {
 namespace {
 
-constexpr const char* kSizingFile = "sizing.json";
 constexpr std::uint64_t kSizingTaskFaces = 1u << 20;
 /// With a tolerance alone: edges are as long as this share of the surface allows; what bends more keeps shorter ones,
 /// since operations there are refused.
@@ -145,7 +145,8 @@ class SizingStage : public Stage {
     if (by_curvature()) refuse_countless(area, std::fmax(calm, options_.min_edge));
     // What adapts is guessed by the calm share's length; blocks have room for more.
     const double face = std::sqrt(3.0) / 4.0 * calm * calm;
-    Json expected = Json::array();
+    Sizing sizing;
+    sizing.edge = edge, sizing.shortest = shortest;
     double sum = 0.0;
     for (std::size_t p = 0; p < areas.size(); ++p) {
       const double faces = std::ceil(areas[p] / face);
@@ -153,10 +154,9 @@ class SizingStage : public Stage {
       if (!(sum < 0x1p40))
         throw UsageError("edges of " + number_text(edge) +
                          " would make more faces than can be counted: " + "give longer ones");
-      expected.push_back({store_.patches()[p].key, static_cast<std::uint64_t>(faces)});
+      sizing.faces.emplace(store_.patches()[p].key, static_cast<std::uint64_t>(faces));
     }
-    write_durably(context.create(kSizingFile),
-                  dump_json(Json{{"edge", edge}, {"shortest", shortest}, {"faces", expected}}));
+    write_durably(context.create(sizing_file(0)), dump_json(sizing.to_json()));
     Json result = {
         {"edge", edge}, {"shortest_edge", shortest}, {"area", area}, {"expected_faces", area / face}};
     if (edge > 0.5 * store_.diagonal())
@@ -212,14 +212,40 @@ std::uint64_t Sizing::expected(const MeshPatchEntry& patch) const {
   return at == faces.end() ? patch.faces : at->second;
 }
 
-Sizing Sizing::of_work(const std::filesystem::path& work) {
-  const Json j = parse_json(read_text(work / kSizingFile));
+Sizing Sizing::longer(double times, std::uint64_t found) const {
+  Sizing out = *this;
+  out.edge *= times, out.shortest *= times;
+  out.left = found;
+  for (auto& [key, expected] : out.faces)
+    expected = static_cast<std::uint64_t>(std::ceil(static_cast<double>(expected) / (times * times)));
+  return out;
+}
+
+Json Sizing::to_json() const {
+  Json expected = Json::array();
+  for (const auto& [key, count] : faces) expected.push_back({key, count});
+  return {{"edge", edge}, {"shortest", shortest}, {"left", left}, {"faces", expected}};
+}
+
+Sizing Sizing::of_work(const std::filesystem::path& work, int round) {
+  const Json j = parse_json(read_text(work / sizing_file(round)));
   Sizing sizing;
   j.at("edge").get_to(sizing.edge);
   j.at("shortest").get_to(sizing.shortest);
+  sizing.left = j.value("left", std::uint64_t{0});
   for (const Json& brick : j.at("faces"))
     sizing.faces.emplace(brick[0].get<std::uint64_t>(), brick[1].get<std::uint64_t>());
   return sizing;
+}
+
+std::string sizing_file(int round) {
+  return round == 0 ? "sizing.json" : "again-" + std::to_string(round) + "-sizing.json";
+}
+
+int last_remesh_round(const std::filesystem::path& work) {
+  int round = last_round(work);
+  while (round + 1 < kMaxRounds && std::filesystem::exists(work / sizing_file(round + 1))) ++round;
+  return round;
 }
 
 std::unique_ptr<Stage> make_sizing_stage(const JobState& state, const RemeshJobOptions& options) {

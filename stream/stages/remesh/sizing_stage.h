@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <string>
 
+#include "stream/files/json.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/remesh/remesh_options.h"
@@ -15,9 +17,17 @@ struct Sizing {
   double edge = 0.0;                             ///< scan units; the longest where they adapt
   double shortest = 0.0;                         ///< where they adapt
   std::map<std::uint64_t, std::uint64_t> faces;  ///< expected of each brick of the imported mesh
+  std::uint64_t left = 0;  ///< faces that the round before left, with shorter edges; 0: this is the first
   std::uint64_t expected(const MeshPatchEntry& patch) const;
-  static Sizing of_work(const std::filesystem::path& work);
+  /// With edges so many times longer, where what there is has `found` faces.
+  Sizing longer(double times, std::uint64_t found) const;
+  static Sizing of_work(const std::filesystem::path& work, int round = 0);
+  Json to_json() const;
 };
+std::string sizing_file(int round);
+
+/// The last round that there is so far: of the proof, or with longer edges.
+int last_remesh_round(const std::filesystem::path& work);
 
 /// Sums areas, and with a tolerance alone curvatures, patch by patch.
 /// \throws ValidationError  when it ends, where a tolerance alone asks for thousands of faces for each of the input
