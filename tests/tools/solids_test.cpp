@@ -8,6 +8,7 @@
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/stages/solid/csg_job.h"
+#include "tests/helpers/block_meshes.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/made_meshes.h"
@@ -132,6 +133,25 @@ TEST_CASE("resurface: what cannot work is told", "[pipeline]") {
   const auto reported = parse_json(file_bytes(out + ".report.json"));
   CHECK(reported.at("stages").back().at("name") == "lines");
   CHECK_FALSE(fs::exists(out));
+  // A slab of a hundredth of a cell encloses a node of the lattice here and there.
+  WholeMesh slab;
+  const MeshBlock cube = cube_block(1);
+  for (const Double3& p : cube.position) {
+    const Double3 q = {p[0], p[1], 1e-4 * p[2]};
+    slab.points.push_back({0.8 * q[0] - 0.6 * q[2], 0.96 * q[1] - 0.28 * (0.6 * q[0] + 0.8 * q[2]),
+                           0.28 * q[1] + 0.96 * (0.6 * q[0] + 0.8 * q[2])});
+  }
+  for (const auto& f : cube.faces) slab.faces.push_back({f[0], f[1], f[2]});
+  slab.header.vertices = slab.points.size();
+  slab.header.faces = slab.faces.size();
+  slab.header.double_positions = true;
+  write_whole(folder / "slab.ply", slab);
+  const fs::path none = folder / "thin.ply";
+  const CommandResult thin = solid_command(
+      {"resurface", (folder / "slab.ply").string(), "-o", none.string(), "--resolution", "0.005"});
+  CHECK(thin.code == 5);
+  CHECK(thin.errors.find("crumbs") != std::string::npos);
+  CHECK_FALSE(fs::exists(none));
   const std::string tetra = folder
                                 .write("t.off",
                                        "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n"

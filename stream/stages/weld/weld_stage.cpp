@@ -55,6 +55,8 @@ class SeamCache {
   std::uint64_t clock_ = 0;
 };
 
+/// So many islands, none of them three cells wide, are no solids but noise of the lattice between two sheets.
+constexpr std::uint64_t kManyCrumbs = 100;
 /// An island may be a shred if the largest is so many times larger.
 constexpr std::uint64_t kShredShare = 4;
 /// Least faces per border edge, which is the width of a strip and the radius of a disc in cells: leaves have 3 to 4,
@@ -218,6 +220,11 @@ class WeldStage : public Stage {
     if (numbering.faces == 0) {
       throw EmptyError(all_faces == 0 ? rules_.nothing : too_small(limit, rules_.reason));
     }
+    if (largest < rules_.automatic && components + dropped > kManyCrumbs)
+      throw EmptyError("the surface falls into " + std::to_string(components + dropped) +
+                       " crumbs, the largest of " + std::to_string(largest) +
+                       " faces: what the solids enclose is thinner than the lattice spacing; give a smaller "
+                       "--resolution, or thicken them (--offset)");
     numbering.save(context.create(kNumberingFile));
     return {{"vertices", numbering.vertices},
             {"faces", numbering.faces},
