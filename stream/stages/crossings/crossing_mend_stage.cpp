@@ -6,9 +6,11 @@
 
 #include "kernels/holes/crossing_mend.h"
 #include "kernels/mesh/block_contacts.h"
+#include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
+#include "stream/runtime/numbers.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/crossings/crossing_pairs.h"
 #include "stream/stages/crossings/crossing_parts.h"
@@ -22,6 +24,7 @@ constexpr std::size_t kMaxGroupFaces =
 constexpr std::size_t kMaxAroundFaces = 30'000;   ///< looked at around a group
 constexpr std::uint64_t kMendedPairBytes = 8192;  ///< what is held for a pair: itself, what it is replaced by
 constexpr std::size_t kListedPlaces = 20;
+constexpr std::uint64_t kFacesForPair = 100;  ///< a result that crosses itself more often is none
 /// How far around a group faces are looked at, in its own extents, one after the other until that does.
 constexpr std::array<double, 3> kAround = {1.0, 3.0, 8.0};
 
@@ -104,6 +107,7 @@ class CrossingMendStage : public SerialStage {
     if (pairs_ > kMaxCrossingPairs) {
       counts.left_pairs = pairs_;
       hand_on({pairs_, mesh_.box().low}, context);
+      counts.all_looked_at = false;
       return told(counts);
     }
     const std::vector<CrossingPair> pairs = load_crossing_pairs(files_);
@@ -141,6 +145,7 @@ class CrossingMendStage : public SerialStage {
                   left_pairs = 0;
     std::uint64_t removed = 0, added = 0, new_vertices = 0;
     Json places = Json::array();
+    bool all_looked_at = true;
   };
 
   static Double3 place_of(const CrossingPair& pair) {
@@ -168,7 +173,26 @@ class CrossingMendStage : public SerialStage {
                 {"faces_added", c.added},
                 {"new_vertices", c.new_vertices},
                 {"left", c.places}};
+    if (plan_.final && c.left_pairs > 0 && c.all_looked_at) {
+      const std::string sentence = of_its_own(c);
+      // What crossed as given is told from what came by places alone.
+      if (c.inherited_pairs == 0 && c.left_pairs > mesh_.face_count() / kFacesForPair)
+        throw ValidationError(sentence);
+      out["warnings"].push_back(sentence);
+    }
     return out;
+  }
+
+  std::string of_its_own(const Counts& c) const {
+    std::string where;
+    if (!c.places.empty())
+      for (const Json& x : c.places[0])
+        where += (where.empty() ? ", the first at " : " ") + number_text(x.get<double>());
+    return std::to_string(c.left_pairs) + " pairs among the " + std::to_string(mesh_.face_count()) +
+           " faces came to cross, overlap or touch that did not as given" + where +
+           ", and could not be mended: sheets lie closer to each other there than faces of this size can "
+           "keep "
+           "apart; ask for more faces, or shorter edges";
   }
 
   /// Whether what the mesh was made of has a pair where one of the group's is, or cannot be looked at.

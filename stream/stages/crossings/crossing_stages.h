@@ -38,9 +38,11 @@ struct CrossingPlan {
   std::function<bool(const JobState&)> due =
       {};  ///< whether there is something to do, once it is known; empty: yes
   std::function<MeshPlacement(const JobState&)> placed =
-      {};                        ///< how the output holds positions; empty: as they are
-  bool may_cut = false;          ///< parts at a border may go where nothing else helps
-  bool asked_for = false;        ///< by --crossings repair: nothing may be left
+      {};                  ///< how the output holds positions; empty: as they are
+  bool may_cut = false;    ///< parts at a border may go where nothing else helps
+  bool asked_for = false;  ///< by --crossings repair: nothing may be left
+  bool final =
+      false;  ///< of a result that nothing comes after: what is left is warned of, much of it is refused
   std::uint32_t generation = 0;  ///< below 2^20: keys of new vertices are apart for each of a job's plans
 };
 

@@ -39,7 +39,7 @@ CrossingPlan result_mend(const SimplifyStores& stores,
     plan.given_margin = tolerance;
   }
   // What is cut off at a border is farther than a tolerance as a rule: the rounds would come back with more faces and the pair.
-  plan.may_cut = rounds == 1;
+  plan.may_cut = plan.final = rounds == 1;
   plan.due = [=](const JobState& state) {
     return round <= last_round(state.work) && (rounds == 1 || round + 1 < rounds);
   };
