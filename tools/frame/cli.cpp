@@ -195,7 +195,10 @@ int guarded(const std::function<void()>& body) {
 }  // namespace
 
 void add_inputs(OptionTable& table, std::vector<std::string>& inputs) {
-  table.add("inputs", &inputs, "files, folders, globs or @list (a file with one path per line)").positional();
+  table
+      .add("inputs", &inputs,
+           "files, folders, globs, virtual point clouds (.vpc) or @list (a file with one path per line)")
+      .positional();
 }
 
 void add_output(OptionTable& table, std::filesystem::path& output, const std::string& help) {
