@@ -121,6 +121,7 @@ void DecimateOptions::validate() const {
   need(max_normal_deviation_deg >= 0.0 && max_normal_deviation_deg <= 180.0, "max_normal_turn_deg",
        "in [0, 180]");
   need(min_mean_ratio >= 0.0 && min_mean_ratio < 1.0, "min_roundness", "in [0, 1)");
+  need(colour_tolerance >= 0.0 && colour_tolerance <= 255.0, "colour_tolerance", "0 to 255");
   need(colour_weight >= 0.0 && std::isfinite(colour_weight), "colour_weight", "a length of 0 or more");
 }
 

@@ -53,6 +53,8 @@ struct DecimateOptions {
   double min_mean_ratio = 0.02;
   bool allow_crossings = false;  ///< do collapses too that make faces meet others beyond what they share
   double colour_weight = 0.0;    ///< scan units that the full range of a colour channel is worth; 0 = ignored
+  double colour_tolerance =
+      0.0;  ///< levels of 255 that the colour of a vertex that goes may change by; 0 = any
 
   void validate() const;  ///< throws UsageError naming the field
 };

@@ -63,6 +63,13 @@ OptionTable option_table(SimplifyOptions& o) {
   t.add("colour-weight", &o.colour_weight,
         "length that the full range of a colour is worth, in the units of the mesh; 0 = colours follow")
       .at_least(0);
+  t.add("colour-tolerance", &o.colour_tolerance,
+        "a vertex stays where a channel of its colour would change by more than so many levels of 255, so "
+        "that borders "
+        "of colours on flat faces stay sharp, at a cost in faces; 0 = colours follow, e.g. decimate site.ply "
+        "-o "
+        "small.ply --tolerance 0.02 --colour-tolerance 8")
+      .within(0, 255);
   t.add("smooth", &o.smooth,
         "smooth the mesh before it is decimated, by at most half of the tolerance and the result is proven; "
         "implicit: a thin plate, as strong as the noise measured in the mesh asks for; denoise: fits, 7 "
@@ -100,6 +107,7 @@ DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
   o.min_mean_ratio = min_mean_ratio;
   o.allow_crossings = crossings == "keep";
   o.colour_weight = colour_weight;
+  o.colour_tolerance = colour_tolerance;
   return o;
 }
 

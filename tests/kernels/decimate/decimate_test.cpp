@@ -433,6 +433,49 @@ TEST_CASE("decimate: a colour edge in a plane is kept when colour counts", "[uni
   CHECK(b.rgba.size() == b.key.size());
 }
 
+TEST_CASE("decimate: with a tolerance of colours a flat table keeps its borders of colours", "[unit]") {
+  MeshBlock b = grid_block(30, 30, [](double, double) { return 0.0; });
+  const auto red = [](const Double3& p) { return p[0] + 0.4 * p[1] < 17.3; };
+  for (const Double3& p : b.position) b.rgba.push_back(red(p) ? 0xff0000ffu : 0xffff0000u);
+  const MeshBlock original = b;
+  // Vertices of the original that the result shows in another colour, farther from the border than an edge.
+  const auto smeared = [&](double colour_tolerance, std::size_t& faces) {
+    DecimateOptions o;
+    o.tolerance = 0.01;
+    o.colour_tolerance = colour_tolerance;
+    b = original;
+    decimate(b, original, o);
+    faces = b.faces.size();
+    std::size_t count = 0;
+    for (std::size_t v = 0; v < original.position.size(); ++v) {
+      const Double3& p = original.position[v];
+      if (std::fabs(p[0] + 0.4 * p[1] - 17.3) < 2.0) continue;
+      for (const auto& t : b.faces) {
+        Double3 w{};
+        double whole = 0.0;
+        bool inside = true;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const Double3 &q = b.position[t[(k + 1) % 3]], &r = b.position[t[(k + 2) % 3]];
+          w[k] = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+          inside = inside && w[k] >= 0.0;
+          whole += w[k];
+        }
+        if (!inside || !(whole > 0.0)) continue;
+        double level = 0.0;
+        for (std::size_t k = 0; k < 3; ++k) level += w[k] / whole * (b.rgba[t[k]] & 255u);
+        count += std::fabs(level - (original.rgba[v] & 255u)) > 64.0;
+        break;
+      }
+    }
+    return count;
+  };
+  std::size_t loose = 0, tight = 0;
+  CHECK(smeared(0.0, loose) > 50);
+  CHECK(smeared(32.0, tight) == 0);
+  CHECK(loose < tight);
+  CHECK(tight < 400);
+}
+
 TEST_CASE("decimate: seams that one pass locks are freed in the next, and blocks may run in any order",
           "[property]") {
   const MeshBlock whole =
