@@ -214,7 +214,8 @@ OptionTable option_table(ReconstructOptions& o) {
         "scan units; one point is kept of every cube of this edge, the one nearest to its middle; 0 = all")
       .at_least(0);
   t.add("colour", &o.colour,
-        "colours of the mesh; rgb: those of the points; intensity: grey, darkest and brightest 2 % cut off; "
+        "colours of the mesh; rgb: those of the points, none where all are black; intensity: grey, darkest "
+        "and brightest 2 % cut off; "
         "class: of LAS, LAZ, each in its colour; height: blue to red; none")
       .one_of({"rgb", "intensity", "class", "height", "none"});
   t.add("max-brick-points", &o.max_brick_points, "points; a brick of 64^3 cells with more is thinned to this")

@@ -175,6 +175,35 @@ TEST_CASE("parts: colours by height, intensity and class reach the vertices", "[
         meshes[3]);
 }
 
+TEST_CASE("parts: a scan whose points are all black has no colours, which is said", "[pipeline]") {
+  std::string las = file_bytes(scans() / "scan.las");
+  std::uint32_t first = 0;
+  std::memcpy(&first, las.data() + 96, sizeof first);
+  const int format = las[104] & 63;
+  REQUIRE((format == 2 || format == 3 || format == 7));
+  std::uint16_t size = 0;
+  std::memcpy(&size, las.data() + 105, sizeof size);
+  const std::size_t rgb = format == 2 ? 20 : format == 3 ? 28 : 30;
+  for (std::size_t at = first; at + size <= las.size(); at += size)
+    std::fill_n(las.begin() + static_cast<std::ptrdiff_t>(at + rgb), 6, '\0');
+  const TempFolder folder;
+  const auto black = folder.write("black.las", las);
+  const fs::path mesh = folder / "mesh.ply";
+  const CommandResult r = tessera_command({"reconstruct", black.string(), "-o", mesh.string(), "--resolution",
+                                           "8", "--no-html", "--progress", "none"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(r.errors.find("every point is black") != std::string::npos);
+  CHECK(file_bytes(mesh).find("property uchar red") == std::string::npos);
+  // One point that is not black is enough.
+  las[first + rgb] = las[first + rgb + 1] = '\x7f';
+  const auto dark = folder.write("dark.las", las);
+  REQUIRE(tessera_command({"reconstruct", dark.string(), "-o", mesh.string(), "--resolution", "8",
+                           "--no-html", "--progress", "none", "--force"})
+              .code == 0);
+  CHECK(file_bytes(mesh).find("property uchar red") != std::string::npos);
+}
+
 TEST_CASE("parts: convert keeps of scans what reconstruct would, the same on any number of threads",
           "[pipeline]") {
   const TempFolder folder;

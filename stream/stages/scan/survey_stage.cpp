@@ -49,7 +49,7 @@ std::string normals_file(std::size_t task) {
 struct Tally {
   PointDispositions dispositions;
   std::uint64_t surplus = 0;
-  std::uint64_t with_normal = 0;
+  std::uint64_t with_normal = 0, not_black = 0;
   std::uint64_t multi_return = 0, first_return = 0;
   IntensityHistogram intensities;                      ///< where they are asked for
   Double3 min = {kMaxQuanta, kMaxQuanta, kMaxQuanta};  ///< quanta of good points, whole numbers
@@ -60,6 +60,7 @@ struct Tally {
     PointDispositions::fields(self.dispositions, field);
     field("surplus", self.surplus);
     field("with_normal", self.with_normal);
+    field("not_black", self.not_black);
     field("multi_return", self.multi_return);
     field("first_return", self.first_return);
     field("min", self.min);
@@ -77,7 +78,7 @@ Json to_json(const Tally& t) {
 void add_json(const Json& j, Tally& t) {
   const auto part = fields_from_json<Tally>(j);
   t.dispositions.add(part.dispositions);
-  t.surplus += part.surplus, t.with_normal += part.with_normal;
+  t.surplus += part.surplus, t.with_normal += part.with_normal, t.not_black += part.not_black;
   t.multi_return += part.multi_return, t.first_return += part.first_return;
   for (std::size_t a = 0; a < 3; ++a)
     t.min[a] = std::min(t.min[a], part.min[a]), t.max[a] = std::max(t.max[a], part.max[a]);
@@ -185,6 +186,7 @@ Json SurveyStage::run(std::size_t task, TaskContext& context) const {
     tally.with_normal += count_normals(chunk, quanta, normals);
     count_returns(chunk, quanta.disposition, tally);
     tally.intensities.add(chunk);
+    for (const std::uint32_t rgba : chunk.rgba) tally.not_black += (rgba & 0xffffffu) != 0;
   });
   context.count_written(counter.finish());
   sampler.save(context.create(sample_file(task)));
@@ -278,6 +280,9 @@ Json SurveyStage::finish(const std::vector<Json>& summaries, TaskContext& contex
   plan.auto_resolution = measured();
   const ColourBy by = colour_by(options_.colour);
   plan.has_colour = has_point_colours(by, *inputs_);
+  // Formats of LAS with room for colours are filled with zeros where there are none.
+  const bool black = by == ColourBy::kRgb && plan.has_colour && tally.not_black == 0;
+  if (black) plan.has_colour = false;
   if (by == ColourBy::kIntensity) plan.colour_range = tally.intensities.range();
   if (by == ColourBy::kHeight)
     for (std::size_t end = 0; end < 2; ++end)
@@ -298,6 +303,9 @@ Json SurveyStage::finish(const std::vector<Json>& summaries, TaskContext& contex
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);
   plan.warnings = inputs_->notices(tally.warnings);
   if (tally.surplus > 0) plan.warnings.push_back(surplus_sentence(tally.surplus));
+  if (black)
+    plan.warnings.push_back(
+        "every point is black, so the scan has no colours: --colour intensity, class or height gives some");
   std::uint64_t blocks = 0;
   for (const PlanBrick& b : bricks) blocks += b.blocks;
   const PointClumps clumps = measure(summaries.size(), blocks, counts, plan);
@@ -318,7 +326,8 @@ std::unique_ptr<Stage> make_survey_stage(const JobState& job) {
   const double given = reconstruct_options(job).resolution;
   const bool auto_resolution = given == 0.0;
   const double h = auto_resolution ? chosen_resolution(job.work).h : given;
-  return std::make_unique<SurveyStage>(job, open_point_inputs(job, false), h,
+  const bool colours = colour_by(reconstruct_options(job).colour) == ColourBy::kRgb;
+  return std::make_unique<SurveyStage>(job, open_point_inputs(job, colours), h,
                                        auto_resolution ? probed_points(job.work) : 0);
 }
 
