@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <csetjmp>
-#include <cstdio>
 #include <cstring>
 #include <string>
 
-#include <jpeglib.h>
 #include <png.h>
 
 #include "octree/error.h"
+#include "stream/formats/jpeg_leave.h"
 
 namespace tessera {
 namespace {
@@ -55,24 +53,13 @@ bool decode_png(const std::vector<unsigned char>& bytes, TextureImage& image) {
   return png_image_finish_read(&png, &black, image.rgb.data(), 0, nullptr) != 0;
 }
 
-struct JpegFailure {
-  jpeg_error_mgr errors;
-  std::jmp_buf leave;
-};
-void leave_jpeg(j_common_ptr jpeg) {
-  std::longjmp(reinterpret_cast<JpegFailure*>(jpeg->err)->leave, 1);
-}
-void say_nothing(j_common_ptr /*jpeg*/) {}
-
 /// Only plain data lives in this frame, so that longjmp skips no destructor. False when libjpeg gave up.
 bool decode_jpeg(const unsigned char* bytes, unsigned long count, const TextureSize& size,
                  unsigned char* rgb) {
   jpeg_decompress_struct jpeg;
-  JpegFailure failure;
-  jpeg.err = jpeg_std_error(&failure.errors);
-  failure.errors.error_exit = leave_jpeg;
-  failure.errors.output_message = say_nothing;
-  if (setjmp(failure.leave) != 0) {
+  JpegLeave leave;
+  jpeg.err = leave.manager();
+  if (setjmp(leave.to) != 0) {
     jpeg_destroy_decompress(&jpeg);
     return false;
   }

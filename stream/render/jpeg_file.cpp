@@ -1,36 +1,21 @@
 #include "stream/render/jpeg_file.h"
 
-#include <csetjmp>
-#include <cstdio>
 #include <cstdlib>
 #include <memory>
 
-#include <jpeglib.h>
-
 #include "octree/error.h"
 #include "stream/files/output_file.h"
+#include "stream/formats/jpeg_leave.h"
 
 namespace tessera {
 namespace {
-
-/// libjpeg leaves by longjmp, which must not cross our frames.
-struct JpegLeave {
-  jpeg_error_mgr errors;
-  std::jmp_buf to;
-};
-void leave_encoder(j_common_ptr jpeg) {
-  std::longjmp(reinterpret_cast<JpegLeave*>(jpeg->err)->to, 1);
-}
-void no_message(j_common_ptr /*jpeg*/) {}
 
 /// Only plain data lives in this frame, so that longjmp skips no destructor. False when libjpeg gave up.
 /// \param bytes  malloc'ed by libjpeg
 bool encode_jpeg(const Image& image, int quality, unsigned char** bytes, unsigned long* count) {
   jpeg_compress_struct jpeg;
   JpegLeave leave;
-  jpeg.err = jpeg_std_error(&leave.errors);
-  leave.errors.error_exit = leave_encoder;
-  leave.errors.output_message = no_message;
+  jpeg.err = leave.manager();
   if (setjmp(leave.to) != 0) {
     jpeg_destroy_compress(&jpeg);
     return false;

@@ -5,19 +5,15 @@
 #include <cstring>
 
 #include "octree/error.h"
-#include "stream/formats/laz/chunk_encoder.h"
-#include "stream/formats/laz/chunk_table.h"
+#include "stream/formats/copc/copc_body.h"
 #include "stream/formats/points/projection.h"
 #include "stream/formats/scalar.h"
-#include "stream/runtime/parallel.h"
-#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {
 
-constexpr std::size_t kHead = 375, kRecordHead = 54, kExtendedHead = 60, kInfo = 160;
+constexpr std::size_t kHead = 375, kRecordHead = 54, kInfo = kCopcInfoBytes;
 constexpr std::uint64_t kSortBytes = std::uint64_t{64} << 20;
-constexpr std::size_t kGroupBytes = std::size_t{8} << 20;  ///< of nodes compressed at a time
 
 std::size_t las_format_bytes(int format) {
   return laz::schema_for(format, 0, laz::Schema::kVariable).record_bytes();
@@ -75,7 +71,7 @@ void upgrade_las_record(const char* from, std::size_t from_bytes, int from_forma
 }
 
 std::uint64_t CopcCopy::bytes(const LasRecords& from) {
-  return OutputFile::kBufferBytes + kSortBytes + 3 * kGroupBytes +
+  return OutputFile::kBufferBytes + kSortBytes + 3 * kCopcGroupBytes +
          CopcNodes::kLeafPoints * 2 * (from.record_bytes() + 16) + (std::uint64_t{16} << 20);
 }
 
@@ -163,48 +159,9 @@ void CopcCopy::write_nodes() {
   for (std::size_t a = 0; a < 3; ++a)
     scale[a] = from_.header().info.grid.step[a], offset[a] = from_.header().info.grid.shift[a];
   nodes_.build(scale, offset, file_.path());
-  std::vector<CopcChunkAt> chunks;
-  std::vector<laz::ChunkSize> table;
-  const std::vector<CopcNode>& nodes = nodes_.nodes();
-  for (std::size_t first = 0; first < nodes.size();) {
-    std::size_t end = first, bytes = 0;
-    for (; end < nodes.size() && (end == first || bytes < kGroupBytes); ++end)
-      bytes += static_cast<std::size_t>(nodes[end].points) * record_bytes_;
-    std::vector<std::vector<char>> coded(end - first);
-    parallel_for(coded.size(), [&](std::size_t i) {
-      throw_if_stopped();
-      coded[i] = laz::encode_chunk(schema_, nodes_.records(nodes[first + i]));
-    });
-    for (std::size_t i = 0; i < coded.size(); ++i) {
-      const auto size = static_cast<std::uint32_t>(coded[i].size());
-      chunks.push_back({file_.size(), static_cast<std::int32_t>(size)});
-      table.push_back({static_cast<std::uint32_t>(nodes[first + i].points), size});
-      file_.append(coded[i].data(), coded[i].size());
-    }
-    first = end;
-  }
-  const std::uint64_t table_at = file_.size();
-  const std::vector<char> coded_table = laz::chunk_table(table, true);
-  file_.append(coded_table.data(), coded_table.size());
-  file_.patch(begin_, &table_at, sizeof table_at);
-
-  hierarchy_at_ = file_.size();
-  const CopcPages pages = copc_pages(nodes, chunks, hierarchy_at_ + kExtendedHead);
-  std::array<char, kExtendedHead> head{};
-  std::memcpy(&head[2], "copc", 4);
-  put_at(&head[18], std::uint16_t{1000});
-  put_at(&head[20], static_cast<std::uint64_t>(pages.bytes.size()));
-  file_.append(head.data(), head.size());
-  file_.append(pages.bytes);
-  std::array<char, kInfo> info{};
-  const CopcCube& cube = nodes_.cube();
-  for (std::size_t a = 0; a < 3; ++a) put_at(&info[8 * a], cube.min[a] + cube.edge / 2);
-  put_at(&info[24], cube.edge / 2);
-  put_at(&info[32], cube.edge / (1 << CopcNodes::kCellLevels));
-  put_at(&info[40], hierarchy_at_ + kExtendedHead);
-  put_at(&info[48], pages.root_bytes);
-  put_at(&info[56], first_time_), put_at(&info[64], last_time_);
-  file_.patch(kHead + kRecordHead, info.data(), info.size());
+  const CopcBody body = append_copc_body(file_, schema_, nodes_, begin_, {first_time_, last_time_});
+  file_.patch(kHead + kRecordHead, body.info.data(), body.info.size());
+  hierarchy_at_ = body.hierarchy_at;
 }
 
 /// Identity, days and the kind of times are those of the source.

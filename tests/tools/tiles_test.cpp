@@ -79,6 +79,16 @@ std::vector<std::string> words(const fs::path& in, const fs::path& out,
   return w;
 }
 
+/// Every file of a site made anew.
+std::map<std::string, std::string> bytes_of_site(const fs::path& in, const fs::path& out,
+                                                 const std::vector<std::string>& more) {
+  fs::remove_all(out);
+  const CommandResult r = tessera_command(words(in, out, more));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  return site_bytes(out);
+}
+
 /// Points and faces of a mesh in the frame of the site.
 struct LocalMesh {
   std::vector<Double3> points;
@@ -268,17 +278,9 @@ TEST_CASE("tiles: islands, strips and holes end in one tile, within errors that 
   const TempFolder folder;
   const fs::path in = folder.path() / "litter.ply", out = folder.path() / "site";
   write_litter(in);
-  const auto run = [&](std::vector<std::string> more) {
-    fs::remove_all(out);
-    more.insert(more.end(), {"--tile-faces", "2000"});
-    const CommandResult r = tessera_command(words(in, out, more));
-    INFO(r.errors);
-    REQUIRE(r.code == 0);
-    return site_bytes(out);
-  };
-  const auto bytes = run({"-t", "1"});
-  CHECK((run({"-t", "3", "--memory", "96M"}) == bytes));
-  CHECK((run({"--processes", "-t", "2"}) == bytes));
+  const auto bytes = bytes_of_site(in, out, {"--tile-faces", "2000", "-t", "1"});
+  CHECK((bytes_of_site(in, out, {"--tile-faces", "2000", "-t", "3", "--memory", "96M"}) == bytes));
+  CHECK((bytes_of_site(in, out, {"--tile-faces", "2000", "-t", "2", "--processes"}) == bytes));
   check_rules(out, in);
   check_cracks(out, in);
   const Site site = read_site(out / "tileset.json");
@@ -313,13 +315,8 @@ TEST_CASE("tiles: same bytes over threads, memory, processes, order of the input
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");
   const auto run = [&](const fs::path& from, std::vector<std::string> more) {
-    const fs::path out = folder.path() / "site";
-    fs::remove_all(out);
     more.insert(more.end(), {"--tile-faces", "6000"});
-    const CommandResult r = tessera_command(words(from, out, more));
-    INFO(r.errors);
-    REQUIRE(r.code == 0);
-    return site_bytes(out);
+    return bytes_of_site(from, folder.path() / "site", more);
   };
   const auto bytes = run(in, {"-t", "1", "--memory", "1G"});
   CHECK(bytes.size() > 20);
@@ -397,16 +394,8 @@ TEST_CASE("tiles: colours of coarse levels are means, not those of the vertices 
   mesh.header.colour = true;
   const fs::path in = folder.path() / "in.ply", out = folder.path() / "site";
   write_whole(in, mesh);
-  const auto run = [&](std::vector<std::string> more) {
-    fs::remove_all(out);
-    more.insert(more.end(), {"--tile-faces", "3000"});
-    const CommandResult r = tessera_command(words(in, out, more));
-    INFO(r.errors);
-    REQUIRE(r.code == 0);
-    return site_bytes(out);
-  };
-  const auto bytes = run({"-t", "1"});
-  CHECK((run({"-t", "3", "--memory", "96M"}) == bytes));
+  const auto bytes = bytes_of_site(in, out, {"--tile-faces", "3000", "-t", "1"});
+  CHECK((bytes_of_site(in, out, {"--tile-faces", "3000", "-t", "3", "--memory", "96M"}) == bytes));
   std::size_t pure = 0, all = 0;
   for (const SiteTile& tile : read_site(out / "tileset.json").tiles) {
     if (tile.children.empty()) continue;

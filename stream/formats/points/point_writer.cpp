@@ -11,6 +11,7 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/output_file.h"
+#include "stream/formats/copc/copc_body.h"
 #include "stream/formats/copc/copc_nodes.h"
 #include "stream/formats/laz/chunk_encoder.h"
 #include "stream/formats/laz/chunk_table.h"
@@ -346,7 +347,7 @@ class LazPointWriter final : public LasPointWriter {
 class CopcPointWriter final : public LasPointWriter {
  public:
   CopcPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
-      : LasPointWriter(path, header, kInfoBytes),
+      : LasPointWriter(path, header, kCopcInfoBytes),
         schema_(laz::schema_for(point_format(), las_extra_bytes(header), laz::Schema::kVariable)),
         nodes_(path.has_parent_path() ? path.parent_path() : ".", las_record_bytes(header), kSortBytes) {
     const std::vector<char> record = laz::schema_record(schema_);
@@ -356,60 +357,18 @@ class CopcPointWriter final : public LasPointWriter {
   }
 
  private:
-  static constexpr std::size_t kInfoBytes = 160, kInfoAt = kHeaderBytes + 54;
+  static constexpr std::size_t kInfoAt = kHeaderBytes + 54;
   static constexpr std::uint64_t kSortBytes = std::uint64_t{128} << 20;
-  static constexpr std::size_t kGroupBytes = std::size_t{16} << 20;  ///< of nodes compressed at a time
 
   void write(const std::vector<char>& bytes) override { nodes_.add({bytes.data(), bytes.size()}); }
 
   void complete_header() override {
     const double scale = header_.las_scale;
     nodes_.build({scale, scale, scale}, header_.las_offset, file_.path());
-    std::vector<CopcChunkAt> chunks;
-    std::vector<laz::ChunkSize> table;
-    const std::vector<CopcNode>& nodes = nodes_.nodes();
-    for (std::size_t first = 0; first < nodes.size();) {
-      std::size_t end = first, bytes = 0;
-      for (; end < nodes.size() && (end == first || bytes < kGroupBytes); ++end)
-        bytes += nodes[end].points * las_record_bytes(header_);
-      std::vector<std::vector<char>> coded(end - first);
-      parallel_for(coded.size(), [&](std::size_t i) {
-        throw_if_stopped();
-        coded[i] = laz::encode_chunk(schema_, nodes_.records(nodes[first + i]));
-      });
-      for (std::size_t i = 0; i < coded.size(); ++i) {
-        chunks.push_back({file_.size(), static_cast<std::int32_t>(coded[i].size())});
-        table.push_back({static_cast<std::uint32_t>(nodes[first + i].points),
-                         static_cast<std::uint32_t>(coded[i].size())});
-        file_.append(coded[i].data(), coded[i].size());
-      }
-      first = end;
-    }
-    const std::uint64_t table_begin = file_.size();
-    const std::vector<char> coded_table = laz::chunk_table(table, true);
-    file_.append(coded_table.data(), coded_table.size());
-    file_.patch(begin_, &table_begin, sizeof table_begin);
-    extended_at_ = file_.size();
-    write_hierarchy(copc_pages(nodes, chunks, file_.size() + kExtendedHead));
+    const CopcBody body = append_copc_body(file_, schema_, nodes_, begin_, {});  // no times are known
+    file_.patch(kInfoAt, body.info.data(), body.info.size());
+    extended_at_ = body.hierarchy_at;
     write_header(kCompressedBit);
-  }
-
-  static constexpr std::size_t kExtendedHead = 60;
-  void write_hierarchy(const CopcPages& pages) {
-    std::array<char, kExtendedHead> head{};
-    std::memcpy(&head[2], "copc", 4);
-    put(&head[18], std::uint16_t{1000});
-    put(&head[20], static_cast<std::uint64_t>(pages.bytes.size()));
-    file_.append(head.data(), head.size());
-    std::array<char, kInfoBytes> info{};
-    const CopcCube& cube = nodes_.cube();
-    for (std::size_t a = 0; a < 3; ++a) put(&info[8 * a], cube.min[a] + cube.edge / 2);
-    put(&info[24], cube.edge / 2);
-    put(&info[32], cube.edge / (1 << CopcNodes::kCellLevels));
-    put(&info[40], file_.size());
-    put(&info[48], pages.root_bytes);
-    file_.patch(kInfoAt, info.data(), info.size());  // no times of points are known
-    file_.append(pages.bytes);
   }
 
   laz::Schema schema_;

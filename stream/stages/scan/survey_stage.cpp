@@ -49,7 +49,7 @@ std::string normals_file(std::size_t task) {
 struct Tally {
   PointDispositions dispositions;
   std::uint64_t surplus = 0;
-  std::uint64_t with_normal = 0, not_black = 0;
+  std::uint64_t with_normal = 0, black = 0, not_black = 0;
   std::uint64_t multi_return = 0, first_return = 0;
   IntensityHistogram intensities;                      ///< where they are asked for
   Double3 min = {kMaxQuanta, kMaxQuanta, kMaxQuanta};  ///< quanta of good points, whole numbers
@@ -60,6 +60,7 @@ struct Tally {
     PointDispositions::fields(self.dispositions, field);
     field("surplus", self.surplus);
     field("with_normal", self.with_normal);
+    field("black", self.black);
     field("not_black", self.not_black);
     field("multi_return", self.multi_return);
     field("first_return", self.first_return);
@@ -78,7 +79,8 @@ Json to_json(const Tally& t) {
 void add_json(const Json& j, Tally& t) {
   const auto part = fields_from_json<Tally>(j);
   t.dispositions.add(part.dispositions);
-  t.surplus += part.surplus, t.with_normal += part.with_normal, t.not_black += part.not_black;
+  t.surplus += part.surplus, t.with_normal += part.with_normal, t.black += part.black,
+      t.not_black += part.not_black;
   t.multi_return += part.multi_return, t.first_return += part.first_return;
   for (std::size_t a = 0; a < 3; ++a)
     t.min[a] = std::min(t.min[a], part.min[a]), t.max[a] = std::max(t.max[a], part.max[a]);
@@ -186,7 +188,8 @@ Json SurveyStage::run(std::size_t task, TaskContext& context) const {
     tally.with_normal += count_normals(chunk, quanta, normals);
     count_returns(chunk, quanta.disposition, tally);
     tally.intensities.add(chunk);
-    for (const std::uint32_t rgba : chunk.rgba) tally.not_black += (rgba & 0xffffffu) != 0;
+    for (const std::uint32_t rgba : chunk.rgba)  // alpha 0 tells no colour
+      if (rgba >> 24 != 0) ++((rgba & 0xffffffu) == 0 ? tally.black : tally.not_black);
   });
   context.count_written(counter.finish());
   sampler.save(context.create(sample_file(task)));
@@ -281,7 +284,7 @@ Json SurveyStage::finish(const std::vector<Json>& summaries, TaskContext& contex
   const ColourBy by = colour_by(options_.colour);
   plan.has_colour = has_point_colours(by, *inputs_);
   // Formats of LAS with room for colours are filled with zeros where there are none.
-  const bool black = by == ColourBy::kRgb && plan.has_colour && tally.not_black == 0;
+  const bool black = by == ColourBy::kRgb && plan.has_colour && tally.black > 0 && tally.not_black == 0;
   if (black) plan.has_colour = false;
   if (by == ColourBy::kIntensity) plan.colour_range = tally.intensities.range();
   if (by == ColourBy::kHeight)

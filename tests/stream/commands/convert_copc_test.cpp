@@ -10,36 +10,19 @@
 
 #include "stream/commands/convert_points.h"
 #include "stream/formats/points/las_records.h"
+#include "tests/helpers/node_points.h"
 #include "tests/helpers/point_reading.h"
-#include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera::convert_copc_test {
-namespace {
-
-using Steps = std::array<std::int32_t, 3>;
-
-/// A sheet with waves, and a block of 60,000 points within a few steps.
-std::vector<Steps> sample(std::size_t count) {
-  test::Random random(11);
-  std::vector<Steps> points;
-  for (std::size_t i = 0; i < count; ++i) {
-    const double x = random.in(-5e5, 5e5), y = random.in(-3e5, 3e5);
-    points.push_back({static_cast<std::int32_t>(x), static_cast<std::int32_t>(y),
-                      static_cast<std::int32_t>(4e4 * std::sin(x * 1e-5) + random.in(0, 2e3))});
-  }
-  for (std::int32_t i = 0; i < 60'000; ++i) points.push_back({1000 + i % 40, 2000 + i / 40 % 40, i / 1600});
-  return points;
-}
-
-}  // namespace
+namespace {}  // namespace
 
 TEST_CASE(
     "copc: converted scans are COPC with all their points, the same bytes on any threads and from any order",
     "[pipeline]") {
   const test::TempFolder folder;
   std::vector<std::filesystem::path> parts;
-  const std::vector<Steps> points = sample(150'000);
+  const std::vector<test::Steps> points = test::node_points(150'000);
   for (const int part : {0, 1}) {
     std::string text = "x y z r g b i\n";
     for (std::size_t i = static_cast<std::size_t>(part); i < points.size(); i += 2)

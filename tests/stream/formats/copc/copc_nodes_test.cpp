@@ -12,29 +12,14 @@
 
 #include "octree/error.h"
 #include "stream/formats/copc/copc_nodes.h"
-#include "tests/helpers/random.h"
+#include "tests/helpers/node_points.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera::copc_nodes_test {
 namespace {
 
 constexpr std::size_t kBytes = 30;
-using Steps = std::array<std::int32_t, 3>;
-
-/// A sheet with waves, and a block of 60,000 points within a few steps.
-std::vector<Steps> sample(std::size_t count) {
-  test::Random random(11);
-  std::vector<Steps> points;
-  for (std::size_t i = 0; i < count; ++i) {
-    const double x = random.in(-5e5, 5e5), y = random.in(-3e5, 3e5);
-    points.push_back({static_cast<std::int32_t>(x), static_cast<std::int32_t>(y),
-                      static_cast<std::int32_t>(4e4 * std::sin(x * 1e-5) + random.in(0, 2e3))});
-  }
-  for (std::int32_t i = 0; i < 60'000; ++i) points.push_back({1000 + i % 40, 2000 + i / 40 % 40, i / 1600});
-  return points;
-}
-
-std::string records_of(const std::vector<Steps>& points) {
+std::string records_of(const std::vector<test::Steps>& points) {
   std::string all(points.size() * kBytes, '\0');
   for (std::size_t i = 0; i < points.size(); ++i) {
     std::memcpy(all.data() + i * kBytes, points[i].data(), 12);
@@ -43,8 +28,8 @@ std::string records_of(const std::vector<Steps>& points) {
   return all;
 }
 
-std::vector<Steps> steps_of(const std::string& records) {
-  std::vector<Steps> points(records.size() / kBytes);
+std::vector<test::Steps> steps_of(const std::string& records) {
+  std::vector<test::Steps> points(records.size() / kBytes);
   for (std::size_t i = 0; i < points.size(); ++i)
     std::memcpy(points[i].data(), records.data() + i * kBytes, 12);
   return points;
@@ -61,13 +46,13 @@ Name name_of(const CopcNode& n) {
 
 TEST_CASE("copc nodes: all points once, in their cubes, a cell apart above the leaves", "[property]") {
   const test::TempFolder folder;
-  const std::vector<Steps> points = sample(400'000);
+  const std::vector<test::Steps> points = test::node_points(400'000);
   CopcNodes nodes(folder.path(), kBytes, std::uint64_t{4} << 20);  // small: sorted on disk
   const std::string records = records_of(points);
   for (std::size_t at = 0; at < records.size(); at += 70'001 * kBytes)
     nodes.add(std::string_view(records).substr(at, 70'001 * kBytes));
   nodes.build(kScale, kOffset, "a.copc.laz");
-  std::multiset<Steps> left(points.begin(), points.end());
+  std::multiset<test::Steps> left(points.begin(), points.end());
   std::map<Name, const CopcNode*> by_name;
   for (const CopcNode& n : nodes.nodes()) by_name[name_of(n)] = &n;
   CHECK(by_name.size() == nodes.nodes().size());
@@ -81,18 +66,18 @@ TEST_CASE("copc nodes: all points once, in their cubes, a cell apart above the l
   bool inside = true, apart = true, ordered = true;
   std::size_t deepest = 0;
   for (const CopcNode& n : nodes.nodes()) {
-    const std::vector<Steps> own = steps_of(nodes.records(n));
+    const std::vector<test::Steps> own = steps_of(nodes.records(n));
     REQUIRE(own.size() == n.points);
     REQUIRE(!own.empty());
     deepest = std::max(deepest, static_cast<std::size_t>(n.level));
     const double edge = std::ldexp(nodes.cube().edge, -n.level);
     const bool is_leaf = inner.count(name_of(n)) == 0 && n.points <= CopcNodes::kLeafPoints;
-    std::set<Steps> cells;
-    for (const Steps& p : own) {
+    std::set<test::Steps> cells;
+    for (const test::Steps& p : own) {
       const auto at = left.find(p);
       REQUIRE(at != left.end());
       left.erase(at);
-      Steps cell;
+      test::Steps cell;
       for (std::size_t a = 0; a < 3; ++a) {
         const double from = p[a] * kScale[a] + kOffset[a] - nodes.cube().min[a] - n.at[a] * edge;
         inside = inside && from > -1e-6 && from < edge + 1e-6;
@@ -110,7 +95,7 @@ TEST_CASE("copc nodes: all points once, in their cubes, a cell apart above the l
   CHECK(deepest >= 5);
 
   SECTION("in any order of the points the nodes are the same") {
-    std::vector<Steps> turned(points.rbegin(), points.rend());
+    std::vector<test::Steps> turned(points.rbegin(), points.rend());
     CopcNodes others(folder.path(), kBytes, std::uint64_t{256} << 20);
     others.add(records_of(turned));
     others.build(kScale, kOffset, "a.copc.laz");
@@ -173,7 +158,7 @@ TEST_CASE("copc nodes: one point, and many at one place", "[unit]") {
   CHECK(one.nodes()[0].level == 0);
   CHECK(one.cube().edge == Approx(0.01));
   CopcNodes many(folder.path(), kBytes, 1u << 20);
-  std::vector<Steps> pile(50'000, {1, 2, 3});
+  std::vector<test::Steps> pile(50'000, {1, 2, 3});
   pile.push_back({1'000'000, 0, 0});
   many.add(records_of(pile));
   many.build(kScale, kOffset, "a");

@@ -32,7 +32,7 @@ TEST_CASE("glb document: keys that meshes use stay as they are", "[unit]") {
   const Json kept = document(
       R"({"asset":{"generator":"g","extras":{"tessera_shift":[1,2,3]}},"scene":0,"scenes":[{"nodes":[0]}],
           "nodes":[{"mesh":0,"extras":{"mesh":7,"deep":[[{"scene":1}]]},"matrix":[1.5,-2]}],
-          "materials":[{"count":3}],"accessors":[{"count":3,"max":[1],"sparse":{"count":1},"type":"VEC3"}],
+          "animations":[{"count":3}],"accessors":[{"count":3,"max":[1],"sparse":{"count":1},"type":"VEC3"}],
           "buffers":[{"uri":"data:abc","byteLength":4}]})");
   CHECK(kept == parse_json(
                     R"({"asset":{"generator":"g","extras":{"tessera_shift":[1,2,3]}},"scene":0,
