@@ -57,8 +57,9 @@ OptionTable option_table(SimplifyOptions& o) {
       .within(0, 1);
   t.add("crossings", &o.crossings,
         "refuse: no face comes to cross, overlap or touch others beyond what they share; repair: nor do "
-        "those that do as given: they are cut out first and the holes closed anew; keep: that is not looked "
-        "at, which saves a sixth of the time")
+        "those that do as given: they are cut out first and the holes closed anew, and closed bodies that "
+        "pass through each other or themselves united; keep: that is not looked at, which saves a sixth of "
+        "the time")
       .one_of({"refuse", "repair", "keep"});
   t.add("colour-weight", &o.colour_weight,
         "length that the full range of a colour is worth, in the units of the mesh; 0 = colours follow")

@@ -47,7 +47,8 @@ OptionTable option_table(RemeshJobOptions& o) {
   t.add("iterations", &o.iterations, "of splits, collapses, flips and relaxation in each pass").within(1, 50);
   t.add("crossings", &o.crossings,
         "refuse: no face comes to cross, overlap or touch others beyond what they share; repair: nor do "
-        "those that do as given: they are cut out first and the holes closed anew")
+        "those that do as given: they are cut out first and the holes closed anew, and closed bodies that "
+        "pass through each other or themselves united")
       .one_of({"refuse", "repair"});
   t.add("passes", &o.passes, "passes over shifted blocks").within(1, 8);
   t.add("block-faces", &o.block_faces, "most faces of a block").at_least(1024);

@@ -79,7 +79,8 @@ OptionTable option_table(SmoothOptions& o) {
   t.add("crossings", &o.crossings,
         "refuse: where faces come to cross, overlap or touch others beyond what they share, vertices of both "
         "go back towards where they were, half the way at first; repair: those that do as given are cut out "
-        "first and the holes closed anew; keep: that is not looked at")
+        "first and the holes closed anew, and closed bodies that pass through each other or themselves "
+        "united; keep: that is not looked at")
       .one_of({"refuse", "repair", "keep"});
   return t;
 }

@@ -39,7 +39,9 @@ void add_surface_options(OptionTable& table, SolidSurfaceOptions& options) {
   table.add("min-component", &options.min_component,
             "faces; smaller islands are dropped and counted: crumbs come off where surfaces run out into a "
             "wedge thinner than "
-            "h; 0 = 100, which a cube of 3 h has, and the largest stays; 1 = keep all");
+            "h; 0 = 100, which a cube of 3 h has, and the largest stays; 1 = keep all. Where more than 100 "
+            "islands have fewer than 100 faces each and none has more, what is enclosed is thinner than h: "
+            "exit code 5");
   table.add("offset", &options.offset,
             "units of the solids: the surface moves so far outwards, below 0 inwards; edges turned outwards "
             "come out as --corners says, grooves sharp, and the other way round inwards");
