@@ -8,6 +8,7 @@
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/tiles/cluster_stage.h"
+#include "stream/stages/tiles/colour_stage.h"
 #include "stream/stages/tiles/folder_stage.h"
 #include "stream/stages/tiles/tile_levels.h"
 #include "stream/stages/tiles/tiles_needs.h"
