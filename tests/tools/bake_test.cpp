@@ -137,8 +137,7 @@ TEST_CASE("bake: all three formats hold the same mesh", "[pipeline]") {
   CHECK(header.find("property list uchar float texcoord") != std::string::npos);
 }
 
-TEST_CASE("bake: pages as JPEG have the same bytes every time, and are near to those of PNG",
-          "[pipeline]") {
+TEST_CASE("bake: pages as JPEG have the same bytes every time, and are near to those of PNG", "[pipeline]") {
   const TempFolder folder;
   const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz");
   const auto run = [&](const std::string& name, const std::vector<std::string>& more) {
