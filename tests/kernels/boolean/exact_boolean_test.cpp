@@ -9,6 +9,7 @@
 #include "kernels/boolean/exact_boolean.h"
 #include "kernels/boolean/settle_rounding.h"
 #include "kernels/mesh/orientation_sign.h"
+#include "tests/helpers/box_solid.h"
 #include "tests/helpers/icosphere.h"
 #include "tests/helpers/random.h"
 
@@ -18,12 +19,7 @@ namespace {
 using test::Random;
 
 SolidMesh box(const Double3& low, const Double3& high) {
-  SolidMesh m;
-  for (int c = 0; c < 8; ++c)
-    m.points.push_back({c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]});
-  m.faces = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-             {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-  return canonical_solid(m);
+  return canonical_solid(test::box_solid(low, high));
 }
 SolidMesh ball(int level, const Double3& by) {
   const test::Icosphere s = test::icosphere(level);

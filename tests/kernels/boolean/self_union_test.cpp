@@ -13,6 +13,7 @@
 #include "kernels/boolean/solid_fans.h"
 #include "kernels/mesh/block_contacts.h"
 #include "octree/edge_faces.h"
+#include "tests/helpers/box_solid.h"
 #include "tests/helpers/icosphere.h"
 #include "tests/helpers/random.h"
 
@@ -25,14 +26,6 @@ void add(SolidMesh& to, const SolidMesh& m) {
   const auto first = static_cast<std::uint32_t>(to.points.size());
   to.points.insert(to.points.end(), m.points.begin(), m.points.end());
   for (const auto& f : m.faces) to.faces.push_back({first + f[0], first + f[1], first + f[2]});
-}
-SolidMesh box(const Double3& low, const Double3& high) {
-  SolidMesh m;
-  for (int c = 0; c < 8; ++c)
-    m.points.push_back({c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]});
-  m.faces = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-             {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-  return m;
 }
 /// A closed tube along a curve; both may be anything.
 template <class Curve>
@@ -135,7 +128,7 @@ TEST_CASE("self union: boxes of a grid in one mesh, and as two that exact boolea
                      q = std::fmod(p + 1.0 + static_cast<double>(random.below(4)), 5.0);
         low[k] = std::min(p, q), high[k] = std::max(p, q);
       }
-      each.push_back(box(low, high));
+      each.push_back(test::box_solid(low, high));
       add(mesh, each.back());
     }
     const SelfUnion made = unite_self(mesh, PositionStep::kDouble);
@@ -163,7 +156,7 @@ TEST_CASE("self union: boxes turned by chance, with three faces through a point"
   for (int round = 0; round < 25; ++round) {
     SolidMesh mesh;
     for (int b = 0; b < 6; ++b) {
-      SolidMesh one = box({-1, -1, -1}, {1, 1, 1});
+      SolidMesh one = test::box_solid({-1, -1, -1}, {1, 1, 1});
       const Double3 by = {random.in(-1, 1), random.in(-1, 1), random.in(-1, 1)};
       const Double3 u = unit(Double3{random.gaussian(), random.gaussian(), random.gaussian()});
       const Double3 v = unit(cross(u, Double3{random.gaussian(), random.gaussian(), random.gaussian()}));
@@ -200,7 +193,7 @@ TEST_CASE("self union: a tube that runs through itself keeps what is off the cro
 }
 
 TEST_CASE("self union: the order of faces and vertices moves no point", "[unit]") {
-  SolidMesh mesh = box({0, 0, 0}, {3, 3, 3});
+  SolidMesh mesh = test::box_solid({0, 0, 0}, {3, 3, 3});
   const test::Icosphere s = test::icosphere(2);
   SolidMesh ball{s.positions, s.faces};
   for (Double3& p : ball.points) p = p * 1.3 + Double3{.2, .1, 2.9};
@@ -216,26 +209,26 @@ TEST_CASE("self union: the order of faces and vertices moves no point", "[unit]"
 }
 
 TEST_CASE("self union: nothing is touched where nothing meets, and what has no inside is told", "[unit]") {
-  SolidMesh apart = box({0, 0, 0}, {1, 1, 1});
-  add(apart, box({2, 0, 0}, {3, 1, 1}));
-  add(apart, box({-1, -1, -1}, {4, 4, 4}));
+  SolidMesh apart = test::box_solid({0, 0, 0}, {1, 1, 1});
+  add(apart, test::box_solid({2, 0, 0}, {3, 1, 1}));
+  add(apart, test::box_solid({-1, -1, -1}, {4, 4, 4}));
   SelfUnion made = unite_self(apart, PositionStep::kDouble);
   CHECK(!made.fault);
   CHECK(made.made.empty());
   CHECK(std::count(made.gone.begin(), made.gone.end(), 1) == 0);
   SolidMesh crossing = apart;
-  add(crossing, box({.5, .5, .5}, {2.5, .75, .75}));
+  add(crossing, test::box_solid({.5, .5, .5}, {2.5, .75, .75}));
   made = unite_self(crossing, PositionStep::kDouble);
   CHECK(made.fault.value_or("").find("the same way round") != std::string::npos);
-  SolidMesh open = box({0, 0, 0}, {1, 1, 1});
+  SolidMesh open = test::box_solid({0, 0, 0}, {1, 1, 1});
   open.faces.pop_back();
-  add(open, box({.5, .5, .5}, {2, 2, 2}));
+  add(open, test::box_solid({.5, .5, .5}, {2, 2, 2}));
   made = unite_self(open, PositionStep::kDouble);
   CHECK(made.fault.value_or("").find("not closed") != std::string::npos);
   CHECK(made.gone.empty());
   // An open sheet beside bodies that cross is none of their business.
-  SolidMesh beside = box({0, 0, 0}, {1, 1, 1});
-  add(beside, box({.5, .5, .5}, {2, 2, 2}));
+  SolidMesh beside = test::box_solid({0, 0, 0}, {1, 1, 1});
+  add(beside, test::box_solid({.5, .5, .5}, {2, 2, 2}));
   SolidMesh sheet;
   sheet.points = {{5, 0, 0}, {6, 0, 0}, {5, 1, 0}};
   sheet.faces = {{0, 1, 2}};
@@ -272,8 +265,8 @@ TEST_CASE("self cuts: segments pass each other in one point, whatever faces gave
 
 TEST_CASE("solid fans: of four faces at an edge those with solid between them are neighbours", "[unit]") {
   // Two cubes that share an edge: around it each keeps its own two faces.
-  SolidMesh mesh = box({0, 0, 0}, {1, 1, 1});
-  add(mesh, box({1, 1, 0}, {2, 2, 1}));
+  SolidMesh mesh = test::box_solid({0, 0, 0}, {1, 1, 1});
+  add(mesh, test::box_solid({1, 1, 0}, {2, 2, 1}));
   const SolidMesh m = canonical_solid(mesh);
   const PointTable points(m.points);
   SolidFans fans(points, m.faces);
