@@ -31,11 +31,9 @@ bool is_las(const std::string& extension) {
 }
 
 /// What all inputs together hold.
-struct Survey {
+struct Survey : SummedBounds {
   PointAttributes attributes;
-  Double3 min{}, max{};
   bool exact_in_float = true;
-  std::uint64_t finite = 0;
   std::uint64_t read = 0;
   std::vector<PositionGrid> grids;  ///< of every input
   std::vector<Crs> systems;         ///< of every input
@@ -47,12 +45,7 @@ Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOption
   FileNotices notices;
   for (const auto& path : inputs) {
     const PointSummary s = summarize_points(path, read);
-    const std::uint64_t finite = s.counts.points - s.not_finite;
-    for (std::size_t a = 0; a < 3 && finite > 0; ++a) {
-      all.min[a] = all.finite == 0 ? s.min[a] : std::min(all.min[a], s.min[a]);
-      all.max[a] = all.finite == 0 ? s.max[a] : std::max(all.max[a], s.max[a]);
-    }
-    all.finite += finite;
+    all.add(s);
     all.read += s.counts.points;
     all.grids.push_back(s.info.grid);
     all.systems.push_back(s.info.crs);

@@ -2,6 +2,7 @@
 /// What one point file holds, found by reading all of it: fates, bounds, attributes, and how far its samples
 /// are apart. The result does not depend on threads or slices.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -22,6 +23,21 @@ struct PointSummary {
   bool exact_in_float = true;         ///< every coordinate is a float
   double spacing = 0.0;               ///< about, scan units; 0 = unknown. See below
   std::vector<std::string> warnings;  ///< of the header and of reading, claims refuted, one sentence each
+};
+
+/// The box of the finite points of several files, and how many these are.
+struct SummedBounds {
+  Double3 min{}, max{};
+  std::uint64_t finite = 0;
+
+  void add(const PointSummary& file) {
+    const std::uint64_t more = file.counts.points - file.not_finite;
+    for (std::size_t a = 0; a < 3 && more > 0; ++a) {
+      min[a] = finite == 0 ? file.min[a] : std::min(min[a], file.min[a]);
+      max[a] = finite == 0 ? file.max[a] : std::max(max[a], file.max[a]);
+    }
+    finite += more;
+  }
 };
 
 /// Reads the file once, plus a few samples before, on the threads of the enclosing WorkerPool. Memory is bounded: about

@@ -34,9 +34,7 @@ constexpr std::uint64_t kSiteSliceBytes = std::uint64_t{4} << 20;
 constexpr std::size_t kMostTilesOfFile = 1000;
 constexpr double kNarrowSteps = 65535.0;  // that 16 bits can tell
 
-struct SiteSurvey {
-  Double3 low{}, high{};
-  std::uint64_t finite = 0;
+struct SiteSurvey : SummedBounds {
   bool colour = false;
   Crs crs;
 };
@@ -47,12 +45,7 @@ SiteSurvey survey_site(const PointSiteOptions& options, const ReadOptions& read,
   for (const fs::path& path : options.inputs) {
     throw_if_stopped();
     const PointSummary s = summarize_points(path, read);
-    const std::uint64_t finite = s.counts.points - s.not_finite;
-    for (std::size_t a = 0; a < 3 && finite > 0; ++a) {
-      all.low[a] = all.finite == 0 ? s.min[a] : std::min(all.low[a], s.min[a]);
-      all.high[a] = all.finite == 0 ? s.max[a] : std::max(all.high[a], s.max[a]);
-    }
-    all.finite += finite;
+    all.add(s);
     report.not_finite += s.not_finite;
     all.colour = all.colour || s.info.attributes.colour;
     const Crs& crs = s.info.crs;
@@ -83,12 +76,12 @@ struct SiteGrid {
   explicit SiteGrid(const SiteSurvey& all) {
     double extent = 0.0, farthest = 0.0;
     for (std::size_t a = 0; a < 3; ++a) {
-      extent = std::max(extent, all.high[a] - all.low[a]);
-      farthest = std::max({farthest, std::fabs(all.low[a]), std::fabs(all.high[a])});
+      extent = std::max(extent, all.max[a] - all.min[a]);
+      farthest = std::max({farthest, std::fabs(all.min[a]), std::fabs(all.max[a])});
     }
     step = power_of_two(std::max({extent * 0x1p-30, farthest * 0x1p-46, 1e-12}));
     for (std::size_t a = 0; a < 3; ++a)
-      origin[a] = std::round((all.low[a] + 0.5 * (all.high[a] - all.low[a])) / (1024 * step)) * (1024 * step);
+      origin[a] = std::round((all.min[a] + 0.5 * (all.max[a] - all.min[a])) / (1024 * step)) * (1024 * step);
   }
 };
 
@@ -287,7 +280,7 @@ PointSiteReport write_point_site(const PointSiteOptions& options) {
     if (wkt.empty() && all.crs.horizontal > 0)
       wkt = user_crs("EPSG:" + std::to_string(all.crs.horizontal), "the coordinate system of the inputs").wkt;
     Double3 half;
-    for (std::size_t a = 0; a < 3; ++a) half[a] = 0.5 * (all.high[a] - all.low[a]);
+    for (std::size_t a = 0; a < 3; ++a) half[a] = 0.5 * (all.max[a] - all.min[a]);
     report.frame = site_frame(wkt, grid.origin, half);
     write_point_tilesets(tiles, nodes.cube(), report.frame.transform, kMostTilesOfFile,
                          [&](const std::string& name, const std::string& text) {
