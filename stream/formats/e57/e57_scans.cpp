@@ -1,27 +1,23 @@
 #include "stream/formats/e57/e57_scans.h"
 
-#include <expat.h>
-
 #include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <exception>
 #include <limits>
-#include <memory>
 #include <string_view>
 #include <utility>
 
 #include "octree/error.h"
 #include "stream/formats/scalar.h"
+#include "stream/formats/xml_events.h"
 
 namespace tessera {
 
 namespace {
 
 constexpr std::size_t kDeepest = 64;
-constexpr std::uint64_t kLongestToken = std::uint64_t{1} << 20;
 constexpr std::size_t kLongestText = 256;  ///< of an element that is a number
 constexpr std::size_t kMaxScans = 16384;   ///< each takes about 2 KB
 
@@ -58,82 +54,25 @@ constexpr std::array<std::string_view, 6> kColourNames = {"colorRedMinimum",   "
                                                           "colorGreenMinimum", "colorGreenMaximum",
                                                           "colorBlueMinimum",  "colorBlueMaximum"};
 
-/// Value of an attribute, null if it is not there. \param attributes  as expat hands them: name, value, ..., null
-const char* attribute(const char** attributes, std::string_view name) {
-  for (; *attributes; attributes += 2) {
-    if (name == attributes[0]) return attributes[1];
-  }
-  return nullptr;
-}
-
 /// Follows the elements by their names from the root and keeps what E57Scan has.
-class ScanParser {
+class ScanParser : public XmlEvents {
  public:
-  ScanParser(E57Pages& pages, const E57Header& header)
-      : pages_(pages), header_(header), parser_(XML_ParserCreate(nullptr)) {
-    if (!parser_) throw std::bad_alloc();
-    XML_SetUserData(parser_.get(), this);
-    XML_SetElementHandler(parser_.get(), start_element, end_element);
-    XML_SetCharacterDataHandler(parser_.get(), characters);
-    XML_SetStartDoctypeDeclHandler(parser_.get(), doctype);
-  }
+  ScanParser(E57Pages& pages, const E57Header& header) : XmlEvents(""), pages_(pages), header_(header) {}
 
   E57Scans parse() {
     constexpr std::uint64_t kStep = std::uint64_t{1} << 15;
     for (std::uint64_t done = 0; done < header_.xml_bytes && !ended_;) {
       const std::uint64_t n = std::min(kStep, header_.xml_bytes - done);
-      const std::string_view text = pages_.view(header_.xml_begin + done, static_cast<std::size_t>(n));
+      feed(pages_.view(header_.xml_begin + done, static_cast<std::size_t>(n)));
       done += n;
-      const auto status = XML_Parse(parser_.get(), text.data(), static_cast<int>(text.size()), 0);
-      if (error_) std::rethrow_exception(error_);
-      if (ended_) break;
-      if (status != XML_STATUS_OK) fail(XML_ErrorString(XML_GetErrorCode(parser_.get())));
-      const auto parsed =
-          static_cast<std::uint64_t>(std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser_.get())));
-      if (done > parsed + kLongestToken) fail("a word or tag of more than 1 MiB");
     }
     if (!ended_) fail("it ends before its root element does");
     return std::move(found_);
   }
 
  private:
-  struct Free {
-    void operator()(XML_ParserStruct* p) const { XML_ParserFree(p); }
-  };
-
-  /// Names the place that the parser has come to.
-  [[noreturn]] void fail(const std::string& what) const {
-    const XML_Index at = XML_GetCurrentByteIndex(parser_.get());
-    const std::uint64_t in = at < 0 ? 0 : std::min(static_cast<std::uint64_t>(at), header_.xml_bytes);
-    pages_.fail(header_.xml_begin + in, "in the XML section: " + what);
-  }
-
-  /// Exceptions do not pass through the C library: they wait until it has returned.
-  template <class F>
-  static void guarded(void* self, F&& f) {
-    auto& parser = *static_cast<ScanParser*>(self);
-    if (parser.error_ || parser.ended_) return;
-    try {
-      f(parser);
-    } catch (...) {
-      parser.error_ = std::current_exception();
-      XML_StopParser(parser.parser_.get(), XML_FALSE);
-    }
-  }
-  static void start_element(void* self, const char* name, const char** attributes) {
-    guarded(self, [&](ScanParser& p) { p.start(name, attributes); });
-  }
-  static void end_element(void* self, const char*) {
-    guarded(self, [](ScanParser& p) { p.end(); });
-  }
-  static void characters(void* self, const char* text, int bytes) {
-    guarded(self, [&](ScanParser& p) {
-      const std::size_t left = kLongestText - p.text_.size();
-      p.text_.append(text, std::min(left, static_cast<std::size_t>(bytes)));
-    });
-  }
-  static void doctype(void* self, const char*, const char*, const char*, int) {
-    guarded(self, [](ScanParser& p) { p.fail("a document type declaration, which E57 has no use for"); });
+  [[noreturn]] void fail(const std::string& what) const override {
+    pages_.fail(header_.xml_begin + std::min(offset(), header_.xml_bytes), "in the XML section: " + what);
   }
 
   bool in_scan() const { return names_.size() > 3 && in_data_; }
@@ -148,7 +87,7 @@ class ScanParser {
            std::equal(path.begin(), path.end(), names_.begin() + 3);
   }
 
-  void start(const char* name, const char** attributes) {
+  void start(std::string_view name, Attributes attributes) override {
     if (names_.size() == kDeepest) fail("elements are nested deeper than " + std::to_string(kDeepest));
     names_.emplace_back(name);
     text_.clear();
@@ -177,7 +116,7 @@ class ScanParser {
     }
   }
 
-  void end() {
+  void end(std::string_view) override {
     if (at({"pose", "rotation", "w"})) number(scan_.rotation[0]);
     if (at({"pose", "rotation", "x"})) number(scan_.rotation[1]);
     if (at({"pose", "rotation", "y"})) number(scan_.rotation[2]);
@@ -196,8 +135,10 @@ class ScanParser {
     text_.clear();
     if (names_.size() == 1) in_data_ = false;
     ended_ = names_.empty();
-    if (ended_) XML_StopParser(parser_.get(), XML_FALSE);  // some writers pad what follows
+    if (ended_) stop();  // some writers pad what follows
   }
+
+  void text(std::string_view bytes) override { text_.append(bytes.substr(0, kLongestText - text_.size())); }
 
   /// The text of the element at hand; none stands for 0.
   void number(double& value) const {
@@ -211,7 +152,7 @@ class ScanParser {
   }
 
   template <class T>
-  T whole(const char** attributes, std::string_view name, T otherwise) const {
+  T whole(Attributes attributes, std::string_view name, T otherwise) const {
     const char* text = attribute(attributes, name);
     if (!text) return otherwise;
     const char* const last = text + std::strlen(text);
@@ -220,7 +161,7 @@ class ScanParser {
     if (error != std::errc() || next != last) not_a_number(name, text);
     return value;
   }
-  double real(const char** attributes, std::string_view name, double otherwise) const {
+  double real(Attributes attributes, std::string_view name, double otherwise) const {
     const char* text = attribute(attributes, name);
     if (!text) return otherwise;
     std::string_view rest = text;
@@ -235,7 +176,7 @@ class ScanParser {
   static std::string shown(std::string_view name) { return "'" + std::string(name.substr(0, 40)) + "'"; }
 
   /// A terminal element of the prototype: the next bytestream. Those that nobody reads may have any type.
-  void field(std::string_view type, const char** attributes) {
+  void field(std::string_view type, Attributes attributes) {
     E57Field f;
     f.stream = scan_.streams++;
     const auto named = std::find_if(kUseNames.begin(), kUseNames.end(),
@@ -274,14 +215,12 @@ class ScanParser {
 
   E57Pages& pages_;
   const E57Header& header_;
-  std::unique_ptr<XML_ParserStruct, Free> parser_;
   E57Scans found_;
   E57Scan scan_;                    ///< the one at hand
   std::vector<std::string> names_;  ///< from the root to the element at hand
   std::string text_;                ///< of it, the beginning
   bool in_data_ = false;            ///< within data3D
   bool ended_ = false;              ///< the root element is complete
-  std::exception_ptr error_;
 };
 
 }  // namespace

@@ -9,9 +9,9 @@
 
 #include "stream/formats/meshes/colour_range.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
-#include "stream/formats/models/xml_events.h"
 #include "stream/formats/models/zip_archive.h"
 #include "stream/formats/scalar.h"
+#include "stream/formats/xml_events.h"
 
 namespace tessera {
 namespace {

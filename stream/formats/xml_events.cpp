@@ -1,4 +1,4 @@
-#include "stream/formats/models/xml_events.h"
+#include "stream/formats/xml_events.h"
 
 #include <expat.h>
 

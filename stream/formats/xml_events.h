@@ -34,7 +34,8 @@ class XmlEvents {
   void stop();
   /// Offset of the event at hand in the document.
   std::uint64_t offset() const;
-  [[noreturn]] void fail(const std::string& what) const;
+  /// Names the place that the parser has come to.
+  [[noreturn]] virtual void fail(const std::string& what) const;
   /// Value of an attribute by its name without prefix; null where there is none.
   static const char* attribute(Attributes attributes, std::string_view name);
   /// Behind the colon.
