@@ -4,31 +4,25 @@
 #include <array>
 #include <map>
 #include <optional>
-#include <set>
 #include <utility>
 
 #include "kernels/holes/border_retreat.h"
 #include "kernels/holes/hole_filling.h"
 #include "kernels/holes/hole_triangulation.h"
+#include "kernels/holes/mend_region.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/mesh/orientation_sign.h"
 
 namespace tessera {
 namespace {
 
-constexpr std::size_t kMaxIsland = 200;  ///< faces within a ring that are taken out with it
-constexpr std::size_t kMaxCut = 60;      ///< faces that may go at a border
-constexpr int kCutRings = 2;             ///< around the faces of pairs, where a part at a border goes
-constexpr std::uint32_t kNoFace = ~std::uint32_t{0};
+constexpr std::size_t kMaxCut = 60;  ///< faces that may go at a border
+constexpr int kCutRings = 2;         ///< around the faces of pairs, where a part at a border goes
+constexpr std::uint32_t kNoFace = MendRegion::kNoFace;
 
-using Corners = std::array<std::uint32_t, 3>;
-using Edge = std::array<std::uint32_t, 2>;  ///< from, to
-
-/// Faces that were taken out and hang together, and their outline as a filling runs along it.
-struct Disk {
-  std::vector<std::uint32_t> faces;  ///< ascending
-  std::vector<std::uint32_t> loop;   ///< vertices, the smallest first
-};
+using Corners = MendRegion::Corners;
+using Edge = MendRegion::Edge;
+using Disk = MendDisk;
 
 /// Faces of one disk anew. Numbers of vertices from those of the block on are new ones.
 struct DiskFilling {
@@ -41,36 +35,22 @@ class CrossingMender {
  public:
   CrossingMender(const MeshBlock& block, std::span<const std::uint32_t> crossing, const ContactCell& whole,
                  const CrossingMendOptions& options)
-      : block_(block), crossing_(crossing), whole_(whole), options_(options) {
-    start_.assign(block.key.size() + 1, 0);
-    for (const Corners& f : block.faces)
-      for (const std::uint32_t v : f) ++start_[v + std::size_t{1}];
-    for (std::size_t v = 1; v < start_.size(); ++v) start_[v] += start_[v - 1];
-    at_.resize(3 * block.faces.size());
-    std::vector<std::uint32_t> next(start_.begin(), start_.end() - 1);
-    for (std::uint32_t f = 0; f < block.faces.size(); ++f)
-      for (const std::uint32_t v : block.faces[f]) at_[next[v]++] = f;
-  }
+      : block_(block), crossing_(crossing), options_(options), around_(block, whole) {}
 
   CrossingMend run() {
-    out_region_.assign(block_.faces.size(), 0);
     std::vector<std::uint32_t> region(crossing_.begin(), crossing_.end());
     for (int ring = 0; ring <= options_.max_rings; ++ring) {
-      if (ring > 0) grow(region);
-      if (region.size() > options_.max_faces) break;
-      if (!is_known(region)) {
-        out_.torn = true;
-        break;
-      }
+      if (ring > 0) around_.grow(region);
+      if (region.size() > options_.max_faces || is_torn(region)) break;
       if (fill(region)) return std::move(out_);
-      if (out_.torn) break;
+      if (waits()) break;
     }
-    if (!out_.torn && retreat()) return std::move(out_);
-    if (!out_.torn && options_.may_cut) {
+    if (!waits() && retreat()) return std::move(out_);
+    if (!waits() && options_.may_cut) {
       region.assign(crossing_.begin(), crossing_.end());
       for (int ring = 0; ring <= kCutRings; ++ring) {
-        if (ring > 0) grow(region);
-        if (!is_known(region) || region.size() > options_.max_faces) break;
+        if (ring > 0) around_.grow(region);
+        if (!around_.is_known(region) || region.size() > options_.max_faces) break;
         if (cut(region)) break;
       }
     }
@@ -78,167 +58,22 @@ class CrossingMender {
   }
 
  private:
-  std::span<const std::uint32_t> faces_at(std::uint32_t v) const {
-    return {at_.data() + start_[v], start_[v + std::size_t{1}] - start_[v]};
-  }
+  std::span<const std::uint32_t> faces_at(std::uint32_t v) const { return around_.faces_at(v); }
   const Corners& corners(std::uint32_t f) const { return block_.faces[f]; }
-  static Edge edge(const Corners& f, std::size_t k) { return {f[k], f[(k + 1) % 3]}; }
+  static Edge edge(const Corners& f, std::size_t k) { return MendRegion::edge(f, k); }
+  std::uint32_t across(std::uint32_t f, const Edge& e) const { return around_.across(f, e); }
   std::uint32_t apex(std::uint32_t f, const Edge& e) const {
     for (const std::uint32_t v : corners(f))
       if (v != e[0] && v != e[1]) return v;
     return e[0];
   }
 
-  /// The face across an edge, whichever way it runs; kNoFace at a border.
-  std::uint32_t across(std::uint32_t f, const Edge& e) const {
-    for (const std::uint32_t g : faces_at(e[0]))
-      if (g != f)
-        for (const std::uint32_t v : corners(g))
-          if (v == e[1]) return g;
-    return kNoFace;
-  }
-
-  void grow(std::vector<std::uint32_t>& region) const {
-    std::vector<std::uint32_t> grown;
-    for (const std::uint32_t f : region)
-      for (const std::uint32_t v : corners(f))
-        for (const std::uint32_t g : faces_at(v)) grown.push_back(g);
-    tidy(grown);
-    region = std::move(grown);
-  }
-  template <class T>
-  static void tidy(std::vector<T>& list) {
-    std::sort(list.begin(), list.end());
-    list.erase(std::unique(list.begin(), list.end()), list.end());
-  }
-
-  bool is_within(const Double3& p) const {
-    for (std::size_t a = 0; a < 3; ++a)
-      if (!(p[a] > whole_.low[a] && p[a] < whole_.high[a])) return false;
-    return true;
-  }
-  /// All faces at the corners are here: an edge of one face is a border.
-  bool is_known(const std::vector<std::uint32_t>& region) const {
-    for (const std::uint32_t f : region)
-      for (const std::uint32_t v : corners(f))
-        if (!is_within(block_.position[v])) return false;
-    return true;
-  }
-
-  // Parts.
-
-  /// Faces that share edges, part by part, in the order of their first faces.
-  std::vector<std::vector<std::uint32_t>> parts_of(const std::vector<std::uint32_t>& region) {
-    for (const std::uint32_t f : region) out_region_[f] = 1;
-    std::vector<std::vector<std::uint32_t>> parts;
-    for (const std::uint32_t first : region) {
-      if (out_region_[first] != 1) continue;
-      std::vector<std::uint32_t> part = {first};
-      out_region_[first] = 2;
-      for (std::size_t i = 0; i < part.size(); ++i)
-        for (std::size_t k = 0; k < 3; ++k) {
-          const std::uint32_t g = across(part[i], edge(corners(part[i]), k));
-          if (g != kNoFace && out_region_[g] == 1) out_region_[g] = 2, part.push_back(g);
-        }
-      std::sort(part.begin(), part.end());
-      parts.push_back(std::move(part));
-    }
-    for (const std::uint32_t f : region) out_region_[f] = 0;
-    return parts;
-  }
-
-  /// Loops of directed edges beside which the part ends; none where they meet in a vertex.
-  std::optional<std::vector<std::vector<std::uint32_t>>> loops_of(
-      const std::vector<std::uint32_t>& part) const {
-    std::map<std::uint32_t, std::uint32_t> next;
-    for (const std::uint32_t f : part)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const Edge e = edge(corners(f), k);
-        const std::uint32_t g = across(f, e);
-        if (g != kNoFace && std::binary_search(part.begin(), part.end(), g)) continue;
-        if (!next.emplace(e[0], e[1]).second) return std::nullopt;
-      }
-    std::vector<std::vector<std::uint32_t>> loops;
-    while (!next.empty()) {
-      std::vector<std::uint32_t> loop;
-      for (auto at = next.begin(); at != next.end(); at = next.find(loop.back())) {
-        if (loop.empty()) loop.push_back(at->first);
-        loop.push_back(at->second);
-        next.erase(at);
-      }
-      if (loop.front() != loop.back()) return std::nullopt;
-      loop.pop_back();
-      loops.push_back(std::move(loop));
-    }
-    return loops;
-  }
-
-  /// The faces beyond a loop, where they are few and nothing else hangs on them.
-  std::vector<std::uint32_t> island_beyond(const std::vector<std::uint32_t>& loop,
-                                           const std::vector<std::uint32_t>& part) const {
-    std::vector<std::uint32_t> island;
-    std::set<std::uint32_t> seen;
-    const auto add = [&](std::uint32_t g) {
-      if (g != kNoFace && !std::binary_search(part.begin(), part.end(), g) && seen.insert(g).second)
-        island.push_back(g);
-    };
-    for (std::size_t i = 0; i < loop.size(); ++i) {
-      const Edge e = {loop[i], loop[(i + 1) % loop.size()]};
-      for (const std::uint32_t f : faces_at(e[0]))
-        for (const std::uint32_t v : corners(f))
-          if (v == e[1]) add(f);
-    }
-    for (std::size_t i = 0; i < island.size(); ++i) {
-      if (island.size() > kMaxIsland) return {};
-      for (std::size_t k = 0; k < 3; ++k) {
-        const Edge e = edge(corners(island[i]), k);
-        if (!is_within(block_.position[e[0]])) return {};
-        add(across(island[i], e));
-      }
-    }
-    return island;
-  }
-
-  /// The parts as disks, with the islands in them; none where that is not what they are.
-  std::optional<std::vector<Disk>> disks_of(std::vector<std::uint32_t>& region) {
-    for (int again = 0; again < 4; ++again) {
-      std::vector<Disk> disks;
-      bool widened = false;
-      for (const std::vector<std::uint32_t>& part : parts_of(region)) {
-        auto loops = loops_of(part);
-        if (!loops || loops->empty()) return std::nullopt;
-        if (loops->size() > 1) {
-          std::size_t open = 0;
-          std::vector<std::uint32_t> taken;
-          for (const auto& loop : *loops) {
-            const std::vector<std::uint32_t> island = island_beyond(loop, part);
-            open += island.empty();
-            taken.insert(taken.end(), island.begin(), island.end());
-          }
-          if (open != 1) return std::nullopt;
-          region.insert(region.end(), taken.begin(), taken.end());
-          widened = true;
-          continue;
-        }
-        Disk disk{part, std::move(loops->front())};
-        if (!is_disk(disk) || disk.loop.size() > options_.max_loop) return std::nullopt;
-        std::rotate(disk.loop.begin(), std::min_element(disk.loop.begin(), disk.loop.end()), disk.loop.end());
-        disks.push_back(std::move(disk));
-      }
-      if (!widened) return disks;
-      tidy(region);
-      if (region.size() > options_.max_faces || !is_known(region)) return std::nullopt;
-    }
-    return std::nullopt;
-  }
-
-  /// By Euler's number: vertices - edges + faces is 1.
-  bool is_disk(const Disk& disk) const {
-    std::vector<std::uint32_t> vertices;
-    for (const std::uint32_t f : disk.faces)
-      for (const std::uint32_t v : corners(f)) vertices.push_back(v);
-    tidy(vertices);
-    return 2 * vertices.size() + 2 * disk.faces.size() == 3 * disk.faces.size() + disk.loop.size() + 2;
+  /// Too little is here, and a wider block may come.
+  bool waits() const { return out_.torn && !options_.last_block; }
+  bool is_torn(const std::vector<std::uint32_t>& region) {
+    const bool torn = !around_.is_known(region);
+    out_.torn = out_.torn || torn;
+    return torn;
   }
 
   // Fillings.
@@ -247,8 +82,18 @@ class CrossingMender {
     HoleLoop hole;
     const Double3 origin = block_.position[disk.loop[0]];
     const std::size_t n = disk.loop.size();
-    std::map<std::uint32_t, std::uint32_t> number;
-    for (std::uint32_t i = 0; i < n; ++i) number[disk.loop[i]] = i;
+    // Both vertices of a bridge to a hole are in the loop twice.
+    std::multimap<std::uint32_t, std::uint32_t> number;
+    for (std::uint32_t i = 0; i < n; ++i) number.emplace(disk.loop[i], i);
+    const auto take = [&](std::uint32_t one, std::uint32_t other) {
+      const auto [first, last] = number.equal_range(one);
+      const auto [begin, end] = number.equal_range(other);
+      for (auto a = first; a != last; ++a)
+        for (auto b = begin; b != end; ++b) {
+          const auto [low, high] = std::minmax(a->second, b->second);
+          if (high - low > 1 && high - low + 1 < n) hole.taken.push_back({low, high});
+        }
+    };
     for (std::size_t i = 0; i < n; ++i) {
       const Edge e = {disk.loop[i], disk.loop[(i + 1) % n]};
       hole.position.push_back(block_.position[e[0]] - origin);
@@ -260,15 +105,14 @@ class CrossingMender {
         for (std::size_t k = 0; k < 3; ++k) {
           const Edge of = edge(corners(f), k);
           if (of == Edge{e[1], e[0]}) third = apex(f, of);
-          const auto a = number.find(of[0]), b = number.find(of[1]);
-          if (a == number.end() || b == number.end()) continue;
-          const auto [low, high] = std::minmax(a->second, b->second);
-          if (high - low > 1 && high - low + 1 < n) hole.taken.push_back({low, high});
+          take(of[0], of[1]);
         }
       }
       hole.opposite.push_back(block_.position[third] - origin);
+      if (number.count(e[0]) > 1) take(e[0], e[0]);
+      if (number.count(e[0]) + number.count(e[1]) > 2) take(e[0], e[1]);
     }
-    tidy(hole.taken);
+    sort_unique(hole.taken);
     return hole;
   }
 
@@ -322,7 +166,7 @@ class CrossingMender {
       for (const std::uint32_t v : f) {
         const Double3& p =
             v < block_.position.size() ? block_.position[v] : fresh[v - block_.position.size()];
-        if (!is_within(p)) {
+        if (!around_.is_within(p)) {
           out_.torn = true;
           return false;
         }
@@ -358,7 +202,7 @@ class CrossingMender {
   }
 
   bool fill(std::vector<std::uint32_t> region) {
-    const auto disks = disks_of(region);
+    const auto disks = around_.disks_of(region, options_.max_faces, options_.max_loop);
     if (!disks) return false;
     std::vector<Corners> faces;
     std::vector<Double3> fresh;
@@ -450,12 +294,12 @@ class CrossingMender {
   bool retreat() {
     std::vector<std::vector<std::uint32_t>> sets;
     std::vector<std::uint32_t> all;
-    for (const std::vector<std::uint32_t>& part : parts_of({crossing_.begin(), crossing_.end()})) {
-      if (!is_known(part)) return !(out_.torn = true);
+    for (const std::vector<std::uint32_t>& part : around_.parts_of({crossing_.begin(), crossing_.end()})) {
+      if (is_torn(part)) return false;
       sets.push_back(border_vertices(block_, part));
       all.insert(all.end(), sets.back().begin(), sets.back().end());
     }
-    tidy(all);
+    sort_unique(all);
     sets.push_back(std::move(all));
     for (double share = 1.0 / 64.0; share <= 0.5; share *= 2.0)
       for (const auto& set : sets)
@@ -465,13 +309,13 @@ class CrossingMender {
 
   bool pull_in(const std::vector<std::uint32_t>& set, double share) {
     const BorderRetreat to = pulled_in(block_, set, share, options_.float_positions);
-    if (!is_known(to.faces)) return !(out_.torn = true);
+    if (is_torn(to.faces)) return false;
     std::vector<Corners> tested = to.corners;
     std::vector<std::uint32_t> without = to.faces;
     for (const std::uint32_t f : crossing_)
       if (!std::binary_search(to.faces.begin(), to.faces.end(), f))
         tested.push_back(corners(f)), without.push_back(f);
-    tidy(without);
+    sort_unique(without);
     if (to.turns || !is_clear(tested, to.position, without)) return false;
     begin_added(to.position, to.rgba);
     for (std::size_t i = 0; i < to.faces.size(); ++i)
@@ -506,7 +350,7 @@ class CrossingMender {
   bool cut(const std::vector<std::uint32_t>& region) {
     std::vector<std::uint32_t> all;
     std::size_t parts = 0;
-    for (const std::vector<std::uint32_t>& part : parts_of(region)) {
+    for (const std::vector<std::uint32_t>& part : around_.parts_of(region)) {
       const bool at_border = std::any_of(part.begin(), part.end(), [&](std::uint32_t f) {
         for (std::size_t k = 0; k < 3; ++k)
           if (across(f, edge(corners(f), k)) == kNoFace) return true;
@@ -517,28 +361,28 @@ class CrossingMender {
       all.insert(all.end(), part.begin(), part.end());
       ++parts;
     }
-    tidy(all);
+    sort_unique(all);
     return parts > 1 && cut_out(all);
   }
 
   /// With what else hangs on single vertices then.
   bool cut_out(std::vector<std::uint32_t> gone) {
     for (bool whole = false; !whole;) {
-      if (gone.size() > kMaxCut || !is_known(gone)) return false;
+      if (gone.size() > kMaxCut || !around_.is_known(gone)) return false;
       std::vector<std::uint32_t> more;
       for (const std::uint32_t f : gone)
         for (const std::uint32_t v : corners(f))
           if (!has_one_fan(v, gone)) more.insert(more.end(), faces_at(v).begin(), faces_at(v).end());
       whole = more.empty();
       gone.insert(gone.end(), more.begin(), more.end());
-      tidy(gone);
+      sort_unique(gone);
     }
     std::vector<Corners> left;
     for (const std::uint32_t f : crossing_)
       if (!std::binary_search(gone.begin(), gone.end(), f)) left.push_back(corners(f));
     std::vector<std::uint32_t> without = gone;
     without.insert(without.end(), crossing_.begin(), crossing_.end());
-    tidy(without);
+    sort_unique(without);
     if (!left.empty() && !is_clear(left, {}, without)) return false;
     begin_added({}, {});
     out_.removed = gone;
@@ -548,7 +392,7 @@ class CrossingMender {
         if (const std::uint32_t g = across(f, edge(corners(f), k));
             g != kNoFace && !std::binary_search(gone.begin(), gone.end(), g))
           beside.push_back(g);
-    tidy(beside);
+    sort_unique(beside);
     for (const std::uint32_t g : beside) {
       unsigned flags = block_.face_flags[g];
       for (std::size_t k = 0; k < 3; ++k)
@@ -559,7 +403,7 @@ class CrossingMender {
           block_.face_bound.empty() ? 0.0f : block_.face_bound[g]);
       out_.removed.push_back(g);
     }
-    tidy(out_.removed);
+    sort_unique(out_.removed);
     finish_added();
     return true;
   }
@@ -568,10 +412,8 @@ class CrossingMender {
 
   const MeshBlock& block_;
   std::span<const std::uint32_t> crossing_;
-  const ContactCell& whole_;
   const CrossingMendOptions& options_;
-  std::vector<std::uint32_t> start_, at_;  ///< faces at each vertex
-  std::vector<std::uint8_t> out_region_;   ///< scratch of parts_of(): 0 but while it works
+  const MendRegion around_;
   CrossingMend out_;
 };
 

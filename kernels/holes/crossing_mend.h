@@ -4,7 +4,7 @@
 /// Sources: Attene, "A lightweight approach to repairing digitized polygon meshes", 2010 (cut out and fill); the fillings are
 /// those of hole_filling.h.
 ///
-/// Passes: the faces of the pairs, then a ring more of them up to `max_rings`, part into disks, holes in them taken along; each
+/// Passes: the faces of the pairs, then a ring more of them up to `max_rings`, part into disks (mend_region.h); each
 /// disk is closed by its outline's triangulation, or by a fair patch where that meets something; the first filling that exact
 /// predicates find to meet nothing stands. Else vertices at a border go inwards (border_retreat.h). The last resort, where it is allowed:
 /// small parts at a border are left out.
@@ -24,6 +24,7 @@ struct CrossingMendOptions {
   std::uint32_t max_faces = 3000;  ///< that are taken out
   std::uint32_t max_loop = 250;    ///< edges of a disk's outline: its triangulation takes the cube of it
   bool may_cut = false;            ///< where no filling helps, up to 60 faces at a border of the mesh go
+  bool last_block = false;         ///< no block with more around it comes: what needs one is left untried
   std::uint64_t first_key = 0;     ///< of new vertices: above those of the block, ascending from here
   bool float_positions = false;    ///< new vertices lie at floats
   /// Where a position lies in the bytes that are written, if not where it is; may be empty. Faces are to meet nothing there.

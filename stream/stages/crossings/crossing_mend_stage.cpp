@@ -211,33 +211,49 @@ class CrossingMendStage : public SerialStage {
 
   bool mend(const PairGroup& group, MendedMesh& mended, Counts& counts, TaskContext& context) const {
     if (group.faces.size() > kMaxGroupFaces) return false;
-    double extent = 0.0;
-    for (std::size_t a = 0; a < 3; ++a) extent = std::max(extent, group.box.high[a] - group.box.low[a]);
+    std::optional<MeshBox> widest;
     for (const double around : kAround) {
       context.check_stop();
-      const MeshBox box = grown(group.box, around * extent);
+      const MeshBox box = around_group(group, around);
       const auto block = mended.load(box, kMaxAroundFaces);
-      if (!block) return false;
-      std::vector<std::uint32_t> crossing;
-      for (std::uint32_t f = 0; f < block->faces.size(); ++f)
-        if (std::binary_search(group.faces.begin(), group.faces.end(), face_keys(*block, f)))
-          crossing.push_back(f);
-      // A group before it has taken some of its faces away: the others meet nothing more, or are looked at as they are.
-      if (crossing.size() < group.faces.size() && !meets(*block, &crossing)) return true;
-      CrossingMendOptions options = options_;
-      options.first_key =
-          ~std::uint64_t{0} << 52 | static_cast<std::uint64_t>(plan_.generation) << 32 | counts.new_vertices;
-      CrossingMend found = mend_crossing(*block, crossing, {box.low, box.high}, options);
-      if (!found.mended && found.torn) continue;
-      if (!found.mended) return false;
-      ++counts.mended_groups;
-      counts.removed += found.removed.size();
-      counts.added += found.added.faces.size();
-      counts.new_vertices += found.new_vertices;
-      mended.apply(*block, std::move(found));
-      return true;
+      if (!block) break;
+      widest = box;
+      const auto done = mend_in(*block, box, false, group, mended, counts);
+      if (done) return *done;
     }
-    return false;
+    // Ways that need less than what more rings do.
+    if (!widest) return false;
+    return mend_in(*mended.load(*widest, kMaxAroundFaces), *widest, true, group, mended, counts)
+        .value_or(false);
+  }
+
+  static MeshBox around_group(const PairGroup& group, double around) {
+    double extent = 0.0;
+    for (std::size_t a = 0; a < 3; ++a) extent = std::max(extent, group.box.high[a] - group.box.low[a]);
+    return grown(group.box, around * extent);
+  }
+
+  /// None where a wider block may do.
+  std::optional<bool> mend_in(const MeshBlock& block, const MeshBox& box, bool last, const PairGroup& group,
+                              MendedMesh& mended, Counts& counts) const {
+    std::vector<std::uint32_t> crossing;
+    for (std::uint32_t f = 0; f < block.faces.size(); ++f)
+      if (std::binary_search(group.faces.begin(), group.faces.end(), face_keys(block, f)))
+        crossing.push_back(f);
+    // A group before it has taken some of its faces away: the others meet nothing more, or are looked at as they are.
+    if (crossing.size() < group.faces.size() && !meets(block, &crossing)) return true;
+    CrossingMendOptions options = options_;
+    options.last_block = last;
+    options.first_key =
+        ~std::uint64_t{0} << 52 | static_cast<std::uint64_t>(plan_.generation) << 32 | counts.new_vertices;
+    CrossingMend found = mend_crossing(block, crossing, {box.low, box.high}, options);
+    if (!found.mended) return found.torn ? std::nullopt : std::optional<bool>(false);
+    ++counts.mended_groups;
+    counts.removed += found.removed.size();
+    counts.added += found.added.faces.size();
+    counts.new_vertices += found.new_vertices;
+    mended.apply(block, std::move(found));
+    return true;
   }
 
   /// Whether any faces meet in the bytes that are written, one of these among them unless null.

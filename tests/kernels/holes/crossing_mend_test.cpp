@@ -223,6 +223,56 @@ TEST_CASE("crossing mend: a border that pokes into another one goes back, and no
   CHECK(farthest < 0.2);
 }
 
+TEST_CASE("crossing mend: where no wider block comes, what rings need does not stop what needs less",
+          "[unit]") {
+  Surface left = height_grid(12, 12, [](double x, double y) { return 0.3 * x + 0.05 * std::sin(y); });
+  Surface right = left;
+  for (Double3& p : right.position) p = {p[0] + 11.9, p[1] + 0.4, p[2] + 3.62 - 0.55 * p[0]};
+  const MeshBlock block = block_of({left, right});
+  const std::vector<std::uint32_t> crossing = crossing_faces(block);
+  const ContactCell two_rings = {{9.5, -2, -99}, {14.5, 14, 99}};
+  CrossingMendOptions o = options();
+  const CrossingMend torn = mend_crossing(block, crossing, two_rings, o);
+  CHECK(torn.torn);
+  CHECK_FALSE(torn.mended);
+  o.last_block = true;
+  const CrossingMend mend = mend_crossing(block, crossing, two_rings, o);
+  REQUIRE(mend.mended);
+  const MeshBlock after = mended(block, mend);
+  CHECK(crossing_faces(after).empty());
+  CHECK(is_sound(after));
+}
+
+TEST_CASE("crossing mend: around a hole of the mesh, which stays", "[unit]") {
+  // A square of the lower sheet is missing, and what is around it reaches through the upper sheet.
+  Surface low = height_grid(20, 20, [](double x, double y) { return 0.02 * x * x - 0.01 * x * y; });
+  Surface high = low;
+  for (Double3& p : high.position) p[0] += 0.3, p[1] += 0.2, p[2] += 1.0;
+  for (int j = 9; j <= 12; ++j)
+    for (int i = 9; i <= 12; ++i)
+      if (i == 9 || i == 12 || j == 9 || j == 12)
+        low.position[static_cast<std::size_t>(21 * j + i)][2] += 2.5;
+  low.faces.erase(low.faces.begin() + 2 * (20 * 10 + 10), low.faces.begin() + 2 * (20 * 10 + 10) + 2);
+  const MeshBlock block = block_of({low, high});
+  const std::vector<std::uint32_t> crossing = crossing_faces(block);
+  REQUIRE(crossing.size() > 20);
+  const CrossingMend mend = mend_crossing(block, crossing, kAllSpace, options());
+  REQUIRE(mend.mended);
+  const MeshBlock after = mended(block, mend);
+  CHECK(crossing_faces(after).empty());
+  CHECK(is_sound(after));
+  const auto borders = [](const MeshBlock& mesh) {
+    int edges = 0;
+    for (const std::uint8_t flags : mesh.face_flags)
+      for (unsigned k = 0; k < 3; ++k) edges += (flags & (1u << k)) != 0;
+    return edges;
+  };
+  CHECK(borders(after) == borders(block));
+  for (int k = 0; k < 4; ++k)
+    CHECK(std::count(after.position.begin(), after.position.end(),
+                     low.position[static_cast<std::size_t>(21 * (10 + k / 2) + 10 + k % 2)]) == 1);
+}
+
 TEST_CASE("crossing mend: fans that were taken apart at an edge do not cross", "[unit]") {
   const ContactFace one = {{Double3{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {0, 1, 2}};
   const ContactFace copy = {{Double3{0, 0, 0}, {0, 1, 1}, {1, 0, 0}}, {3, 4, 5}};  // stands on its edge
