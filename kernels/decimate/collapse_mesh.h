@@ -41,7 +41,8 @@ enum FaceState : std::uint32_t {
   kStateCrease = 8,  ///< << 0, 1, 2
   kStateSynthetic = 64,
   kStateDead = 128,
-  kStateDone = 256,  ///< kFaceDone
+  kStateDone = 256,     ///< kFaceDone
+  kStateUnasked = 512,  ///< for the owner of the mesh: it may meet others
 };
 
 /// Bits of CollapseMesh::state.

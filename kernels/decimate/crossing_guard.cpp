@@ -157,7 +157,8 @@ void CrossingGuard::prefetch_corners(std::uint32_t f) const {
   for (const std::uint32_t v : mesh_.face(f).vertex) __builtin_prefetch(&mesh_.at(v));
 }
 
-void CrossingGuard::build(FaceBoxes::Order order) {
+void CrossingGuard::build() {
+  built_ = true;
   if (mesh_.vertices() == 0) return;
   Double3 low = mesh_.at(0), high = low;
   for (std::uint32_t v = 1; v < mesh_.vertices(); ++v)
@@ -166,17 +167,50 @@ void CrossingGuard::build(FaceBoxes::Order order) {
       high[k] = std::max(high[k], mesh_.at(v)[k]);
     }
   boxes_ = FaceBoxes(low, high);
-  std::vector<FaceBoxes::Box> boxes(mesh_.faces().size());
-  for (std::uint32_t f = 0; f < boxes.size(); ++f) boxes[f] = box_of(f);
-  boxes_.build(boxes, order);
+  std::vector<FaceBoxes::Steps> steps(mesh_.vertices());
+  for (std::uint32_t v = 0; v < steps.size(); ++v) steps[v] = boxes_.steps(mesh_.at(v));
+  std::vector<FaceBoxes::Box> boxes(mesh_.faces().size(), FaceBoxes::kNothing);
+  for (std::uint32_t f = 0; f < boxes.size(); ++f) {
+    const CollapseFace& face = mesh_.face(f);
+    if ((face.state & kStateDead) == 0)
+      boxes[f] = FaceBoxes::around(steps[face.vertex[0]], steps[face.vertex[1]], steps[face.vertex[2]]);
+  }
+  boxes_.build(boxes, order_);
 }
 
 void CrossingGuard::accept() {
+  if (!built_) return;
   for (const std::uint32_t f : gone_) boxes_.set(f, box_of(f));
 }
 
-void CrossingGuard::accept(const Star& star) {
-  for (std::size_t i = 0; i < star.faces; ++i) boxes_.set(star.corner[i] >> 2, box_of(star.corner[i] >> 2));
+void CrossingGuard::accept_collapse() {
+  for (const std::uint32_t f : gone_)
+    if ((mesh_.face(f).state & kStateDead) != 0) boxes_.set(f, FaceBoxes::kNothing);
+  for (std::size_t i = 0; i < made_face_.size(); ++i) boxes_.set(made_face_[i], made_box_[i]);
+}
+
+void CrossingGuard::accept_unasked(const Star& star) {
+  if (!built_) return;
+  ring_.clear();
+  for (std::size_t i = 0; i < star.ring_size(); ++i) ring_.push_back(mesh_.at(star.ring[i]));
+  const FaceBoxes::Box all = boxes_.box(ring_);
+  for (std::size_t i = 0; i < star.faces; ++i) {
+    const std::uint32_t f = star.corner[i] >> 2;
+    boxes_.set(f, (mesh_.face(f).state & kStateDead) != 0 ? FaceBoxes::kNothing : all);
+  }
+}
+
+bool CrossingGuard::meets(std::uint32_t face) {
+  if (!built_) build();
+  gone_ = {face}, removed_ = kNoCorner;
+  before_ = {contact_face(face)};
+  find_boxes(before_, before_box_);
+  return contacts(before_, before_box_, Outline(mesh_, {}), 1) > 0;
+}
+
+void CrossingGuard::begin(std::uint32_t removed) {
+  gone_.clear(), made_.clear(), made_face_.clear();
+  removed_ = removed;
 }
 
 /// Faces of a star whose centre is now called `name` and lies elsewhere; those with the other end of a collapsing edge go.
@@ -186,20 +220,22 @@ void CrossingGuard::take_star(const Star& star, std::uint32_t other_end, std::ui
     const std::uint32_t c = star.corner[i], a = mesh_.vertex(next_corner(c)),
                         b = mesh_.vertex(prev_corner(c));
     gone_.push_back(c >> 2);
-    if (a != other_end && b != other_end) made_.push_back({{to, mesh_.at(a), mesh_.at(b)}, {name, a, b}});
+    if (a == other_end || b == other_end) continue;
+    made_.push_back({{to, mesh_.at(a), mesh_.at(b)}, {name, a, b}});
+    made_face_.push_back(c >> 2);
   }
 }
 
 bool CrossingGuard::collapse_adds(const Star& star, std::size_t at) {
-  gone_.clear(), made_.clear();
+  begin(mesh_.vertex(star.corner[0]));
   const std::uint32_t v = star.ring[at];
   take_star(star, v, v, mesh_.at(v));
   return adds(Outline(mesh_, {star.ring.data(), star.ring_size()}));
 }
 
 bool CrossingGuard::collapse_adds(const Star& star, std::size_t at, const Star& other, const Double3& to) {
-  gone_.clear(), made_.clear();
   const std::uint32_t u = mesh_.vertex(star.corner[0]), v = star.ring[at];
+  begin(u);
   take_star(star, v, v, to);
   const auto own = static_cast<std::ptrdiff_t>(gone_.size());
   take_star(other, u, v, to);
@@ -212,7 +248,7 @@ bool CrossingGuard::collapse_adds(const Star& star, std::size_t at, const Star& 
 }
 
 bool CrossingGuard::move_adds(const Star& star, const Double3& to) {
-  gone_.clear(), made_.clear();
+  begin(kNoCorner);
   const std::uint32_t v = mesh_.vertex(star.corner[0]);
   take_star(star, v, v, to);
   return adds(star.closed ? Outline(mesh_, {star.ring.data(), star.faces}, &to) : Outline(mesh_, {}));
@@ -222,21 +258,24 @@ bool CrossingGuard::flip_adds(std::uint32_t corner) {
   const std::uint32_t across = mesh_.opposite(corner);
   const std::array<std::uint32_t, 4> v = {mesh_.vertex(corner), mesh_.vertex(next_corner(corner)),
                                           mesh_.vertex(across), mesh_.vertex(prev_corner(corner))};
+  begin(kNoCorner);
   gone_ = {corner >> 2, across >> 2};
   made_ = {{{mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}, {v[0], v[1], v[2]}},
            {{mesh_.at(v[0]), mesh_.at(v[2]), mesh_.at(v[3])}, {v[0], v[2], v[3]}}};
   return adds(Outline(mesh_, v));
 }
 
+void CrossingGuard::find_boxes(std::span<const ContactFace> faces, std::vector<FaceBoxes::Box>& boxes) const {
+  boxes.clear();
+  for (const ContactFace& f : faces) boxes.push_back(boxes_.box(f.corner));
+}
+
 /// Pairs of one of these and a face that stays, or another of these, counted until there are `enough`.
-std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Outline& outline,
-                                    std::size_t enough) {
-  box_.clear(), planes_.clear();
+std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, std::span<const FaceBoxes::Box> boxes,
+                                    const Outline& outline, std::size_t enough) {
+  planes_.clear();
   FaceBoxes::Box all = FaceBoxes::kNothing;
-  for (const ContactFace& f : faces) {
-    box_.push_back(boxes_.box(f.corner));
-    all.add(box_.back());
-  }
+  for (const FaceBoxes::Box& b : boxes) all.add(b);
   // Seldom asked for: the outline tells nearly all faces apart.
   const auto find_planes = [&] {
     for (const ContactFace& f : faces) {
@@ -247,8 +286,9 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Ou
   std::size_t found = 0;
   const auto test = [&](std::uint32_t other) {
     ++looked_at_;
-    if (outline.apart(mesh_.face(other)) || std::find(gone_.begin(), gone_.end(), other) != gone_.end())
-      return;
+    const CollapseFace& its = mesh_.face(other);
+    if (its.vertex[0] == removed_ || its.vertex[1] == removed_ || its.vertex[2] == removed_) return;
+    if (outline.apart(its) || std::find(gone_.begin(), gone_.end(), other) != gone_.end()) return;
     if (planes_.empty()) find_planes();
     const FaceBoxes::Box box = boxes_.at(other);
     const ContactFace face = contact_face(other);
@@ -256,7 +296,7 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Ou
       const unsigned all_of_it = (1u << planes_[g].size()) - 1u;
       for (unsigned bits = all_of_it & ~planes_[g].apart(face); bits != 0; bits &= bits - 1) {
         const std::size_t i = g * FacePlanes::kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
-        if (box_[i].meets(box)) found += guarded_meet(faces[i], face);
+        if (boxes[i].meets(box)) found += guarded_meet(faces[i], face);
       }
     }
   };
@@ -286,12 +326,18 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, const Ou
 }
 
 bool CrossingGuard::adds(const Outline& outline) {
+  made_meet_ = false;
+  if (made_.empty()) return false;
+  if (!built_) build();
   // Nearly always there are none at all: what was there before is looked at only then.
-  if (made_.empty() || contacts(made_, outline, 1) == 0) return false;
+  find_boxes(made_, made_box_);
+  if (contacts(made_, made_box_, outline, 1) == 0) return false;
+  made_meet_ = true;
   before_.clear();
   for (const std::uint32_t f : gone_) before_.push_back(contact_face(f));
-  const std::size_t before = contacts(before_, Outline(mesh_, {}), kAll);
-  return before == 0 || contacts(made_, outline, before + 1) > before;
+  find_boxes(before_, before_box_);
+  const std::size_t before = contacts(before_, before_box_, Outline(mesh_, {}), kAll);
+  return before == 0 || contacts(made_, made_box_, outline, before + 1) > before;
 }
 
 std::size_t count_contacts(const CollapseMesh& mesh) {

@@ -22,9 +22,10 @@ class CrossingGuard {
   /// \param mesh  outlives it
   explicit CrossingGuard(const CollapseMesh& mesh) : mesh_(mesh) {}
 
-  /// Looks at all faces of the mesh anew: at first, and when there are new ones or they have got other numbers.
+  /// To be called at first, and when there are new faces or they have got other numbers: all are looked at anew once an edit
+  /// is asked about, so that edits before cost nothing.
   /// \param order  kGiven where numbers of faces that are near each other are, too
-  void build(FaceBoxes::Order order);
+  void renew(FaceBoxes::Order order) { order_ = order, built_ = false; }
 
   // Whether the faces that an edit makes meet more of the mesh, and of each other, than those that it takes away do, but in copies of a vertex: a place
   // that crosses already may be edited as long as it does not get worse. Once the edit is done, accept() takes it over.
@@ -38,31 +39,49 @@ class CrossingGuard {
   /// The flip of the edge opposite a corner.
   bool flip_adds(std::uint32_t corner);
   void accept();
-  /// A collapse of this star that was not asked about.
-  void accept(const Star& star);
+  /// The same for a collapse as it was asked about, quicker: its boxes are known.
+  void accept_collapse();
+  /// A collapse of this star that was not asked about. Its faces get the box of all of them until renew().
+  void accept_unasked(const Star& star);
+
+  /// Whether the faces that the edit last asked about makes meet any: where it adds none, some that were there before.
+  bool made_meet() const { return made_meet_; }
+  /// Whether a face meets others as the mesh is.
+  bool meets(std::uint32_t face);
 
   /// Faces whose boxes met those of edits, in all: what it costs. Some thirty an edit, thousands among needles.
   std::uint64_t looked_at() const { return looked_at_; }
 
  private:
   class Outline;
+  void build();
   ContactFace contact_face(std::uint32_t f) const;
   FaceBoxes::Box box_of(std::uint32_t f) const;
   void prefetch_corners(std::uint32_t f) const;
+  void begin(std::uint32_t removed);
   void take_star(const Star& star, std::uint32_t other_end, std::uint32_t name, const Double3& to);
   bool adds(const Outline& outline);
   static constexpr std::size_t kAll = ~std::size_t{0};
-  std::size_t contacts(std::span<const ContactFace> faces, const Outline& outline, std::size_t enough);
+  std::size_t contacts(std::span<const ContactFace> faces, std::span<const FaceBoxes::Box> boxes,
+                       const Outline& outline, std::size_t enough);
+  void find_boxes(std::span<const ContactFace> faces, std::vector<FaceBoxes::Box>& boxes) const;
 
   const CollapseMesh& mesh_;
-  FaceBoxes boxes_;
+  FaceBoxes boxes_;  ///< as the mesh is, where built_
+  FaceBoxes::Order order_ = FaceBoxes::Order::kGiven;
+  bool built_ = false;
   std::uint64_t looked_at_ = 0;
   // Of the edit at hand.
-  std::vector<std::uint32_t> gone_;  ///< faces that it takes away or changes
-  std::vector<ContactFace> made_;    ///< what it leaves of them: corners are numbers of vertices
+  std::uint32_t removed_ = kNoCorner;     ///< the vertex that goes: all of its faces are in gone_
+  std::vector<std::uint32_t> gone_;       ///< faces that it takes away or changes
+  std::vector<ContactFace> made_;         ///< what it leaves of them: corners are numbers of vertices
+  std::vector<std::uint32_t> made_face_;  ///< of a star: which it leaves
+  std::vector<FaceBoxes::Box> made_box_;
+  bool made_meet_ = false;
   std::vector<ContactFace> before_;
-  std::vector<FaceBoxes::Box> box_;  ///< of the faces that are asked about, and their planes
-  std::vector<FacePlanes> planes_;
+  std::vector<FaceBoxes::Box> before_box_;
+  std::vector<Double3> ring_;
+  std::vector<FacePlanes> planes_;  ///< of the faces that are asked about
 };
 
 }  // namespace tessera

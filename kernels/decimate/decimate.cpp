@@ -74,7 +74,7 @@ void write_back(const CollapseMesh& mesh, MeshBlock& b) {
   canonicalise(b);
 }
 
-/// \returns whether it trusted flat places (Decimator)
+/// \returns whether more faces may meet than did, where not all are guarded
 bool decimate_mesh(CollapseMesh& mesh, MeshBlock& block, const MeshBlock& reference,
                    const DecimateOptions& options, std::span<const std::uint64_t> pinned,
                    const Double3& origin, bool guard_all, DecimateReport& report) {
@@ -105,7 +105,7 @@ bool decimate_mesh(CollapseMesh& mesh, MeshBlock& block, const MeshBlock& refere
   Decimator decimator(mesh, original, std::move(reference_vertex), options, block, origin, guard_all);
   apart.reset();
   decimator.run(report);
-  return decimator.trusted();
+  return !guard_all && decimator.may_meet();
 }
 
 }  // namespace
@@ -157,8 +157,7 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
     DecimateReport attempt = report;
     CollapseMesh mesh(block, origin,
                       fresh ? CollapseMesh::Order::kByPosition : CollapseMesh::Order::kNearEnough);
-    const bool trusted = decimate_mesh(mesh, block, reference, options, pinned, origin, guard_all, attempt);
-    if (!guard_all && trusted) {
+    if (decimate_mesh(mesh, block, reference, options, pinned, origin, guard_all, attempt)) {
       const std::size_t pairs = count_contacts(mesh);
       if (pairs > 0) mesh.shrink();  // the search of the block needs the memory
       if (pairs > 0 && count_contacts(block, pairs) < pairs) continue;

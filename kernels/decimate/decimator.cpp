@@ -34,7 +34,7 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       tolerance_(mesh, reference, std::move(reference_vertex), options),
       guard_(mesh),
       guard_all_(guard_all) {
-  if (!options.allow_crossings) guard_.build(FaceBoxes::Order::kGiven);
+  if (!options.allow_crossings) guard_.renew(FaceBoxes::Order::kGiven);
 }
 
 void Decimator::run(DecimateReport& report) {
@@ -218,11 +218,31 @@ void Decimator::remove(const CandidateStar& s, std::size_t at, const Verdict& ve
   if (verdict.moves) move_vertex(u, v, verdict.bound);
   costs_.merge(u, v);
   mesh_.collapse(star, at);
-  if (options_.allow_crossings) return;
-  if (verdict.moves)
-    guard_.accept();
+  if (!options_.allow_crossings) tell_guard(star, verdict);
+}
+
+/// Faces that no one was asked about, or that meet others by leave of what was there before, are marked.
+void Decimator::tell_guard(const Star& star, const Verdict& verdict) {
+  if (verdict.asked)
+    guard_.accept_collapse();
   else
-    guard_.accept(star);
+    guard_.accept_unasked(star);
+  const bool doubt = !verdict.asked || guard_.made_meet();
+  const auto mark = [&](const Star& faces) {
+    for (std::size_t i = 0; i < faces.faces; ++i) {
+      std::uint32_t& state = mesh_.face(faces.corner[i] >> 2).state;
+      state = doubt ? state | kStateUnasked : state & ~unsigned{kStateUnasked};
+    }
+  };
+  mark(star);
+  if (verdict.moves) mark(move_.other);
+}
+
+/// A pair that meets was there before, or the face of it that came last is marked.
+bool Decimator::may_meet() {
+  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f)
+    if ((mesh_.face(f).state & (kStateUnasked | kStateDead)) == kStateUnasked && guard_.meets(f)) return true;
+  return false;
 }
 
 /// Puts v where bound_of_move() found its place; attributes blend along the edge.

@@ -29,13 +29,13 @@ class Decimator {
   /// \param reference_vertex  per vertex of the mesh the same one in the reference, or kNoCorner
   /// \param block      takes the places and attributes of vertices that move (kOptimal)
   /// \param origin     of mesh
-  /// \param guard_all  false: where a star is nearly flat, sweeps do not look for faces that would cross; then look at the result
+  /// \param guard_all  false: where a star is nearly flat, sweeps do not look for faces that would cross; then ask may_meet()
   Decimator(CollapseMesh& mesh, const CollapseMesh& reference, std::vector<std::uint32_t> reference_vertex,
             const DecimateOptions& options, MeshBlock& block, const Double3& origin, bool guard_all);
 
   void run(DecimateReport& report);
-  /// Whether collapses were done in which no face was looked for that would cross.
-  bool trusted() const { return trusted_; }
+  /// Whether there may be more pairs of faces that meet than there were. \pre run()
+  bool may_meet();
 
  private:
   /// A collapse that is legal, or why it is not.
@@ -43,6 +43,7 @@ class Decimator {
     CollapseRefusal refusal = CollapseRefusal::kNone;
     float bound = 0.0f;  ///< CollapseFace::bound of the new faces
     bool moves = false;  ///< the vertex that stays goes to move_.to
+    bool asked = true;   ///< whether faces would cross
   };
   /// Where both ends of an edge go in the verdict at hand.
   struct EdgeMove {
@@ -55,7 +56,7 @@ class Decimator {
   void sweep_all(DecimateReport& report);
   void sweep(double max_cost, std::vector<float>& minimum, DecimateReport& report);
   Verdict check_cheap(const CandidateStar& s, std::size_t at);
-  bool trusts(const CandidateStar& s);
+  bool trusts(const CandidateStar& s) const;
   void compact(std::vector<float>& minimum);
 
   // The queue.
@@ -70,6 +71,7 @@ class Decimator {
   std::optional<float> bound_of_move(const CandidateStar& s, std::size_t at);
   bool adds_crossing(const Star& star, std::size_t at, bool moves);
   void remove(const CandidateStar& s, std::size_t at, const Verdict& verdict);
+  void tell_guard(const Star& star, const Verdict& verdict);
   void move_vertex(std::uint32_t u, std::uint32_t v, float bound);
 
   CollapseMesh& mesh_;
@@ -80,7 +82,6 @@ class Decimator {
   ToleranceCheck tolerance_;
   CrossingGuard guard_;
   const bool guard_all_;
-  bool trusted_ = false;
   CostQueue<kCostClasses> queue_;
   std::vector<std::uint16_t> tried_;   ///< candidates below this class failed with the star as it is
   std::uint32_t first_ = 0, end_ = 0;  ///< vertices that the queue takes

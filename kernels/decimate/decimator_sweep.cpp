@@ -62,8 +62,13 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
     minimum[u] = static_cast<float>(best.cost);
     if (!(best.cost < max_cost)) continue;
     ++report.candidates;
-    const Verdict verdict = check_cheap(s, best.at);
-    if (verdict.refusal != CollapseRefusal::kNone || (!trusts(s) && adds_crossing(s.star, best.at, false))) {
+    Verdict verdict = check_cheap(s, best.at);
+    if (verdict.refusal == CollapseRefusal::kNone) {
+      verdict.asked = !trusts(s);
+      if (verdict.asked && adds_crossing(s.star, best.at, false))
+        verdict.refusal = CollapseRefusal::kCrossing;
+    }
+    if (verdict.refusal != CollapseRefusal::kNone) {
       minimum[u] = kRefused;
       continue;
     }
@@ -76,8 +81,8 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
 }
 
 /// Sweeps move the surface by little: faces hardly come to cross others but where it bends or another sheet lies against it. The
-/// first is seen here, which spares most collapses the search, the second in the result.
-bool Decimator::trusts(const CandidateStar& s) {
+/// first is seen here, which spares most collapses the search, the second in what is left of these faces in the result.
+bool Decimator::trusts(const CandidateStar& s) const {
   if (guard_all_) return false;
   const Double3& centre = mesh_.at(s.centre);
   Double3 first{};
@@ -93,7 +98,6 @@ bool Decimator::trusts(const CandidateStar& s) {
     if (along <= 0.0 || along * along < kTrustedCosine * kTrustedCosine * first_square * dot(n, n))
       return false;
   }
-  trusted_ = true;
   return true;
 }
 
@@ -124,7 +128,7 @@ void Decimator::compact(std::vector<float>& minimum) {
   minimum.resize(kept.size());
   costs_.compact(kept);
   tolerance_.compact(kept);
-  if (!options_.allow_crossings) guard_.build(FaceBoxes::Order::kGiven);
+  if (!options_.allow_crossings) guard_.renew(FaceBoxes::Order::kGiven);
 }
 
 }  // namespace tessera

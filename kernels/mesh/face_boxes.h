@@ -59,6 +59,23 @@ class FaceBoxes {
     _mm_store_si128(reinterpret_cast<__m128i*>(both.data()), _mm_packs_epi32(steps(low), steps(high)));
     return {{both[0], both[1], both[2]}, {both[4], both[5], both[6]}};
   }
+  /// Where a corner lies; the last is 0.
+  using Steps = std::array<std::int16_t, 4>;
+  Steps steps(const Double3& corner) const {
+    const Box b = box({&corner, 1});
+    return {b.low[0], b.low[1], b.low[2], 0};
+  }
+  /// box() of three corners, where many share them.
+  static Box around(const Steps& a, const Steps& b, const Steps& c) {
+    const auto load = [](const Steps& s) {
+      return _mm_loadl_epi64(reinterpret_cast<const __m128i*>(s.data()));
+    };
+    const __m128i x = load(a), y = load(b), z = load(c);
+    alignas(16) std::array<std::int16_t, 8> low, high;
+    _mm_store_si128(reinterpret_cast<__m128i*>(low.data()), _mm_min_epi16(_mm_min_epi16(x, y), z));
+    _mm_store_si128(reinterpret_cast<__m128i*>(high.data()), _mm_max_epi16(_mm_max_epi16(x, y), z));
+    return {{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
+  }
   /// Of a face, as it was set.
   Box at(std::uint32_t face) const {
     const std::size_t slot = slot_of(face);

@@ -60,7 +60,7 @@ class Remesher {
   static void count(Refusal refusal, RemeshReport& report);
   /// Where no split comes in between, the guard knows all faces.
   void begin_guarding() {
-    if (guarded_) guard_.build(FaceBoxes::Order::kMorton);
+    if (guarded_) guard_.renew(FaceBoxes::Order::kMorton);
   }
   /// Whether what would make faces meet is refused: not any more once it took too long to see.
   bool guarding() {

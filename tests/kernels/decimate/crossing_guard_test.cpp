@@ -41,7 +41,7 @@ TEST_CASE("crossing guard: tells what all pairs of faces tell, edit by edit", "[
   const MeshBlock block = rough_sheets(10, 3, 0.25, seed);
   CollapseMesh mesh(block, {0, 0, 0});
   CrossingGuard guard(mesh);
-  guard.build(GENERATE(FaceBoxes::Order::kGiven, FaceBoxes::Order::kMorton));
+  guard.renew(GENERATE(FaceBoxes::Order::kGiven, FaceBoxes::Order::kMorton));
   Random random(seed);
   std::size_t added = 0, harmless = 0;
   Star star, other;
@@ -82,12 +82,78 @@ TEST_CASE("crossing guard: tells what all pairs of faces tell, edit by edit", "[
       mesh = before;
       continue;
     }
-    guard.accept();
+    if (edit == Edit::kCollapse || edit == Edit::kCollapseAndMove)
+      guard.accept_collapse();
+    else
+      guard.accept();
     CHECK(adds == (contacts(mesh) > contacts(before)));
+    if (adds) CHECK(guard.made_meet());
+    if (contacts(mesh) == 0) CHECK_FALSE(guard.made_meet());
     (adds ? added : harmless) += 1;
   }
   CHECK(added > 5);
   CHECK(harmless > 10);
+}
+
+TEST_CASE("crossing guard: collapses that it is not asked about, before and after it is first asked",
+          "[property]") {
+  const std::uint64_t seed = GENERATE(4u, 5u, 6u);
+  const MeshBlock block = rough_sheets(10, 3, 0.25, seed);
+  CollapseMesh mesh(block, {0, 0, 0});
+  CrossingGuard guard(mesh);
+  guard.renew(FaceBoxes::Order::kGiven);
+  Random random(seed);
+  std::size_t added = 0, harmless = 0, meeting = 0;
+  Star star;
+  for (int step = 0; step < 300; ++step) {
+    const auto u = static_cast<std::uint32_t>(random.below(mesh.vertices()));
+    if ((mesh.state(u) & kVertexKept) != 0 || !mesh.gather(u, star) || !star.closed || star.faces < 4)
+      continue;
+    const std::size_t at = random.below(star.faces);
+    const std::uint32_t v = star.ring[at];
+    std::size_t shared = 0;
+    mesh.for_each_neighbour(v, [&](std::uint32_t w) {
+      for (std::size_t i = 0; i < star.faces; ++i) shared += star.ring[i] == w;
+    });
+    if (shared != 2 || (mesh.state(v) & kVertexPinched) != 0) continue;
+    const CollapseMesh before = mesh;
+    const bool asked = step > 40 && random.below(3) != 0;
+    const bool adds = asked && guard.collapse_adds(star, at);
+    mesh.collapse(star, at);
+    if (is_flat(mesh)) {
+      mesh = before;
+      continue;
+    }
+    if (asked) {
+      guard.accept_collapse();
+      CHECK(adds == (contacts(mesh) > contacts(before)));
+      (adds ? added : harmless) += 1;
+    } else {
+      guard.accept_unasked(star);
+    }
+  }
+  CHECK(added > 5);
+  CHECK(harmless > 10);
+  // Each face by itself: as often as it is in a pair of all pairs.
+  std::vector<ContactFace> faces;
+  std::vector<std::uint32_t> number;
+  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f) {
+    const CollapseFace& face = mesh.face(f);
+    if ((face.state & kStateDead) != 0) continue;
+    number.push_back(f);
+    faces.push_back({{mesh.at(face.vertex[0]), mesh.at(face.vertex[1]), mesh.at(face.vertex[2])},
+                     {face.vertex[0], face.vertex[1], face.vertex[2]}});
+  }
+  std::vector<bool> in_pair(faces.size(), false);
+  block_contacts(faces, kAllSpace, [&](std::uint32_t i, std::uint32_t j, FaceContact) {
+    if (!meet_in_copies(faces[i], faces[j])) in_pair[i] = in_pair[j] = true;
+  });
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    CHECK(guard.meets(number[i]) == in_pair[i]);
+    meeting += in_pair[i];
+  }
+  CHECK(meeting > 5);
+  CHECK(meeting < faces.size());
 }
 
 TEST_CASE("crossing guard: fans that hang together in copies of a vertex may not cross for that", "[unit]") {
@@ -107,7 +173,7 @@ TEST_CASE("crossing guard: fans that hang together in copies of a vertex may not
   CHECK(count_contacts(block) == 0);
   const CollapseMesh mesh(block, {0, 0, 0});
   CrossingGuard guard(mesh);
-  guard.build(FaceBoxes::Order::kGiven);
+  guard.renew(FaceBoxes::Order::kGiven);
   Star star;
   for (std::uint32_t v = 0; v < mesh.vertices(); ++v) {
     if (mesh.at(v) != Double3{0, 0, 0}) continue;

@@ -53,6 +53,8 @@ TEST_CASE("face boxes: all that meet are found, as they change and go", "[proper
       faces[changed] = some_face(random, step % 5 == 0 ? 2.0 : 0.2);
       tree.set(changed, tree.box(faces[changed]));
     }
+    const std::array<Double3, 3>& face = faces[changed];
+    CHECK(FaceBoxes::around(tree.steps(face[0]), tree.steps(face[1]), tree.steps(face[2])) == tree.box(face));
     // Now and then all of space, which those that are gone must not meet either.
     const std::array<Double3, 3> probe = step % 10 == 0
                                              ? std::array<Double3, 3>{{{-9, -9, 0}, {9, 9, 30}, {0, 0, 0}}}
