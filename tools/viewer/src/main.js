@@ -197,10 +197,10 @@ function everyFrame() {
     drawScaleBar(element("scale"), scaleBar(unitsPerPixel(away, stage.camera.fov * Math.PI / 180, stage.size.y) * scan.frame.unit));
     drawMeasurements(element("over"), tools.measurements, stage.camera, stage.size, scan.step);
     drawAxes(element("axes"), axes, stage.camera);
-    const { triangles } = stage.renderer.info.render;
-    if (times.picture === null && triangles > 0) times.picture = performance.now();
+    const { triangles, points } = stage.renderer.info.render;
+    if (times.picture === null && triangles + points > 0) times.picture = performance.now();
     if (tiles) {
-      element("counts").textContent = `${numberText(triangles, 1)} faces shown, ${tiles.visibleTiles.size} tiles`;
+      element("counts").textContent = `${points > 0 ? `${numberText(points, 1)} points` : `${numberText(triangles, 1)} faces`} shown, ${tiles.visibleTiles.size} tiles`;
       element("busy").style.width = tiles.loadProgress < 1 ? `${100 * tiles.loadProgress}%` : "0";
     } else if (times.settled === null && triangles > 0) {
       times.settled = performance.now();

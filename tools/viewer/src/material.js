@@ -32,6 +32,9 @@ vec3 toScreen(vec3 c) {  // IEC 61966-2-1, as stream/formats/srgb.cpp
   return mix(12.92 * c, 1.055 * pow(max(c, 0.0), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
 }
 #endif
+#ifdef POINTS
+  uniform float pointSize;
+#endif
 varying vec3 seen, placed, tint, lit;
 varying float measured, made, doubtful;
 void main() {
@@ -62,6 +65,9 @@ void main() {
   doubtful = uncertain;
 #endif
   gl_Position = projectionMatrix * before;
+#ifdef POINTS
+  gl_PointSize = pointSize;
+#endif
 }`;
 
 const fragmentShader = `
@@ -77,8 +83,13 @@ ${stops("ramp", RAMP)}
 ${stops("sides", SIDES)}
 void main() {
   if (cutting && dot(placed, cutNormal) > cutOffset) discard;
+#ifdef POINTS
+  if (distance(gl_PointCoord, vec2(0.5)) > 0.5) discard;
+  vec3 facet = normalize(-seen), n = facet;  // a point without a normal looks at the eye
+#else
   vec3 facet = normalize(cross(dFdx(seen), dFdy(seen)));
   vec3 n = facet;
+#endif
 #ifdef HAS_NORMAL
   n = normalize(lit);
   if (dot(n, facet) < 0.0) n = -n;
@@ -101,7 +112,11 @@ void main() {
 #ifdef HAS_UNCERTAIN
   if (mode == 5) base = mix(base, ${glsl(MARKED.uncertain)}, clamp(doubtful, 0.0, 1.0));
 #endif
+#ifdef POINTS
+  bool behind = false;
+#else
   bool behind = !gl_FrontFacing;
+#endif
   // Cut open, a solid shows its inside: there the colours asked for stay readable.
   if (behind && backs) base = mix(base, ${glsl(BACK)}, cutting ? 0.6 : 1.0);
   // Sky and ground by the direction up, a lamp over the left shoulder, and a rim that lifts edges off each other.
@@ -124,13 +139,18 @@ export const look = {
   scaleEnd: { value: 1 },
   signedScale: { value: false },
   upSeen: { value: new Vector3(0, 0, 1) },
+  pointSize: { value: 3 },  // pixels of the canvas
 };
 
 const made = new Map();
 
-/** The material for a geometry, by what its vertices carry. \param linear  their colours are, as those of glTF; else sRGB */
-export function materialFor(geometry, linear = false) {
-  const defines = linear ? { LINEAR_COLOUR: "" } : {};
+/**
+ * The material for a geometry, by what its vertices carry.
+ * \param linear  their colours are, as those of glTF; else sRGB
+ * \param points  they are points, not corners of faces
+ */
+export function materialFor(geometry, linear = false, points = false) {
+  const defines = { ...(linear ? { LINEAR_COLOUR: "" } : {}), ...(points ? { POINTS: "" } : {}) };
   for (const [name, attribute] of [["HAS_COLOUR", "color"], ["HAS_NORMAL", "normal"], ["HAS_DEVIATION", "deviation"],
                                    ["HAS_SYNTHETIC", "synthetic"], ["HAS_UNCERTAIN", "uncertain"]])
     if (geometry.getAttribute(attribute)) defines[name] = "";

@@ -1,7 +1,7 @@
 // Canvas, camera and the loop: a frame is drawn when something changed, and no other time.
 import { PerspectiveCamera, Raycaster, Scene, Sphere, Vector2, Vector3, WebGLRenderer } from "three";
 import { look } from "./material.js";
-import { clipRange } from "./scale.js";
+import { clipRange, unitsPerPixel } from "./scale.js";
 import { hides } from "./section.js";
 
 export class Stage {
@@ -19,6 +19,7 @@ export class Stage {
     this.size = new Vector2(1, 1);
     this.plane = null;
     this.raycaster = new Raycaster();
+    this.raycaster.params.Points.threshold = 0;
     this.changed = this.changed.bind(this);
     this.before = [];  // called with the seconds since the last frame, before it
     this.after = [];
@@ -72,6 +73,9 @@ export class Stage {
     for (const [i, j] of [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) {
       this.raycaster.setFromCamera(new Vector2(2 * (x + i) / this.size.x - 1, 1 - 2 * (y + j) / this.size.y), this.camera);
       this.raycaster.near = this.camera.near;
+      // Points have no extent: one within three pixels of the ray, at the distance of the middle of all, is meant.
+      const away = this.camera.position.distanceTo(this.ball.center);
+      this.raycaster.params.Points.threshold = 3 * unitsPerPixel(away, this.camera.fov * Math.PI / 180, this.size.y);
       const hit = this.firstHit();
       if (hit) return hit;
     }

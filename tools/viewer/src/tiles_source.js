@@ -19,7 +19,7 @@ function stepOf(object) {
 function dress(scene, found, steps) {
   scene.updateMatrixWorld(true);
   scene.traverse((object) => {
-    if (!object.isMesh) return;
+    if (!object.isMesh && !object.isPoints) return;
     const geometry = object.geometry;
     steps.finest = Math.min(steps.finest, stepOf(object));
     for (const name of ATTRIBUTES) {
@@ -28,7 +28,7 @@ function dress(scene, found, steps) {
     }
     for (const name of coloursOf(geometry)) found.add(name);
     object.material.dispose();
-    object.material = materialFor(geometry, true);
+    object.material = materialFor(geometry, true, object.isPoints === true);
   });
 }
 

@@ -208,6 +208,25 @@ test("tiles: served, levels by distance, walking, coordinates through the root's
   await server.stop();
 });
 
+test("tiles of points: drawn in their colours, picked", options, async () => {
+  const { positions, colours } = ground([-SIZE / 2, -SIZE / 2], [SIZE / 2, SIZE / 2], 192);
+  const scan = join(folder, "scan.ply"), site = join(folder, "points");
+  writeFileSync(scan, ply({ positions, colours, synthetic: [], faces: [] }));
+  const made = spawnSync(binary, ["tiles", scan, "-o", site, "--no-html", "--progress", "none"], { encoding: "utf8" });
+  assert.equal(made.status, 0, made.stderr);
+  const server = await serve(site);
+  const page = await browser.open(server.url);
+  const first = await shown(page);
+  assert.ok(pixels(first, surface).count > 20000, "blank");
+  assert.match(await page.evaluate("document.getElementById('counts').textContent"), /points shown, \d+ tiles/);
+  await page.evaluate("tessera.view('top')");
+  const mark = pixels(await shown(page), red);
+  close(await page.evaluate(`tessera.pick(${mark.x}, ${mark.y})`), truth(MARK, [0, 0, 0]), 0.7);
+  assert.deepEqual(page.errors, []);
+  await page.close();
+  await server.stop();
+});
+
 test("tiles on earth stand upright, and measure in the scan's coordinates", options, async () => {
   const site = join(folder, "earth");
   // A scan in feet, its origin shifted.
