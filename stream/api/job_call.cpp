@@ -3,29 +3,21 @@
 #include <atomic>
 #include <csignal>
 #include <exception>
-#include <mutex>
+#include <memory>
 #include <utility>
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/points/point_source.h"
-#include "stream/runtime/stop.h"
 #include "stream/stages/merge/merge_stages.h"
 
 namespace tessera {
 namespace {
 
-std::mutex one_job;  // the wish to stop is the process's
-
-/// Hands progress on, and turns a no into the wish to stop; takes that back in the end.
+/// Hands progress on, and turns a no into the wish that this job stops.
 class ProgressRelay {
  public:
-  explicit ProgressRelay(const ProgressCall& call) : call_(call) {}
-  ~ProgressRelay() {
-    if (asked_) request_stop(0);
-  }
-  ProgressRelay(const ProgressRelay&) = delete;
-  ProgressRelay& operator=(const ProgressRelay&) = delete;
+  ProgressRelay(const ProgressCall& call, JobContext& job) : call_(call), job_(job) {}
 
   void note(const JobProgress& progress) {
     if (asked_) return;
@@ -35,15 +27,15 @@ class ProgressRelay {
       thrown_ = std::current_exception();
     }
     asked_ = true;
-    if (stop_signal() == 0) request_stop(SIGINT);
+    job_.stop = SIGINT;
   }
-  bool asked() const { return asked_; }
   void rethrow() const {
     if (thrown_) std::rethrow_exception(thrown_);
   }
 
  private:
   const ProgressCall& call_;
+  JobContext& job_;
   std::atomic<bool> asked_{false};
   std::exception_ptr thrown_;
 };
@@ -94,13 +86,15 @@ constexpr NamedRequest kRequests[] = {
 }  // namespace
 
 Json call_job(const JobRequest& request, const ProgressCall& progress) {
-  const std::unique_lock alone(one_job, std::try_to_lock);
-  if (!alone.owns_lock())
-    throw UsageError(
-        "a job runs in this process already: wait for it, or run this one in a process of its own");
+  return call_job(request, progress, std::make_shared<JobContext>());
+}
+
+Json call_job(const JobRequest& request, const ProgressCall& progress,
+              const std::shared_ptr<JobContext>& job) {
   if (request.state.output.empty()) throw UsageError("no output given");
   if (request.writes_mesh) require_mesh_extension(request.state.output);
-  ProgressRelay relay(progress);
+  const JobScope of_job(job);
+  ProgressRelay relay(progress, *job);
   ProgressSink sink;
   if (progress) sink.write = ProgressNotes{[&relay](const JobProgress& at) { relay.note(at); }};
   try {

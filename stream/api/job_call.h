@@ -5,17 +5,20 @@
 ///     const Json report = job.run([](const JobProgress& p) { return !cancelled; });
 ///
 /// A call does what the command of its name does, with the same bytes and the same work directory: what one began, the other
-/// goes on with. What is of the process, not of a job: the wish to stop (runtime/stop.h), so one job runs at a time, and the
-/// allocator, which configure_allocator() (runtime/memory_budget.h) sets, first thing in main(), for caps to hold as they do in the
-/// program. No signal is caught and nothing is printed. A factorisation in memory that was cancelled ends in the background
-/// (runtime/long_call.h).
+/// goes on with. Jobs of several threads run side by side, and stop one by one. What is of the process, not of a job: memory, which
+/// each counts whole under its cap; the number of threads, of which the smallest asked for counts; and the allocator, which
+/// configure_allocator() (runtime/memory_budget.h) sets, first thing in main(), for caps to hold as they do in the program. No signal
+/// is caught and nothing is printed. A factorisation in memory that
+/// was cancelled ends in the background (runtime/long_call.h).
 #pragma once
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "stream/api/check_call.h"
+#include "stream/files/job_scope.h"
 #include "stream/files/json.h"
 #include "stream/runtime/job.h"
 #include "stream/runtime/option_table.h"
@@ -44,8 +47,11 @@ struct JobRequest {
 };
 
 /// Runs a job to its end and returns its report.
-/// \throws UsageError while another job runs in this process; StoppedError when `progress` said so; what run_job() throws
+/// \throws StoppedError when `progress` said so; what run_job() throws
 [[nodiscard]] Json call_job(const JobRequest& request, const ProgressCall& progress = {});
+/// The same within a scope that has more to tell. \param job  of this call alone
+[[nodiscard]] Json call_job(const JobRequest& request, const ProgressCall& progress,
+                            const std::shared_ptr<JobContext>& job);
 
 /// The request of each command with these options. \throws UsageError for options that make no sense
 [[nodiscard]] JobRequest request_job(const ReconstructOptions& options,

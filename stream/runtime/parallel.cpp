@@ -13,6 +13,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include "stream/files/job_scope.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera {
@@ -58,7 +59,9 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& bod
   std::atomic<std::size_t> next{0}, left{0};
   next.store(0);
   FirstFailure failure;
+  const std::shared_ptr<const JobContext> job = current_job();
   const auto work = [&](std::size_t) {
+    const JobScope of_job(job);
     while (!failure.failed()) {
       const std::size_t index = next.fetch_add(1);
       if (index >= count) break;
@@ -146,6 +149,7 @@ void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(
   std::condition_variable changed;
   int running = 0;
   FirstFailure failure;
+  const std::shared_ptr<const JobContext> job = current_job();
   for (std::size_t index = 0; index < count; ++index) {
     {
       std::unique_lock lock(mutex);
@@ -165,6 +169,7 @@ void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(
       impl_->arena.enqueue([&, index, taken = reserved.release()]() {
         show_order();
         std::unique_ptr<MemoryBudget::Reservation> reservation(taken);
+        const JobScope of_job(job);
         try {
           throw_if_stopped();
           body(index);
@@ -192,7 +197,10 @@ void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(
 }
 
 void WorkerPool::run_here(const std::function<void()>& body) {
-  impl_->arena.execute(body);
+  impl_->arena.execute([&body, job = current_job()] {  // on another thread where none is left here
+    const JobScope of_job(job);
+    body();
+  });
 }
 
 }  // namespace tessera

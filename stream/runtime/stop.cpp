@@ -7,6 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/files/fault.h"
+#include "stream/files/job_scope.h"
 
 namespace tessera {
 namespace {
@@ -43,7 +44,9 @@ void catch_stop_signals() {
 }
 
 int stop_signal() {
-  return received_signal.load();
+  if (const int received = received_signal.load(); received != 0) return received;
+  const auto job = current_job();
+  return job == nullptr ? 0 : job->stop.load();
 }
 
 void request_stop(int signal) {

@@ -2,8 +2,10 @@
 
 #include <catch2/catch.hpp>
 
+#include <atomic>
 #include <cmath>
 #include <stdexcept>
+#include <thread>
 
 #include "octree/error.h"
 #include "stream/runtime/stop.h"
@@ -83,18 +85,45 @@ TEST_CASE("call: a no stops the job, and the next call goes on", "[pipeline]") {
                       job.run([](const JobProgress&) -> bool { throw std::out_of_range("of the caller"); })),
                   std::out_of_range);
   CHECK(stop_signal() == 0);
-  std::size_t refused = 0;
-  const Json report = job.run([&](const JobProgress&) {
-    try {
-      static_cast<void>(DecimateJob{{input}, folder / "second.ply", {}, small_run()}.run());
-    } catch (const UsageError&) {
-      ++refused;
-    }
-    return true;
-  });
-  CHECK(refused > 0);
+  const Json report = job.run();
   CHECK(std::filesystem::exists(folder / "out.ply"));
   CHECK(report.at("mesh").at("faces").get<std::uint64_t>() > 0);
+}
+
+TEST_CASE("call: of two jobs in one process one is cancelled, and the other ends whole", "[pipeline]") {
+  const TempFolder folder;
+  const std::string input = (folder / "in.off").string();
+  write_sheet(input, 60);
+  const auto job = [&](const char* name) {
+    DecimateJob made{{input}, folder / name, {}, small_run()};
+    made.options.tolerance = 0.02;
+    return made;
+  };
+  static_cast<void>(job("alone.ply").run());
+  // The first is under way when the second begins, and goes on when that has been cancelled.
+  std::atomic<bool> begun{false}, cancelled{false};
+  std::thread whole([&] {
+    static_cast<void>(job("whole.ply").run([&](const JobProgress&) {
+      begun = true;
+      while (!cancelled) std::this_thread::yield();
+      return true;
+    }));
+  });
+  while (!begun) std::this_thread::yield();
+  bool stopped = false;
+  try {
+    static_cast<void>(job("cut.ply").run([](const JobProgress&) { return false; }));
+  } catch (const StoppedError&) {
+    stopped = true;
+  }
+  cancelled = true;
+  whole.join();
+  CHECK(stopped);
+  CHECK_FALSE(std::filesystem::exists(folder / "cut.ply"));
+  CHECK(std::filesystem::exists(folder / "cut.ply.tessera"));
+  CHECK(file_bytes(folder / "whole.ply") == file_bytes(folder / "alone.ply"));
+  static_cast<void>(job("cut.ply").run());  // goes on
+  CHECK(file_bytes(folder / "cut.ply") == file_bytes(folder / "alone.ply"));
 }
 
 TEST_CASE("call: failures are the documented classes", "[unit]") {

@@ -5,12 +5,14 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
+#include <memory>
 #include <set>
 #include <stdexcept>
 #include <thread>
 #include <vector>
 
 #include "octree/error.h"
+#include "stream/files/job_scope.h"
 #include "stream/runtime/stop.h"
 
 namespace parallel_test {
@@ -194,6 +196,38 @@ TEST_CASE("parallel: a stop signal ends the work between pieces", "[unit]") {
   CHECK(started >= 5);
   CHECK(started < 20);
   request_stop(0);
+}
+
+TEST_CASE("parallel: threads are of the job that they work for, and stop with it alone", "[unit]") {
+  WorkerPool pool(3);
+  const auto job = std::make_shared<JobContext>();
+  std::atomic<int> others{0}, seen{0};
+  const auto look = [&] {
+    ++seen;
+    others += current_job() != job;
+  };
+  {
+    const JobScope of_job(job);
+    run_small(pool, 20, [&](std::size_t) {
+      look();
+      parallel_for(5, [&](std::size_t) { look(); });
+    });
+    pool.run_here([&] { parallel_for(50, [&](std::size_t) { look(); }); });
+    CHECK(seen == 20 + 100 + 50);
+    CHECK(others == 0);
+    const auto other = std::make_shared<JobContext>();
+    job->stop = SIGINT;
+    CHECK(stop_signal() == SIGINT);
+    CHECK_THROWS_AS(run_small(pool, 1, [](std::size_t) {}), StoppedError);
+    const JobScope of_other(other);
+    CHECK(stop_signal() == 0);
+    std::atomic<int> done{0};
+    run_small(pool, 20, [&](std::size_t) { ++done; });
+    CHECK(done == 20);
+  }
+  CHECK(current_job() == nullptr);
+  run_small(pool, 20, [&](std::size_t) { others += current_job() != nullptr; });
+  CHECK(others == 0);
 }
 
 }  // namespace parallel_test
