@@ -20,4 +20,8 @@ std::shared_ptr<const JobContext> current_job() {
   return job_of_thread;
 }
 
+bool is_given(const std::filesystem::path& input) {
+  return job_of_thread != nullptr && job_of_thread->given.contains(input);
+}
+
 }  // namespace tessera

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "kernels/mesh/mesh_repair.h"
+#include "stream/formats/meshes/mesh_arrays.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/import/import_bytes.h"
 
@@ -18,6 +19,7 @@ constexpr std::uint64_t kBucketMargin = 5;  ///< quarters, at most: cells are no
 }  // namespace
 
 MeshSize claimed_mesh_size(const std::filesystem::path& path) {
+  if (const MeshArrays* given = given_arrays(path)) return {given->header().vertices, given->header().faces};
   const auto mesh = open_mesh_file(path);
   const std::uint64_t bytes = std::filesystem::file_size(path);
   MeshSize size{std::min(mesh->header().vertices, bytes / kMinBytes),

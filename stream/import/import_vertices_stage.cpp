@@ -10,6 +10,7 @@
 #include "octree/error.h"
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/job_scope.h"
 #include "stream/files/json.h"
 #include "stream/files/json_fields.h"
 #include "stream/import/import_bytes.h"
@@ -97,7 +98,9 @@ class ImportReadStage : public SerialStage {
  public:
   ImportReadStage(const JobState& state, ImportSource source)
       : path_(source.path(state)),
-        keep_bytes_(import_keep_bytes(state.run)),
+        keep_bytes_(is_given(path_)
+                        ? 0
+                        : import_keep_bytes(state.run)),  // what is in memory is read again for nothing
         bytes_(import_read_bytes(state.run)),
         source_(std::move(source)),
         names_(source_.folder) {}

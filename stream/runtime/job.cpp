@@ -16,6 +16,7 @@
 #include "octree/error.h"
 #include "octree/lattice.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/job_scope.h"
 #include "stream/files/json.h"
 #include "stream/files/planned_writes.h"
 #include "stream/runtime/child_process.h"
@@ -445,6 +446,7 @@ Prepared prepare(JobState& state, const JobDescription& job) {
   check_until(state, job);
   std::vector<InputFingerprint> fingerprints;
   for (fs::path& input : state.inputs) {
+    if (is_given(input)) continue;  // nobody goes on with this job
     fingerprints.push_back(fingerprint_input(input));
     input = fingerprints.back().path;
   }

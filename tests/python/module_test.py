@@ -92,6 +92,42 @@ class Module(unittest.TestCase):
                 np.testing.assert_array_equal(f, want_f)
                 self.assertEqual(report["mesh"]["faces"], of_arrays["mesh"]["faces"])
 
+    def test_jobs_on_arrays_read_them_in_place(self):
+        vertices, faces = sheet(40)
+        found = []
+        look = lambda _: found.extend(p for p in self.folder.rglob("*") if p.suffix == ".ply" or p.name == "given")
+        want = tessera.decimate(vertices, faces, tolerance=0.05, temp=self.folder, progress=look)
+        self.assertEqual(found, [])
+        self.assertEqual(list(self.folder.iterdir()), [])
+        for dtype in (np.int32, np.uint32, np.uint64, np.int16):
+            made = tessera.decimate(np.asfortranarray(vertices), faces.astype(dtype), tolerance=0.05, temp=self.folder)
+            np.testing.assert_array_equal(made[0], want[0])
+            np.testing.assert_array_equal(made[1], want[1])
+        with self.assertRaises(tessera.InputError):
+            tessera.smooth(vertices, faces - 1)
+        with self.assertRaises(tessera.UsageError):
+            tessera.remesh(vertices, faces.astype(float), edge=1.5)
+        with self.assertRaises(tessera.UsageError):
+            tessera.decimate(vertices, faces, tolerance=0.05, texture=0.1)
+
+    def test_jobs_of_two_threads_stop_one_by_one(self):
+        vertices, faces = sheet(40)
+        want = tessera.decimate(vertices, faces, tolerance=0.05)
+        made, begun, cut = [], threading.Event(), threading.Event()
+
+        def note(_):
+            begun.set()
+            cut.wait(60)
+
+        whole = threading.Thread(target=lambda: made.append(tessera.decimate(vertices, faces, tolerance=0.05, progress=note)))
+        whole.start()
+        self.assertTrue(begun.wait(60))
+        with self.assertRaises(ZeroDivisionError):
+            tessera.decimate(vertices, faces, tolerance=0.05, progress=lambda n: 1 / 0)
+        cut.set()
+        whole.join()
+        np.testing.assert_array_equal(made[0][1], want[1])
+
     def test_progress_and_its_exceptions(self):
         vertices, faces = sheet(40)
         news = []

@@ -3,6 +3,7 @@
 /// Tessera::stream.
 #pragma once
 #include "octree/error.h"
+#include "stream/api/arrays_call.h"
 #include "stream/api/check_call.h"
 #include "stream/api/job_call.h"
 #include "stream/files/json.h"

@@ -27,12 +27,16 @@
 #include "kernels/mesh/triangle_foot.h"
 #include "kernels/solid/triangle_windings.h"
 #include "octree/error.h"
+#include "stream/api/arrays_call.h"
 #include "stream/api/check_call.h"
 #include "stream/api/job_call.h"
 #include "stream/files/json.h"
+#include "stream/formats/meshes/mesh_arrays.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/runtime/long_call.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/parallel.h"
 #include "tools/python/patient_call.h"
 
 namespace py = pybind11;
@@ -87,13 +91,8 @@ std::pair<Json, Json> split_options(const std::string& text) {
   return {options, how};
 }
 
-std::string run_job_by_name(const std::string& name, const std::vector<std::string>& inputs,
-                            const std::string& output, const std::string& options,
-                            const py::object& progress) {
-  const auto [of_job, of_run] = split_options(options);
-  JobRequest request = request_job(name, of_job, inputs);
-  option_table(request.state.run).from_json(of_run);
-  request.state.output = output;
+/// Runs a job while Python waits: `call` gets what its progress goes to.
+void run_patiently(const std::function<void(const ProgressCall&)>& call, const py::object& progress) {
   std::atomic<bool> go_on{true};
   std::mutex mutex;
   std::deque<JobProgress> news;
@@ -107,17 +106,62 @@ std::string run_job_by_name(const std::string& name, const std::vector<std::stri
     for (std::size_t i = 0; i < fresh.size(); ++i)
       if (fresh[i].stage_done || i + 1 == fresh.size()) progress(dict_of(fresh[i]));
   };
-  std::string report;
   PatientCall::run(
       [&] {
-        report = dump_json(call_job(request, [&](const JobProgress& p) {
+        call([&](const JobProgress& p) {
           const std::lock_guard lock(mutex);
           news.push_back(p);
           return go_on.load();
-        }));
+        });
       },
       tell, [&] { go_on = false; });
+}
+
+std::string run_job_by_name(const std::string& name, const std::vector<std::string>& inputs,
+                            const std::string& output, const std::string& options,
+                            const py::object& progress) {
+  const auto [of_job, of_run] = split_options(options);
+  JobRequest request = request_job(name, of_job, inputs);
+  option_table(request.state.run).from_json(of_run);
+  request.state.output = output;
+  std::string report;
+  run_patiently([&](const ProgressCall& note) { report = dump_json(call_job(request, note)); }, progress);
   return report;
+}
+
+/// Runs `use` with the faces as they lie in memory; other types of whole numbers than of 32 and 64 bits are copied.
+template <class Use>
+void with_face_rows(const py::array& faces, const Use& use) {
+  require_columns(faces, 3, "faces");
+  const auto rows = [&]<class T>(T) {
+    const auto array = Array<T>::ensure(faces);
+    if (!array) throw py::error_already_set();
+    use(FaceRows(rows_of<std::array<T, 3>>(array, "faces")));
+  };
+  const char kind = faces.dtype().kind();
+  if (kind != 'i' && kind != 'u') throw UsageError("faces: whole numbers are needed");
+  if (faces.itemsize() <= 4 && kind == 'u') return rows(std::uint32_t{});
+  if (faces.itemsize() <= 4) return rows(std::int32_t{});
+  if (kind == 'u') return rows(std::uint64_t{});
+  rows(std::int64_t{});
+}
+
+py::tuple run_on_arrays_by_name(const std::string& name, const Array<double>& positions,
+                                const py::array& faces, const std::string& options,
+                                const py::object& progress) {
+  const auto [of_job, of_run] = split_options(options);
+  JobRequest request = request_on_arrays(name, of_job);
+  option_table(request.state.run).from_json(of_run);
+  const auto vertices = rows_of<Double3>(positions, "vertices");
+  ArraysResult result;
+  with_face_rows(faces, [&](const FaceRows& rows) {
+    run_patiently(
+        [&](const ProgressCall& note) { result = call_on_arrays(MeshArrays(vertices, rows), request, note); },
+        progress);
+  });
+  return py::make_tuple(handed_over<double>(std::move(result.mesh.vertices), 3),
+                        handed_over<std::uint64_t>(std::move(result.mesh.faces), 3),
+                        dump_json(result.report));
 }
 
 std::string check(const std::string& mesh, bool crossings, const std::string& reference, double tolerance,
@@ -265,65 +309,28 @@ py::tuple read_mesh(const std::string& path) {
                         handed_over<std::uint64_t>(std::move(faces), 3), colours);
 }
 
-/// Faces of any kind of whole numbers, in batches.
-template <class T>
-void write_faces(MeshWriter& writer, const py::array& faces, std::size_t vertices) {
-  const auto array = Array<T>::ensure(faces);
-  constexpr std::size_t kBatch = 65536;
-  std::vector<MeshFace> batch;
-  const T* at = array.data();
-  const auto count = static_cast<std::size_t>(array.shape(0));
-  const py::gil_scoped_release free;
-  for (std::size_t f = 0; f < count; ++f, at += 3) {
-    for (std::size_t k = 0; k < 3; ++k)
-      if (!(at[k] >= 0) || static_cast<std::uint64_t>(at[k]) >= vertices)
-        throw InputError("face " + std::to_string(f) + " names vertex " + std::to_string(at[k]) + " of " +
-                         std::to_string(vertices));
-    batch.push_back({static_cast<std::uint64_t>(at[0]), static_cast<std::uint64_t>(at[1]),
-                     static_cast<std::uint64_t>(at[2])});
-    if (batch.size() < kBatch && f + 1 < count) continue;
-    writer.faces(batch);
-    batch.clear();
-  }
-}
-
-bool are_floats(std::span<const Double3> positions) {
-  for (const Double3& p : positions)
-    for (const double x : p)
-      if (static_cast<double>(static_cast<float>(x)) != x) return false;
-  return true;
-}
-
 void write_mesh(const std::string& path, const Array<double>& positions, const py::array& faces,
                 const std::optional<Array<std::uint8_t>>& rgba) {
   const auto vertices = rows_of<Double3>(positions, "vertices");
-  require_columns(faces, 3, "faces");
-  MeshHeader header;
-  header.vertices = vertices.size();
-  header.faces = static_cast<std::uint64_t>(faces.shape(0));
-  header.colour = rgba.has_value();
-  header.double_positions = !are_floats(vertices);
   std::span<const std::uint32_t> colours;
   if (rgba) colours = rows_of<std::uint32_t>(*rgba, "rgba");
   if (rgba && colours.size() != vertices.size())
     throw UsageError("rgba: one colour for every vertex is needed");
-  const auto writer = create_mesh_file(path, header);
-  constexpr std::size_t kBatch = 65536;
-  for (std::size_t at = 0; at < vertices.size(); at += kBatch) {
-    const std::size_t count = std::min(kBatch, vertices.size() - at);
-    writer->vertices(vertices.subspan(at, count), rgba ? colours.subspan(at, count) : colours);
-  }
-  const char kind = faces.dtype().kind();
-  if (kind != 'i' && kind != 'u') throw UsageError("faces: whole numbers are needed");
-  if (faces.itemsize() <= 4 && kind == 'u')
-    write_faces<std::uint32_t>(*writer, faces, vertices.size());
-  else if (faces.itemsize() <= 4)
-    write_faces<std::int32_t>(*writer, faces, vertices.size());
-  else if (kind == 'u')
-    write_faces<std::uint64_t>(*writer, faces, vertices.size());
-  else
-    write_faces<std::int64_t>(*writer, faces, vertices.size());
-  writer->finish();
+  with_face_rows(faces, [&](const FaceRows& rows) {
+    const py::gil_scoped_release free;
+    const MeshArrays mesh(vertices, rows);
+    MeshHeader header = mesh.header();
+    header.colour = rgba.has_value();
+    const auto writer = create_mesh_file(path, header);
+    const auto reader = mesh.open();
+    std::size_t at = 0;
+    reader->read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+      writer->vertices(batch, rgba ? colours.subspan(at, batch.size()) : colours);
+      at += batch.size();
+    });
+    reader->read_faces([&](std::span<const MeshFace> batch) { writer->faces(batch); });
+    writer->finish();
+  });
 }
 
 Double3 middle_of(std::span<const Double3> positions) {
@@ -482,8 +489,11 @@ void register_errors(py::module_& m) {
 PYBIND11_MODULE(_tessera, m) {
   m.doc() = "Tessera's floors for Python; use the package tessera.";
   m.attr("__version__") = TESSERA_VERSION;
+  configure_allocator(
+      core_count());  // as in the program: with an arena for each thread a call takes a twentieth more time
   register_errors(m);
   m.def("run_job", &run_job_by_name);
+  m.def("run_on_arrays", &run_on_arrays_by_name);
   m.def("check", &check);
   m.def("read_mesh", &read_mesh);
   m.def("write_mesh", &write_mesh, py::arg("path"), py::arg("vertices"), py::arg("faces"),

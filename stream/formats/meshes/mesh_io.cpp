@@ -7,6 +7,7 @@
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
 #include "stream/files/unpacked_bytes.h"
+#include "stream/formats/meshes/mesh_arrays.h"
 #include "stream/formats/meshes/mesh_precision.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
@@ -53,6 +54,7 @@ void require_mesh_extension(const std::filesystem::path& path) {
 }
 
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header) {
+  if (MadeMesh* made = made_arrays(path)) return collect_mesh(*made, header);
   require_mesh_extension(path);
   const std::string extension = lower_extension(path);
   if (extension == ".ply") return create_ply_mesh(path, header);
@@ -73,6 +75,7 @@ std::uint64_t rounding_check_bytes(const std::filesystem::path& path, bool doubl
 
 std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path,
                                            const MeshReadOptions& options) {
+  if (const MeshArrays* given = given_arrays(path)) return given->open();
   if (std::filesystem::is_directory(path))
     throw InputError(path.string() + ": a folder; a mesh file is needed here");
   ReadFile file(path);

@@ -6,8 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "stream/formats/colour_range.h"
 #include "stream/formats/line_reader.h"
-#include "stream/formats/meshes/colour_range.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/scalar.h"
 #include "stream/formats/text_scanner.h"

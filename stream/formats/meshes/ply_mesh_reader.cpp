@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "stream/formats/meshes/colour_range.h"
+#include "stream/formats/colour_range.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/text_scanner.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <set>
 
-#include "stream/formats/meshes/colour_range.h"
+#include "stream/formats/colour_range.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/models/zip_archive.h"
 #include "stream/formats/scalar.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "stream/formats/byte_window.h"
-#include "stream/formats/meshes/colour_range.h"
+#include "stream/formats/colour_range.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/scalar.h"
 #include "stream/formats/xml_events.h"

@@ -21,7 +21,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any, Callable, Iterator, Optional, Sequence, Union
 
@@ -98,20 +97,18 @@ def reconstruct(scans: Union[PathLike, Sequence[PathLike]], output: PathLike, *,
 
 def _on_arrays(job: str, vertices: Any, faces: Any, progress: Optional[Progress],
                options: dict) -> tuple[np.ndarray, np.ndarray, Report]:
-    with tempfile.TemporaryDirectory(prefix="tessera-", dir=options.get("temp")) as folder:
-        source, made = os.path.join(folder, "in.ply"), os.path.join(folder, "out.ply")
-        write_mesh(source, vertices, faces)
-        report = run(job, source, made, progress=progress, **{"no_html": True, **options})
-        result_vertices, result_faces = read_mesh(made)
-    return result_vertices, result_faces, report
+    made_vertices, made_faces, report = _tessera.run_on_arrays(job, vertices, np.asarray(faces), json.dumps(_keys(options)),
+                                                               progress)
+    return made_vertices, made_faces, json.loads(report)
 
 
 def decimate(vertices: Any, faces: Any, *, progress: Optional[Progress] = None,
              **options: Any) -> tuple[np.ndarray, np.ndarray, Report]:
     """Shrinks a mesh within a tolerance that is proven both ways: `V, F, report = decimate(V, F, tolerance=0.01)`.
 
-    The arrays pass through a scratch file (in `temp`, else the system's folder): the bytes are those of the program, and memory stays
-    under the cap. `run("decimate", "in.ply", "out.ply", ...)` does it on files.
+    Arrays of float64, and of 32 or 64 bits, in rows are read where they are, without a copy; what is made of them has the positions,
+    faces and order that the program makes of the same mesh in a file. Memory beside what is returned stays under the cap, scratch files
+    lie in `temp`, else in the system's folder. `run("decimate", "in.ply", "out.ply", ...)` does it on files.
     """
     return _on_arrays("decimate", vertices, faces, progress, options)
 
