@@ -21,12 +21,14 @@
 #include "stream/stages/reconstruct/coverage_check.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/pipes.h"
 
 namespace tessera {
 namespace {
 
 struct CheckCommand {
   std::filesystem::path mesh;
+  std::string input_format;  ///< of a mesh that comes through a pipe
   std::filesystem::path json;
   MeshCheckOptions options;
   std::filesystem::path truth;
@@ -74,7 +76,7 @@ MeshComparison compare_with_reference(const CheckCommand& command, const MeshChe
   return compare_mesh_files(command.mesh, command.reference, compare, run_of(options));
 }
 
-void run_check(const CheckCommand& command) {
+void run_check(CheckCommand& command) {
   if (command.mesh.empty()) throw UsageError("no mesh given; name one: tessera check mesh.ply");
   if (!command.reference.empty() && command.compare.tolerance == 0.0)
     throw UsageError(
@@ -83,6 +85,7 @@ void run_check(const CheckCommand& command) {
   if (command.reference.empty() &&
       (command.compare.tolerance != 0.0 || command.with_borders || command.method != CheckCommand().method))
     throw UsageError("--tolerance, --borders and --method need --reference FILE to compare with");
+  const cli::PipedInput piped(command.mesh, command.input_format);
   cli::check_line_writes({command.mesh, command.reference, command.truth, command.scan},
                          {{command.json, "--json", existing_by(command.force)}});
   MeshCheckOptions options = command.options;
@@ -151,6 +154,7 @@ cli::Command check_command() {
   CheckCommand& c = *shared;
   OptionTable t;
   t.add("mesh", &c.mesh, "PLY, OBJ, STL, OFF or GLB").positional();
+  cli::add_input_format(t, c.input_format);
   t.add("crossings", &c.options.crossings,
         "search for pairs of faces that cross, overlap or touch beyond the corner or edge that they share, "
         "exactly, and "

@@ -239,7 +239,7 @@ cli::Command convert_command() {
                   ".ply, .obj, .stl, "
                   ".glb, for printing .3mf, for solvers .vtu (VTK) and .msh (Gmsh 4.1), and for CAD "
                   "programs .xml (LandXML 1.2) and .dxf (R12)");
-  t.add("input-format", &c.input_format, "format of an input that is a pipe (-), as an extension, e.g. las");
+  cli::add_input_format(t, c.input_format);
   t.add("output-format", &c.output_format,
         "format of an output that is a pipe (-o -), as an extension, e.g. ply");
   add_columns(t, c.options.columns);

@@ -14,12 +14,14 @@
 #include "stream/runtime/parallel.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/pipes.h"
 
 namespace tessera {
 namespace {
 
 struct InfoCommand {
   std::vector<std::string> inputs;
+  std::string input_format;  ///< of a pipe
   ReadOptions read;
   int threads = 0;
   bool json = false;
@@ -120,8 +122,9 @@ nlohmann::ordered_json to_json(const PointSummary& s) {
 }
 
 /// Describes every file that can be read; one that cannot is named and makes the command fail in the end.
-void run_info(const InfoCommand& command) {
+void run_info(InfoCommand& command) {
   cli::require_inputs(command.inputs);
+  const cli::PipedInput piped(command.inputs, command.input_format);
   const auto paths = cli::expand_and_tell(command.inputs);
   nlohmann::ordered_json files = nlohmann::ordered_json::array();
   std::string first_error;
@@ -163,6 +166,7 @@ cli::Command info_command() {
   auto shared = std::make_shared<InfoCommand>();
   OptionTable t;
   cli::add_inputs(t, shared->inputs);
+  cli::add_input_format(t, shared->input_format);
   add_columns(t, shared->read.columns);
   cli::add_threads(t, shared->threads, "threads");
   t.add("json", &shared->json, "print one JSON object instead of text");

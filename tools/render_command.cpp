@@ -11,12 +11,14 @@
 #include "stream/runtime/memory_budget.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/pipes.h"
 
 namespace tessera {
 namespace {
 
 struct RenderCommand {
   RenderOptions options;
+  std::string input_format;  ///< of a pipe
   int threads = 0;
   bool quiet = false;
   bool force = false;
@@ -46,13 +48,14 @@ std::vector<double> parse_focus(const std::string& text) {
   return v;
 }
 
-void run_render(const RenderCommand& command) {
+void run_render(RenderCommand& command) {
   cli::require_inputs(command.options.inputs);
   cli::require_output(command.options.output);
   if (command.sheet && !command.options.views.empty())
     throw UsageError("--sheet excludes --view: it is four views of its own");
   if (command.options.eye.has_value() != command.options.target.has_value())
     throw UsageError("--eye needs --target, and --target needs --eye");
+  const cli::PipedInput piped(command.options.inputs, command.input_format);
   const RenderOptions& requested = command.options;
   std::vector<std::filesystem::path> reads = cli::also_read(requested.inputs);
   for (const std::vector<std::string>& names : {requested.inputs, requested.compare})
@@ -93,6 +96,7 @@ cli::Command render_command() {
   OptionTable t;
   cli::add_inputs(t, o.inputs);
   cli::add_output(t, o.output, "picture to write, .png");
+  cli::add_input_format(t, shared->input_format);
   t.add("view", &o.views,
         "front, back, left, right, top, bottom, iso, iso2, turn:DEGREES or custom (--eye); several make a "
         "sheet; default: iso,iso2,front,top")

@@ -1,7 +1,8 @@
-// `convert` between pipes: what comes and goes there is what files would hold, and nothing of a failure is handed on.
+// Pipes: what comes and goes there is what files would hold, and nothing of a failure is handed on.
 #include <catch2/catch.hpp>
 
 #include <string>
+#include <utility>
 
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
@@ -41,6 +42,46 @@ TEST_CASE("pipes: points and meshes go through as through files", "[pipeline]") 
               .code == 0);
   CHECK((file_bytes(folder / "got.obj") == file_bytes(folder / "want.obj")));
   CHECK(std::filesystem::is_empty(folder / "tmp"));
+}
+
+TEST_CASE("pipes: commands that only read say the same of what comes through one", "[pipeline]") {
+  const TempFolder folder;
+  const std::string tessera = std::string(TESSERA_BINARY) + " ";
+  const auto path = [&](const std::string& name) { return (folder / name).string(); };
+  REQUIRE(shell(tessera + "synth --scene terrain --points 20k -o " + path("scan.las")).code == 0);
+  // Named as the scratch file: pictures show the name.
+  write_whole(folder / "input.ply", counted(made_bracket(3)));
+  // \param words  with one input, "@", in place; \param made  what it writes, "" for its words
+  const auto same = [&](const std::string& words, const std::string& input, const std::string& made) {
+    const auto filled = [&](const std::string& name, const std::string& output) {
+      std::string line = words;
+      for (const auto& [key, value] : {std::pair{std::string("@"), name}, {std::string("OUT"), output}})
+        if (const auto at = line.find(key); at != std::string::npos) line.replace(at, key.size(), value);
+      return line;
+    };
+    const Outcome file = shell(tessera + filled(path(input), path("file" + made)) + " > " + path("file.txt"));
+    const Outcome pipe =
+        shell("cat " + path(input) + " | " + tessera + filled("-", path("pipe" + made)) + " --input-format " +
+              input.substr(input.find('.') + 1) + " > " + path("pipe.txt"));
+    INFO(words << file.said << pipe.said);
+    REQUIRE(file.code == 0);
+    REQUIRE(pipe.code == 0);
+    const std::string suffix = made.empty() ? ".txt" : made;
+    return file_bytes(folder / ("file" + suffix)) == file_bytes(folder / ("pipe" + suffix));
+  };
+  CHECK(same("check @ --cleanliness", "input.ply", ""));
+  CHECK(same("section @ --horizontal --spacing 0.5 -o OUT", "input.ply", ".csv"));
+  CHECK(same("render @ -o OUT --size 200x150 --view iso", "input.ply", ".png"));
+  CHECK(same("deviate @ --to " + path("input.ply") + " -o OUT --max-distance 100", "scan.las", ".las"));
+  const Outcome info = shell("cat " + path("scan.las") + " | " + tessera + "info - --input-format las");
+  INFO(info.said);
+  CHECK(info.code == 0);
+  CHECK_THAT(info.said, Catch::Contains("20000 read"));
+  const Outcome nameless = shell("cat " + path("input.ply") + " | " + tessera + "check -");
+  CHECK(nameless.code == 2);
+  CHECK_THAT(nameless.said, Catch::Contains("--input-format"));
+  const Outcome both = shell(tessera + "check " + path("input.ply") + " --input-format ply");
+  CHECK(both.code == 2);
 }
 
 TEST_CASE("pipes: what cannot work is refused, and nothing of it comes out", "[pipeline]") {

@@ -41,7 +41,7 @@ bool is_pipe(const std::filesystem::path& path) {
   return path == "-";
 }
 
-std::filesystem::path Pipes::scratch_file(const char* stem, const std::string& format, const char* option) {
+std::filesystem::path PipeFolder::file(const char* stem, const std::string& format, const char* option) {
   if (format.empty())
     throw UsageError(std::string("a pipe has no name that tells its format: give ") + option + ", e.g. ply");
   if (format.find('/') != std::string::npos)
@@ -50,29 +50,42 @@ std::filesystem::path Pipes::scratch_file(const char* stem, const std::string& f
   return scratch_->path() / (stem + ("." + format.substr(format.front() == '.' ? 1 : 0)));
 }
 
-Pipes::Pipes(std::vector<std::string>& inputs, const std::string& input_format, std::filesystem::path& output,
-             const std::string& output_format) {
+PipedInput::PipedInput(std::vector<std::string>& inputs, const std::string& format) {
   const auto pipes =
       std::count_if(inputs.begin(), inputs.end(), [](const std::string& i) { return is_pipe(i); });
   if (pipes > 1)
     throw UsageError("standard input (-) can be read once, and is given " + std::to_string(pipes) + " times");
-  if (pipes == 0 && !input_format.empty())
-    throw UsageError("--input-format is of an input that is a pipe (-)");
+  if (pipes == 0 && !format.empty()) throw UsageError("--input-format is of an input that is a pipe (-)");
+  if (pipes == 0) return;
+  if (::isatty(STDIN_FILENO) == 1)
+    throw UsageError("-: standard input is a terminal; send a file or a program's output into it");
+  const std::filesystem::path spooled = folder_.file("input", format, "--input-format");
+  copy_standard_input(spooled);
+  for (std::string& input : inputs)
+    if (is_pipe(input)) input = spooled.string();
+}
+
+PipedInput::PipedInput(std::filesystem::path& input, const std::string& format) {
+  std::vector<std::string> inputs = {input.string()};
+  *this = PipedInput(inputs, format);
+  input = inputs.front();
+}
+
+void add_input_format(OptionTable& t, std::string& format) {
+  t.add("input-format", &format, "format of an input that is a pipe (-), as an extension, e.g. las");
+}
+
+Pipes::Pipes(std::vector<std::string>& inputs, const std::string& input_format, std::filesystem::path& output,
+             const std::string& output_format) {
   if (!is_pipe(output) && !output_format.empty())
     throw UsageError("--output-format is of an output that is a pipe (-o -)");
   if (is_pipe(output)) {
     if (::isatty(STDOUT_FILENO) == 1)
       throw UsageError("-o -: standard output is a terminal; send it into a file or a program");
-    output = output_ = scratch_file("output", output_format, "--output-format");
+    output = output_ = folder_.file("output", output_format, "--output-format");
     std::signal(SIGPIPE, SIG_IGN);  // a reader that ends early is an error with a sentence
   }
-  if (pipes == 0) return;
-  if (::isatty(STDIN_FILENO) == 1)
-    throw UsageError("-: standard input is a terminal; send a file or a program's output into it");
-  const std::filesystem::path spooled = scratch_file("input", input_format, "--input-format");
-  copy_standard_input(spooled);
-  for (std::string& input : inputs)
-    if (is_pipe(input)) input = spooled.string();
+  input_ = PipedInput(inputs, input_format);
 }
 
 void Pipes::finish() const {

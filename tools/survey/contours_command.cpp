@@ -9,17 +9,19 @@
 #include "stream/survey/mesh_contours.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/pipes.h"
 
 namespace tessera {
 namespace {
 
 struct ContoursCommand {
   std::filesystem::path mesh, output;
+  std::string input_format;  ///< of a mesh that comes through a pipe
   ContourOptions options;
   bool force = false;
 };
 
-void run_contours(const ContoursCommand& command) {
+void run_contours(ContoursCommand& command) {
   if (command.mesh.empty())
     throw UsageError("no mesh given; name one: tessera contours mesh.ply -o lines.gpkg --interval 0.5");
   cli::require_output(command.output);
@@ -27,6 +29,7 @@ void run_contours(const ContoursCommand& command) {
   ContourOptions options = command.options;
   if (!(options.interval > 0.0))
     throw UsageError("--interval is missing: the height between two lines, in units of the mesh");
+  const cli::PipedInput piped(command.mesh, command.input_format);
   cli::check_line_writes({command.mesh, options.crs}, {{command.output, "-o", existing_by(command.force)}});
   options.crs = surveyed_crs(command.mesh, options.crs);
   if (options.temp.empty()) options.temp = std::filesystem::temp_directory_path();
@@ -49,6 +52,7 @@ cli::Command contours_command() {
   OptionTable t;
   t.add("mesh", &c.mesh, "PLY, OBJ, STL, OFF or GLB").positional();
   cli::add_output(t, c.output, "lines to write: GeoPackage (.gpkg), .geojson or .dxf");
+  cli::add_input_format(t, c.input_format);
   t.add("interval", &c.options.interval,
         "height between two lines, units of the mesh; lines lie at whole multiples of it")
       .at_least(0);

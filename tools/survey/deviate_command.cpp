@@ -18,6 +18,7 @@
 #include "stream/survey/scan_deviation.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/pipes.h"
 #include "tools/survey/scan_outputs.h"
 
 namespace tessera {
@@ -27,6 +28,7 @@ constexpr double kNoTolerance = -1.0;
 
 struct DeviateCommand {
   std::vector<std::string> inputs;
+  std::string input_format;  ///< of a pipe
   std::filesystem::path reference, output, report, csv, histogram, page;
   ScanDeviationOptions options;
   double share = 1.0;  ///< of the measured points
@@ -55,7 +57,7 @@ void require_within(const DeviateCommand& command, const DeviationSummary& all) 
       all.count - all.within, all.count, command.options.tolerance, 100.0 * share, 100.0 * command.share));
 }
 
-void run_deviate(const DeviateCommand& command) {
+void run_deviate(DeviateCommand& command) {
   const auto start = std::chrono::steady_clock::now();
   cli::require_inputs(command.inputs);
   if (command.reference.empty())
@@ -72,6 +74,7 @@ void run_deviate(const DeviateCommand& command) {
     throw UsageError(fmt::format("--share {:g}: is a share, from 0 to 1", command.share));
   if (command.share < 1.0 && command.options.tolerance < 0.0)
     throw UsageError("--share has a meaning with --tolerance alone");
+  const cli::PipedInput piped(command.inputs, command.input_format);
   const std::vector<std::filesystem::path> inputs = cli::expand_and_tell(command.inputs);
   std::vector<std::filesystem::path> reads = cli::also_read(command.inputs);
   reads.insert(reads.end(), inputs.begin(), inputs.end());
@@ -125,6 +128,7 @@ cli::Command deviate_command() {
   DeviateCommand& c = *shared;
   OptionTable t;
   cli::add_inputs(t, c.inputs);
+  cli::add_input_format(t, c.input_format);
   cli::add_output(
       t, c.output,
       "file with a scalar 'deviation': points .las, .laz, .ply or a table .csv; a mesh .ply, whose "

@@ -17,6 +17,7 @@
 #include "stream/survey/gdal_program.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/pipes.h"
 
 namespace tessera {
 namespace {
@@ -25,6 +26,7 @@ constexpr double kAutoCell = 0.0;
 
 struct RasterCommand {
   std::vector<std::string> inputs, layers, columns;
+  std::string input_format;  ///< of a pipe
   std::filesystem::path output;
   RasterOptions options;
   bool force = false;
@@ -90,6 +92,7 @@ void run_raster(const RasterCommand& given) {
   if (!(std::abs(command.options.nodata) <= 3e38))
     throw UsageError("--nodata: is no number that 32 bit floats hold");
   const std::vector<RasterOutput> outputs = raster_outputs(command);
+  const cli::PipedInput piped(command.inputs, command.input_format);
   const std::vector<std::filesystem::path> inputs = cli::expand_and_tell(command.inputs);
   std::vector<PlannedWrite> writes;
   for (const RasterOutput& output : outputs)
@@ -123,6 +126,7 @@ cli::Command raster_command() {
       .positional();
   cli::add_output(t, c.output,
                   "GeoTIFF to write, .tif; with several layers one file each, dtm.slope.tif for dtm.tif");
+  cli::add_input_format(t, c.input_format);
   t.add("cell", &c.options.cell,
         "edge of a cell, units of the input; edges of cells lie at whole multiples of it, so that rasters of "
         "one cell fit onto each other; auto: of scans two spacings, rounded up to 1, 2 or 5 times a power of "

@@ -10,6 +10,7 @@
 #include "stream/survey/pages/section_page.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/pipes.h"
 #include "tools/survey/scan_outputs.h"
 
 namespace tessera {
@@ -19,6 +20,7 @@ constexpr double kWholeWidth = -1.0;
 
 struct SectionCommand {
   std::filesystem::path mesh, output, page;
+  std::string input_format;  ///< of a mesh that comes through a pipe
   SectionOptions options;
   double width = kWholeWidth;
   bool along = false, horizontal = false, force = false;
@@ -45,7 +47,7 @@ SectionOptions section_options(const SectionCommand& command) {
   return options;
 }
 
-void run_section(const SectionCommand& command) {
+void run_section(SectionCommand& command) {
   if (command.mesh.empty())
     throw UsageError(
         "no mesh given; name one: tessera section mesh.ply --line axis.geojson --spacing 20 -o sections.svg");
@@ -53,6 +55,7 @@ void run_section(const SectionCommand& command) {
   require_page_name(command.page);
   const std::string format = command.output.empty() ? "CSV" : section_format(command.output);
   SectionOptions options = section_options(command);
+  const cli::PipedInput piped(command.mesh, command.input_format);
   cli::check_line_writes({command.mesh, options.axis, options.crs},
                          {{command.output, "-o", existing_by(command.force)},
                           {command.page, "--page", existing_by(command.force)}});
@@ -80,6 +83,7 @@ cli::Command section_command() {
   cli::add_output(
       t, c.output,
       "lines to write: a table (.csv), a drawing (.svg), or lines in place (.dxf, .gpkg, .geojson)");
+  cli::add_input_format(t, c.input_format);
   t.add("page", &c.page,
         "also write a page to read and to print, with a drawing to scale of up to 200 sections, and a map of "
         "their axis (.html)")
