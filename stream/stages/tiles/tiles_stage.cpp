@@ -14,6 +14,7 @@
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/journal.h"
+#include "stream/runtime/task_counts.h"
 #include "stream/stages/tiles/tile_levels.h"
 
 namespace tessera {
@@ -118,6 +119,7 @@ class TilesStage : public Stage {
   Json run(std::size_t task, TaskContext& context) const override {
     // An older site loses its name before its first tile goes.
     if (std::error_code ignored; level_ == 0) fs::remove(output_, ignored);
+    std::uint64_t met_by_grid = 0;
     DirectFile records(context.create(kRecords + task_file_stem(task) + ".bin"), std::size_t{1} << 16);
     for (std::size_t c = first(task); c < first(task + 1); ++c) {
       context.check_stop();
@@ -127,10 +129,8 @@ class TilesStage : public Stage {
       std::vector<Double3> normals;
       if (normals_) normals = tile_normals(block, store_.load_box(box_around(block)));
       const TileMesh tile = quantise_tile(block, grid_, std::move(normals));
-      const std::string glb = tile_glb(tile);
-      DirectFile file(context.create(kSidecarName + tile_file(level_, c)), std::size_t{1} << 18);
-      file.write(glb.data(), glb.size());
-      record.bytes = file.finish();
+      record.bytes = write_tile(tile, c, context);
+      met_by_grid += pairs_met_by_grid(block, tile);
       record.vertices = tile.position.size();
       record.faces = tile.faces.size();
       std::copy(tile.low.begin(), tile.low.end(), record.low);
@@ -141,7 +141,7 @@ class TilesStage : public Stage {
       context.advance(1);
     }
     context.count_written(records.finish());
-    return Json::object();
+    return {{"met_by_grid", met_by_grid}};
   }
 
   std::uint64_t finish_bytes() const override {
@@ -149,8 +149,10 @@ class TilesStage : public Stage {
   }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
-    (void)summaries;
-    write_durably(context.create(kGrid), dump_json(Json{{"step", grid_.step}, {"origin", grid_.origin}}));
+    const std::uint64_t met =
+        sum_counts(summaries, {{"met_by_grid", 0}}).at("met_by_grid").get<std::uint64_t>();
+    write_durably(context.create(kGrid),
+                  dump_json(Json{{"step", grid_.step}, {"origin", grid_.origin}, {"met_by_grid", met}}));
     return {{"level", level_},
             {"tiles", cells_.size()},
             {"faces", store_.face_count()},
@@ -159,6 +161,13 @@ class TilesStage : public Stage {
   }
 
  private:
+  std::uint64_t write_tile(const TileMesh& tile, std::size_t number, TaskContext& context) const {
+    const std::string glb = tile_glb(tile);
+    DirectFile file(context.create(kSidecarName + tile_file(level_, number)), std::size_t{1} << 18);
+    file.write(glb.data(), glb.size());
+    return file.finish();
+  }
+
   /// Proven: between this level and level 0, as both are without grids.
   static double level_bound(const fs::path& work, int level) {
     double sum = 0.0;
@@ -250,6 +259,7 @@ TileLevel read_tile_level(const fs::path& work, int level) {
   const fs::path folder = work / level_folder(level);
   const Json grid = parse_json(read_text(folder / kGrid));
   out.grid = {grid.at("origin").get<Double3>(), grid.at("step").get<double>()};
+  out.met_by_grid = grid.at("met_by_grid").get<std::uint64_t>();
   out.step_bound = level_step_bound(work, level);
   out.tiles = read_records(folder);
   return out;
@@ -260,7 +270,7 @@ std::string tile_file(int level, std::size_t tile) {
 }
 
 std::uint64_t tile_task_bytes(std::uint64_t block_bytes) {
-  // What is loaded, what of it is kept, and that once more as the tile with its streams.
+  // What is loaded, what of it is kept, and that once more as the tile with its streams; or its faces beside it, and their tree.
   return 3 * block_bytes + (std::uint64_t{1} << 20);
 }
 

@@ -28,6 +28,7 @@ struct TileRecord {
 /// What a level has.
 struct TileLevel {
   TileGrid grid;
+  std::uint64_t met_by_grid = 0;  ///< pairs_met_by_grid() of all tiles
   double step_bound = 0.0;        ///< proven: between this level and the one below
   std::vector<TileRecord> tiles;  ///< ascending cells
 };

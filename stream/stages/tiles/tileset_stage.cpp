@@ -7,6 +7,7 @@
 #include "stream/files/path_text.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/runtime/journal.h"
+#include "stream/runtime/numbers.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/tiles/site_frame.h"
 #include "stream/stages/tiles/tile_levels.h"
@@ -88,7 +89,8 @@ class TilesetStage : public SerialStage {
                     {"method", level_method_name(state_.work, static_cast<int>(l))},
                     {"faces_of_level", faces_of_[l]},
                     {"step_bound", levels_[l].step_bound},
-                    {"grid_step", levels_[l].grid.step}};
+                    {"grid_step", levels_[l].grid.step},
+                    {"met_by_grid", levels_[l].met_by_grid}};
       std::uint64_t level_bytes = 0, level_faces = 0;
       for (const TileRecord& tile : levels_[l].tiles) {
         level_bytes += tile.bytes;
@@ -106,6 +108,12 @@ class TilesetStage : public SerialStage {
     if (frame.geocentric) frame_report["misfit_m"] = frame.misfit_m;
     Json warnings = Json::array();
     if (!frame.warning.empty()) warnings.push_back(frame.warning);
+    if (const TileLevel& finest = levels_.front(); finest.met_by_grid > 0)
+      warnings.push_back(std::to_string(finest.met_by_grid) +
+                         " pairs of faces of the finest tiles came to cross, overlap or touch by the grid of "
+                         "their positions, steps of " +
+                         number_text(finest.grid.step) +
+                         ": tiles are for looking at; take the mesh for anything else");
     return {{"path", json_text(state_.output)},
             {"frame", std::move(frame_report)},
             {"warnings", std::move(warnings)},
