@@ -253,6 +253,82 @@ TEST_CASE("mend: an open surface that passes through another one is refused with
   }
 }
 
+TEST_CASE("mend: copies of vertices that were taken apart stay, and are told", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.off", out = folder / "out.ply";
+  // Three walls along one edge.
+  spill(in,
+        "OFF 8 6 0\n0 0 0\n0 0 1\n1 0 0\n1 0 1\n-1 1 0\n-1 1 1\n-1 -1 0\n-1 -1 1\n"
+        "3 0 2 3\n3 0 3 1\n3 0 1 5\n3 0 5 4\n3 0 1 7\n3 0 7 6\n");
+  REQUIRE(pairs_of(in) == 0);
+  std::vector<std::string> words = repair("smooth", in, out);
+  words.erase(std::find(words.begin(), words.end(), "-q"));
+  const CommandResult r = tessera_command(words);
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const Json input = report_of(out).at("crossings").at("input");
+  CHECK(input.at("crossing_pairs") == 0);
+  CHECK(input.at("touching_in_copies") > 0);
+  CHECK(r.errors.find("touch in copies of vertices alone") != std::string::npos);
+}
+
+TEST_CASE("mend: sheets that are nearer than floats tell apart are refused or warned of", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.off";
+  // Six faces, oblique: two sheets that share their outline.
+  const auto body = [&](double thickness, bool with_ball) {
+    Surface s;
+    for (const Double3& p :
+         {Double3{0, 0, 0}, {1, 0, 0}, {.3, .9, 0}, {.4, .3, thickness}, {.45, .28, -thickness}})
+      s.position.push_back({1000 + p[0] + .3 * p[2] + .1 * p[1], 1000 + .97 * p[1] + .17 * p[0],
+                            1000 + p[2] + .31 * p[0] + .77 * p[1]});
+    s.faces = {{0, 1, 3}, {1, 2, 3}, {2, 0, 3}, {1, 0, 4}, {2, 1, 4}, {0, 2, 4}};
+    if (with_ball) {
+      Surface ball = sphere(4, 5.0);
+      for (auto& f : ball.faces)
+        for (std::uint32_t& v : f) v += 5;
+      for (Double3& p : ball.position) s.position.push_back({p[0] + 1020, p[1] + 1000, p[2] + 1000});
+      s.faces.insert(s.faces.end(), ball.faces.begin(), ball.faces.end());
+    }
+    std::string text =
+        "OFF " + std::to_string(s.position.size()) + " " + std::to_string(s.faces.size()) + " 0\n";
+    for (const Double3& p : s.position)
+      text += dump_json(Json(p[0])) + " " + dump_json(Json(p[1])) + " " + dump_json(Json(p[2])) + "\n";
+    for (const auto& f : s.faces)
+      text += "3 " + std::to_string(f[0]) + " " + std::to_string(f[1]) + " " + std::to_string(f[2]) + "\n";
+    spill(in, text);
+  };
+  const auto remesh = [&](const fs::path& out, const std::string& edge) {
+    const CommandResult r = tessera_command({"remesh", in.string(), "-o", out.string(), "--edge", edge,
+                                             "--no-html", "--force", "--progress", "none"});
+    INFO(r.errors);
+    return r;
+  };
+  const std::string sentence = "came to cross, overlap or touch that did not as given, the first at 1000.";
+  body(1e-6, false);
+  REQUIRE(pairs_of(in) == 0);
+  const CommandResult refused = remesh(folder / "out.stl", "0.1");
+  CHECK(refused.code == 6);
+  CHECK(refused.errors.find(sentence) != std::string::npos);
+  CHECK(refused.errors.find("ask for more faces, or shorter edges") != std::string::npos);
+  CHECK(!fs::exists(folder / "out.stl"));
+  // Doubles tell them apart, and floats do where they are a little thicker.
+  REQUIRE(remesh(folder / "out.ply", "0.1").code == 0);
+  CHECK(pairs_of(folder / "out.ply") == 0);
+  body(1e-4, false);
+  fs::remove_all(folder / "out.stl.tessera");
+  REQUIRE(remesh(folder / "out.stl", "0.1").code == 0);
+  CHECK(pairs_of(folder / "out.stl") == 0);
+  // Few pairs beside many faces: a result, and a warning that tells how many and where.
+  body(1e-6, true);
+  REQUIRE(pairs_of(in) == 0);
+  const CommandResult warned = remesh(folder / "ball.stl", "0.4");
+  REQUIRE(warned.code == 0);
+  CHECK(warned.errors.find(sentence) != std::string::npos);
+  CHECK(pairs_of(folder / "ball.stl") ==
+        report_of(folder / "ball.stl").at("crossings").at("result").at("left_pairs"));
+}
+
 TEST_CASE("mend: a cap too small for uniting is refused with one that does", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = folder / "in.ply", out = folder / "out.ply";

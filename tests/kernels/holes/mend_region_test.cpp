@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <cmath>
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "tests/helpers/surfaces.h"
