@@ -10,8 +10,6 @@
 
 #include <meshoptimizer.h>
 
-#include "kernels/mesh/block_contacts.h"
-#include "kernels/mesh/orientation_sign.h"
 #include "stream/files/json.h"
 #include "stream/formats/srgb.h"
 
@@ -306,36 +304,6 @@ TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector
     }
   split_synthetic(block, tile);
   return tile;
-}
-
-std::uint64_t pairs_met_by_grid(const MeshBlock& block, const TileMesh& tile) {
-  const auto on_grid = [&](std::uint32_t v) {
-    Double3 p;
-    for (std::size_t k = 0; k < 3; ++k) p[k] = static_cast<double>(tile.position[v][k]);
-    return p;
-  };
-  std::vector<ContactFace> faces;
-  std::vector<std::uint32_t> number;
-  for (std::uint32_t i = 0; i < block.faces.size(); ++i) {
-    const auto& f = block.faces[i];
-    const ContactFace face = {{on_grid(f[0]), on_grid(f[1]), on_grid(f[2])}, {f[0], f[1], f[2]}};
-    if (collinear(face.corner[0], face.corner[1], face.corner[2])) continue;
-    faces.push_back(face);
-    number.push_back(i);
-  }
-  const auto given = [&](std::uint32_t i) {
-    const auto& f = block.faces[number[i]];
-    return ContactFace{{block.position[f[0]], block.position[f[1]], block.position[f[2]]},
-                       {f[0], f[1], f[2]}};
-  };
-  std::uint64_t pairs = 0;
-  block_contacts(faces, kAllSpace, [&](std::uint32_t i, std::uint32_t j, FaceContact) {
-    const ContactFace a = given(i), b = given(j);
-    const bool had_area = !collinear(a.corner[0], a.corner[1], a.corner[2]) &&
-                          !collinear(b.corner[0], b.corner[1], b.corner[2]);
-    pairs += !had_area || face_contact(a, b) == FaceContact::kNone;
-  });
-  return pairs;
 }
 
 std::vector<Double3> tile_normals(const MeshBlock& block, const MeshBlock& around) {

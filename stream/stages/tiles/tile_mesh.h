@@ -36,10 +36,6 @@ struct TileMesh {
 /// \pre the block is not empty, and no wider than 2^24 steps
 TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal);
 
-/// Pairs of faces that cross, overlap or touch beyond what they share where the grid has them (block_contacts.h), and do not where
-/// the block does. \pre `tile` is the block's
-std::uint64_t pairs_met_by_grid(const MeshBlock& block, const TileMesh& tile);
-
 /// Per vertex of the block: the mean of the normals of the faces at it, by their area; zero where they cancel out.
 /// \param around  has, by key, all vertices of the block and all faces at them; keys ascend
 std::vector<Double3> tile_normals(const MeshBlock& block, const MeshBlock& around);

@@ -1,4 +1,5 @@
 #include "stream/stages/tiles/tiles_stage.h"
+#include "stream/stages/tiles/grid_contacts.h"
 
 #include <algorithm>
 #include <array>

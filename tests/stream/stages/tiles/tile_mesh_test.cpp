@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <set>
 
-#include "kernels/mesh/block_contacts.h"
 #include "octree/portable_math.h"
 #include "tests/helpers/tiles_site.h"
 
@@ -81,31 +80,6 @@ TEST_CASE("tile mesh: what is wider than 16 bits of the grid has whole numbers a
   CHECK(decoded.position_type == "float");
   for (const Double3& p : decoded.points)
     for (const double c : p) CHECK(c / grid.step == std::floor(c / grid.step));
-}
-
-TEST_CASE("tile mesh: sheets nearer than a step meet on the grid, and not those that met before", "[unit]") {
-  const auto flat = [](double apart) {
-    MeshBlock block = sheet(4, {0, 0, 0});
-    const auto first = static_cast<std::uint32_t>(block.key.size());
-    for (Double3& p : block.position) p[2] = 0.0;
-    for (std::uint32_t v = 0; v < first; ++v) {
-      block.key.push_back(first + v);
-      block.position.push_back(block.position[v] + Double3{0.25, 0.25, apart});
-    }
-    const std::size_t faces = block.faces.size();
-    for (std::size_t f = 0; f < faces; ++f)
-      block.faces.push_back(
-          {first + block.faces[f][0], first + block.faces[f][1], first + block.faces[f][2]});
-    block.rgba.clear();
-    return block;
-  };
-  const TileGrid grid{{0, 0, 0}, 0.125};
-  CHECK(pairs_met_by_grid(flat(0.05), quantise_tile(flat(0.05), grid, {})) > 32);
-  CHECK(pairs_met_by_grid(flat(0.2), quantise_tile(flat(0.2), grid, {})) == 0);
-  MeshBlock crossing = flat(0.0);
-  for (std::size_t v = 25; v < 50; ++v) crossing.position[v][2] = 0.5 * (crossing.position[v][0] - 2.1);
-  CHECK(count_contacts(crossing) > 4);
-  CHECK(pairs_met_by_grid(crossing, quantise_tile(crossing, TileGrid{{0, 0, 0}, 0x1p-20}, {})) == 0);
 }
 
 TEST_CASE("tile mesh: packed, a face takes less than four bytes", "[unit]") {
