@@ -1,5 +1,4 @@
 #include "stream/stages/tiles/tiles_stage.h"
-#include "stream/stages/tiles/grid_contacts.h"
 
 #include <algorithm>
 #include <array>
@@ -16,6 +15,7 @@
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/journal.h"
 #include "stream/runtime/task_counts.h"
+#include "stream/stages/tiles/grid_contacts.h"
 #include "stream/stages/tiles/tile_levels.h"
 
 namespace tessera {
