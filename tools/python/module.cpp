@@ -489,8 +489,7 @@ void register_errors(py::module_& m) {
 PYBIND11_MODULE(_tessera, m) {
   m.doc() = "Tessera's floors for Python; use the package tessera.";
   m.attr("__version__") = TESSERA_VERSION;
-  configure_allocator(
-      core_count());  // as in the program: with an arena for each thread a call takes a twentieth more time
+  configure_allocator(core_count());  // as the program does, first thing
   register_errors(m);
   m.def("run_job", &run_job_by_name);
   m.def("run_on_arrays", &run_on_arrays_by_name);
