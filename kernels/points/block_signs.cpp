@@ -12,6 +12,11 @@ PatchVote seen_from(std::uint32_t a, std::uint32_t b, bool keep, const PatchVote
   return {std::min(a, b), std::max(a, b), keep ? v.same : v.opposite, keep ? v.opposite : v.same};
 }
 
+/// Loose groups are tied to others by votes that cancel out, if at all.
+bool is_loose(const PatchVote& v) {
+  return v.a >= PatchAnchor::kLoose || (v.b >= PatchAnchor::kLoose && v.b != PatchAnchor::kOutside);
+}
+
 }  // namespace
 
 BlockSigns solve_block_signs(const SignBlock& block) {
@@ -19,7 +24,7 @@ BlockSigns solve_block_signs(const SignBlock& block) {
   const auto patches = static_cast<std::uint32_t>(group.size());
   const std::uint32_t outside = block.groups.count();
   std::vector<PatchVote> votes;
-  votes.reserve(block.links.size() + block.sides.size());
+  votes.reserve(block.links.size() + block.sides.size() + block.pairs.size());
   for (const PatchVote& v : block.links)
     if (group[v.a] != group[v.b])
       votes.push_back(seen_from(group[v.a], group[v.b], sign[v.a] * sign[v.b] > 0, v));
@@ -28,6 +33,7 @@ BlockSigns solve_block_signs(const SignBlock& block) {
     votes.push_back({v.a, outside, v.same, v.opposite});
     shown[v.a] += v.same - v.opposite;
   }
+  votes.insert(votes.end(), block.pairs.begin(), block.pairs.end());
   merge_votes(votes);
   std::vector<std::uint64_t> weight = size;
   weight.push_back(kOutsideWeight);
@@ -70,15 +76,17 @@ BlockSigns solve_block_signs(const SignBlock& block) {
     }
   }
   merge_votes(out.links);
-  // Loose groups are tied to others by votes that cancel out, if at all.
-  std::erase_if(out.links, [](const PatchVote& v) {
-    return v.a >= PatchAnchor::kLoose || (v.b >= PatchAnchor::kLoose && v.b != PatchAnchor::kOutside);
-  });
+  std::erase_if(out.links, is_loose);
   for (const PatchVote& v : block.sides) {
     const PatchAnchor& a = hung[v.a];
     if (a.anchor >= PatchAnchor::kLoose) continue;
     out.sides.push_back(seen_from(a.anchor, PatchAnchor::kOutside, a.sign > 0, v));
   }
+  for (const PatchVote& v : block.pairs) {
+    const PatchAnchor &a = hung[v.a], &b = hung[v.b];
+    if (a.anchor != b.anchor) out.sides.push_back(seen_from(a.anchor, b.anchor, a.sign * b.sign > 0, v));
+  }
+  std::erase_if(out.sides, is_loose);
   merge_votes(out.sides);
   return out;
 }

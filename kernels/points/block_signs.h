@@ -20,7 +20,8 @@ struct SignBlock {
   std::vector<PatchVote> links;  ///< between its patches, merged, a < b
   std::vector<PatchVote>
       sides;  ///< of groups, for the side that they show; `b` does not matter, repeats add up
-  std::vector<std::uint8_t> border;  ///< per patch: linked to a patch of another block
+  std::vector<std::uint8_t> border;   ///< per patch: linked to a patch of another block, or seen by one
+  std::vector<PatchVote> pairs = {};  ///< between groups that see each other, a < b
 };
 
 /// What a patch hangs on.
@@ -40,7 +41,7 @@ struct BlockSigns {
   std::vector<PatchAnchor> patches;
   std::vector<std::uint64_t> weight;  ///< per anchor, summed over what hangs on it
   std::vector<PatchVote> links;       ///< between anchors, merged; `b` may be kOutside
-  std::vector<PatchVote> sides;       ///< of anchors, `b` is kOutside
+  std::vector<PatchVote> sides;       ///< of anchors, `b` is kOutside, and pairs of them that see each other
   std::uint64_t broken_votes =
       0;  ///< weight of links between patches that hang on one anchor which their signs break
   std::uint64_t inner_votes = 0;  ///< and of all of these links

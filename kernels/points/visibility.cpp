@@ -1,9 +1,10 @@
 #include "kernels/points/visibility.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <limits>
-#include <numeric>
+#include <map>
+#include <utility>
 
 #include "kernels/points/orientation.h"
 #include "octree/portable_math.h"
@@ -19,10 +20,11 @@ constexpr float kFrank = 0.25f;               ///< cosine; flatter looks say not
 constexpr float kNear = 2.0f * kCoarseCells;  ///< disks reach beyond edges: what ends nearer does not vote
 constexpr std::uint64_t kLooks = 1u << 19;    ///< pairs, there and back, aimed at over the whole job
 constexpr std::uint64_t kMaxLooks = 2 * kLooks;
-constexpr std::uint64_t kPerGroup = 1024;  ///< small groups look more often, while the most allows it
-constexpr std::uint64_t kMax = 32;         ///< of a surfel that looks at all
-constexpr std::size_t kLookersPerPart = 128;
-constexpr std::size_t kQueriedSensors = 8;  ///< the nearest
+constexpr std::uint64_t kPerGroup = 1024;      ///< small groups look more often, while the most allows it
+constexpr std::uint64_t kMax = 32;             ///< of a surfel that looks at all
+constexpr std::size_t kHalvings = 32;          ///< of it at most
+constexpr std::size_t kMergePairs = 1u << 18;  ///< pairs are added up from so many on
+constexpr std::size_t kQueriedSensors = 8;     ///< the nearest
 constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
 // Scenes. Figures on simulated and real scans: README, "Measured".
 constexpr double kShut = 0.1;  ///< share of looks into the open below which a side is shut in
@@ -80,158 +82,242 @@ std::uint64_t rounded(double rate, std::uint64_t bits) {
 
 /// What one surfel says after its looks.
 struct Answer {
-  std::uint32_t group = 0;
-  double weight = 0.0;  ///< of one look
   Views views;
   bool enclosed = false, shell = false;
 };
 
+/// A surfel that looks around.
+struct LookingSurfel {
+  JobSurfel surfel;
+  std::uint32_t part = 0, disk = 0;
+  double rate = 0.0;       ///< looks in the mean
+  std::uint64_t fine = 0;  ///< surfels of its group
+};
+
+std::uint64_t seed_of(const JobSurfel& s) {
+  return mix(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
+}
+
+SightRay ray_from(const LookingSurfel& l, const Float3& direction, float near) {
+  SightRay ray;
+  ray.from = l.surfel.position, ray.direction = direction, ray.near = near;
+  ray.own_part = l.part, ray.own_disk = l.disk;
+  return ray;
+}
+
+/// Surfels of groups, coarse and fine.
+struct GroupSizes {
+  std::uint32_t first = 0;
+  std::vector<std::uint64_t> coarse, fine;
+
+  explicit GroupSizes(std::uint32_t first_group, std::size_t count = 0)
+      : first(first_group), coarse(count, 0), fine(count, 0) {}
+  /// Those in [first, last).
+  void add(std::span<const JobSurfel> surfels, std::uint32_t last) {
+    for (const JobSurfel& s : surfels) {
+      if (s.patch < first || s.patch >= last) continue;
+      const std::size_t g = s.patch - first;
+      if (g >= coarse.size()) coarse.resize(g + 1, 0), fine.resize(g + 1, 0);
+      ++coarse[g], fine[g] += s.surfels;
+    }
+  }
+};
+
 class Looker {
  public:
-  Looker(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up, double scale)
-      : surfels_(surfels), scene_(surfels), up_(up), scale_(scale), members_(groups, 0), all_(groups, 0) {
-    for (const JobSurfel& s : surfels) ++members_[s.patch], all_[s.patch] += s.surfels;
+  Looker(const SurfelParts& parts, const Float3& up, double scale, const SightRun& run)
+      : parts_(parts),
+        run_(run),
+        scene_(parts, run.bytes, run.for_each),
+        up_(up),
+        scale_(scale),
+        shared_(parts.first_shared, parts.shared) {
+    survey();
     choose_lookers();
   }
 
-  VisibilityVotes run(std::optional<SceneKind> known, const ForEach& for_each) {
-    const std::size_t parts = (lookers_.size() + kLookersPerPart - 1) / kLookersPerPart;
+  VisibilityVotes run(std::optional<SceneKind> known) {
     std::vector<Answer> answers(lookers_.size());
-    std::vector<std::vector<PatchVote>> pairs(parts);
-    for_each(parts, [&](std::size_t part) {
-      const std::size_t end = std::min(lookers_.size(), (part + 1) * kLookersPerPart);
-      for (std::size_t k = part * kLookersPerPart; k < end; ++k)
-        answers[k] = look_around(lookers_[k], pairs[part]);
-      merge_votes(pairs[part]);
-    });
-    std::vector<PatchVote> merged;
-    for (const std::vector<PatchVote>& p : pairs) merged.insert(merged.end(), p.begin(), p.end());
-    merge_votes(merged);
-    return result(known, answers, std::move(merged));
+    std::vector<PatchVote> pairs;
+    std::vector<SightRay> rays;
+    const std::size_t batch = std::max<std::uint64_t>(run_.lookers, 1);
+    for (std::size_t first = 0; first < lookers_.size(); first += batch) {
+      const std::size_t count = std::min(batch, lookers_.size() - first);
+      const std::span<Answer> out(answers.data() + first, count);
+      look_around(std::span(lookers_).subspan(first, count), rays, out, pairs);
+      if (pairs.size() > kMergePairs) merge_votes(pairs);
+    }
+    merge_votes(pairs);
+    return result(known, answers, std::move(pairs));
   }
 
  private:
-  /// Looks of a surfel in the mean, while its group has `per_group`.
-  double rate(const JobSurfel& s, double per_group) const {
-    return std::min(std::max(static_cast<double>(kLooks) / static_cast<double>(surfels_.size()),
-                             per_group / static_cast<double>(members_[s.patch])),
+  /// Looks of a surfel in the mean, while its group of so many has `per_group`.
+  double rate(std::uint64_t members, double per_group) const {
+    return std::min(std::max(static_cast<double>(kLooks) / static_cast<double>(surfels_),
+                             per_group / static_cast<double>(members)),
                     static_cast<double>(kMax));
   }
 
-  /// Few surfels look often rather than many seldom: what shuts a surfel in shows in many looks only. Where groups are
-  /// too many for their share of looks, as in a crown of leaves, all of them get less.
-  void choose_lookers() {
-    for (per_group_ = static_cast<double>(kPerGroup);; per_group_ /= 2.0) {  // without it they are kLooks
-      double all = 0.0;
-      for (const JobSurfel& s : surfels_) all += rate(s, per_group_);
-      if (all <= static_cast<double>(kMaxLooks)) break;
+  void add_looks(const GroupSizes& groups, std::array<double, kHalvings>& all) const {
+    for (const std::uint64_t members : groups.coarse)
+      for (std::size_t k = 0; k < kHalvings && members > 0; ++k)
+        all[k] += static_cast<double>(members) * rate(members, halved(k));
+  }
+
+  static double halved(std::size_t times) {
+    return std::ldexp(static_cast<double>(kPerGroup), -static_cast<int>(times));
+  }
+
+  /// What is asked of all surfels. Few surfels look often rather than many seldom: what shuts a surfel in shows in many
+  /// looks only. Where groups are too many for their share of looks, as in a crown of leaves, all of them get less.
+  void survey() {
+    for (const SurfelParts::Part& p : parts_.parts) surfels_ += p.surfels;
+    std::array<double, kHalvings> all{};  // looks, per halving of per_group; without it they are kLooks
+    for (std::size_t p = 0; p < parts_.parts.size(); ++p) {
+      const std::vector<JobSurfel> surfels = parts_.load(p);
+      scene_.add(p, surfels);
+      for (const JobSurfel& s : surfels) {
+        const double points = double{s.points}, weight = s.surfels;
+        none_ += weight, once_ += weight * points, twice_ += weight * points * points;
+        fine_ += s.surfels;
+      }
+      GroupSizes sizes(parts_.parts[p].first_group);
+      sizes.add(surfels, parts_.first_shared);
+      shared_.add(surfels, SurfelDisks::kNobody);
+      add_looks(sizes, all);
     }
-    for (std::uint32_t i = 0; i < surfels_.size(); ++i)
-      if (scene_.disk_of(i) != SurfelScene::kNobody &&
-          rounded(rate(surfels_[i], per_group_) / static_cast<double>(kMax), seed_of(surfels_[i])) != 0)
-        lookers_.push_back(i);
+    add_looks(shared_, all);
+    scene_.finish();
+    std::size_t k = 0;
+    while (k + 1 < kHalvings && all[k] > static_cast<double>(kMaxLooks)) ++k;
+    per_group_ = halved(k);
   }
 
-  static std::uint64_t seed_of(const JobSurfel& s) {
-    return mix(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
+  void choose_lookers() {
+    for (std::uint32_t p = 0; p < parts_.parts.size(); ++p) {
+      const std::vector<JobSurfel> surfels = parts_.load(p);
+      GroupSizes sizes(parts_.parts[p].first_group);
+      sizes.add(surfels, parts_.first_shared);
+      std::vector<std::uint32_t> disks;
+      for (std::size_t i = 0; i < surfels.size(); ++i) {
+        const JobSurfel& s = surfels[i];
+        const GroupSizes& of = s.patch >= parts_.first_shared ? shared_ : sizes;
+        const double looks = rate(of.coarse[s.patch - of.first], per_group_);
+        if (rounded(looks / static_cast<double>(kMax), seed_of(s)) == 0) continue;
+        if (disks.empty()) SurfelDisks(surfels, &disks);
+        if (disks[i] == SurfelDisks::kNobody) continue;
+        lookers_.push_back({s, p, disks[i], looks, of.fine[s.patch - of.first]});
+      }
+    }
   }
 
-  /// Calls see(side, way) for kMax directions there and back.
-  template <class See>
-  void each_direction(const JobSurfel& s, See&& see) const {
-    const float area = norm(s.area);
-    Dice dice(seed_of(s));
+  /// kMax directions there and back, there first.
+  static void add_rays(const LookingSurfel& l, float near, std::vector<SightRay>& rays) {
+    const float area = norm(l.surfel.area);
+    Dice dice(seed_of(l.surfel));
     for (std::uint64_t k = 0; k < kMax;) {
       Float3 direction = dice.direction();
-      const float cosine = dot(s.area, direction) / area;
+      const float cosine = dot(l.surfel.area, direction) / area;
       if (std::fabs(cosine) < kFrank) continue;
       ++k;
       if (cosine < 0.0f) direction = {-direction[0], -direction[1], -direction[2]};
-      see(std::size_t{0}, direction);
-      see(std::size_t{1}, Float3{-direction[0], -direction[1], -direction[2]});
+      rays.push_back(ray_from(l, direction, near));
+      rays.push_back(ray_from(l, {-direction[0], -direction[1], -direction[2]}, near));
     }
   }
 
-  Answer look_around(std::uint32_t i, std::vector<PatchVote>& pairs) const {
-    const JobSurfel& s = surfels_[i];
-    Answer out;
-    out.group = s.patch;
-    out.weight = s.surfels / rate(s, per_group_);
-    const auto vote = static_cast<std::int64_t>(std::floor(kPairs * scale_ * out.weight / 2.0 + 0.5));
-    Views& seen = out.views;
-    each_direction(s, [&](std::size_t side, const Float3& direction) {
-      const SurfelScene::Visibility visibility =
-          scene_.look(s.position, direction, kMinDistance, kFar, scene_.disk_of(i));
-      if (!visibility.met) {
-        seen.open[side] += 1.0;
-        seen.bright[side] += dot(direction, up_) > 0.0f ? 1.0 : kBelow;
-        return;
-      }
-      seen.ended[side] += 1.0;
-      seen.deep[side] += static_cast<double>(visibility.distance);
-      const std::uint32_t other = scene_.patch_of(visibility.disk);
-      if (other == SurfelScene::kNobody || other == s.patch || visibility.distance < kNear ||
-          std::fabs(visibility.cosine) < kFrank)
-        return;
-      const bool same = (side == 0) == (visibility.cosine > 0.0f);
-      pairs.push_back({std::min(s.patch, other), std::max(s.patch, other), same ? vote : 0, same ? 0 : vote});
-    });
-    const auto all = static_cast<double>(kMax);
-    const bool shut = seen.open[0] <= kShut * all && seen.open[1] <= kShut * all;
-    out.enclosed = shut && enclosed(i);
-    out.shell = !shut && std::min(seen.open[0], seen.open[1]) <= kShut * all;
-    return out;
+  void look_around(std::span<const LookingSurfel> lookers, std::vector<SightRay>& rays,
+                   std::span<Answer> answers, std::vector<PatchVote>& pairs) {
+    rays.clear();
+    rays.reserve(lookers.size() * kRays);
+    for (const LookingSurfel& l : lookers) add_rays(l, kMinDistance, rays);
+    scene_.trace(rays);
+    std::vector<std::size_t> shut;
+    for (std::size_t k = 0; k < lookers.size(); ++k) {
+      const std::array<double, 2> open =
+          take_views(lookers[k], std::span(rays).subspan(k * kRays, kRays), answers[k].views, pairs);
+      const auto most = kShut * static_cast<double>(kMax);
+      if (open[0] <= most && open[1] <= most)
+        shut.push_back(k);
+      else
+        answers[k].shell = std::min(open[0], open[1]) <= most;
+    }
+    // Layers of one surface, scanned several times, do not enclose each other: looks begin beyond them.
+    rays.clear();
+    for (const std::size_t k : shut) add_rays(lookers[k], kNear, rays);
+    scene_.trace(rays);
+    for (std::size_t i = 0; i < shut.size(); ++i) {
+      std::array<double, 2> open{};
+      for (std::size_t r = 0; r < kRays; ++r) open[r % 2] += rays[i * kRays + r].met ? 0.0 : 1.0;
+      answers[shut[i]].enclosed = std::max(open[0], open[1]) <= kShut * static_cast<double>(kMax);
+    }
   }
 
-  /// Layers of one surface, scanned several times, do not enclose each other: looks begin beyond them.
-  bool enclosed(std::uint32_t i) const {
-    std::array<double, 2> open{};
-    each_direction(surfels_[i], [&](std::size_t side, const Float3& direction) {
-      open[side] +=
-          scene_.look(surfels_[i].position, direction, kNear, kFar, scene_.disk_of(i)).met ? 0.0 : 1.0;
-    });
-    return std::max(open[0], open[1]) <= kShut * static_cast<double>(kMax);
+  /// \returns looks of both sides into the open
+  std::array<double, 2> take_views(const LookingSurfel& l, std::span<const SightRay> rays, Views& seen,
+                                   std::vector<PatchVote>& pairs) const {
+    const std::uint32_t own = l.surfel.patch;
+    const auto vote = static_cast<std::int64_t>(std::floor(kPairs * scale_ * weight(l) / 2.0 + 0.5));
+    for (std::size_t r = 0; r < rays.size(); ++r) {
+      const SightRay& ray = rays[r];
+      const std::size_t side = r % 2;
+      if (!ray.met) {
+        seen.open[side] += 1.0;
+        seen.bright[side] += dot(ray.direction, up_) > 0.0f ? 1.0 : kBelow;
+        continue;
+      }
+      seen.ended[side] += 1.0;
+      seen.deep[side] += static_cast<double>(ray.distance);
+      if (ray.patch == SurfelDisks::kNobody || ray.patch == own || ray.distance < kNear ||
+          std::fabs(ray.cosine) < kFrank)
+        continue;
+      const bool same = (side == 0) == (ray.cosine > 0.0f);
+      pairs.push_back({std::min(own, ray.patch), std::max(own, ray.patch), same ? vote : 0, same ? 0 : vote});
+    }
+    return seen.open;
   }
+
+  /// Of one look.
+  static double weight(const LookingSurfel& l) { return l.surfel.surfels / l.rate; }
 
   /// Mean square of the points in a surfel over their squared mean: they thin out with the squared distance from
   /// a scanner, so it is near 1 where all stood far away.
-  double density_spread() const {
-    double none = 0.0, once = 0.0, twice = 0.0;
-    for (const JobSurfel& s : surfels_) {
-      const double points = double{s.points}, weight = s.surfels;
-      none += weight, once += weight * points, twice += weight * points * points;
-    }
-    return once > 0.0 ? twice * none / (once * once) : 0.0;
-  }
+  double density_spread() const { return once_ > 0.0 ? twice_ * none_ / (once_ * once_) : 0.0; }
 
   VisibilityVotes result(std::optional<SceneKind> known, const std::vector<Answer>& answers,
                          std::vector<PatchVote> pairs) const {
     VisibilityVotes out;
-    std::vector<Views> views(members_.size());
+    std::map<std::uint32_t, std::pair<Views, std::uint64_t>> views;  // and fine surfels, per group
     double looked = 0.0, enclosed = 0.0, shells = 0.0;
-    for (const Answer& a : answers) {
-      looked += a.weight;
-      enclosed += a.enclosed ? a.weight : 0.0, shells += a.shell ? a.weight : 0.0;
-      Views& sum = views[a.group];
+    for (std::size_t k = 0; k < answers.size(); ++k) {
+      const Answer& a = answers[k];
+      const double w = weight(lookers_[k]);
+      looked += w;
+      enclosed += a.enclosed ? w : 0.0, shells += a.shell ? w : 0.0;
+      auto& [sum, fine] = views[lookers_[k].surfel.patch];
+      fine = lookers_[k].fine;
       for (std::size_t side = 0; side < 2; ++side) {
-        sum.open[side] += a.weight * a.views.open[side];
-        sum.bright[side] += a.weight * a.views.bright[side];
-        sum.ended[side] += a.weight * a.views.ended[side];
-        sum.deep[side] += a.weight * a.views.deep[side];
+        sum.open[side] += w * a.views.open[side];
+        sum.bright[side] += w * a.views.bright[side];
+        sum.ended[side] += w * a.views.ended[side];
+        sum.deep[side] += w * a.views.deep[side];
       }
     }
     double ended = 0.0, deep = 0.0;
-    for (const Views& v : views) ended += v.ended[0] + v.ended[1], deep += v.deep[0] + v.deep[1];
+    for (const auto& [group, of] : views) {
+      const Views& v = of.first;
+      ended += v.ended[0] + v.ended[1], deep += v.deep[0] + v.deep[1];
+    }
     const double mean = ended > 0.0 ? deep / ended : 0.0;
     out.enclosed = looked > 0.0 ? enclosed / looked : 0.0;
     out.shells = looked > 0.0 ? shells / looked : 0.0;
     out.density_spread = density_spread();
     const bool shell = out.shells > kShell;
-    const std::uint64_t fine = std::accumulate(all_.begin(), all_.end(), std::uint64_t{0});
     if (known)
       out.scene = *known;
     else if (out.enclosed > kRoom ||
-             (shell && out.density_spread > (fine >= kTellingSurfels ? kAmid : kAmidFew)))
+             (shell && out.density_spread > (fine_ >= kTellingSurfels ? kAmid : kAmidFew)))
       out.scene = SceneKind::kRoom;
     else
       out.scene = shell ? SceneKind::kObject : SceneKind::kLand;
@@ -239,84 +325,169 @@ class Looker {
     if (!room) out.pairs = std::move(pairs);
     const double sides = room ? kRoomSides : kSides;
     const double as = room ? kOpenInRoom * mean : std::max(kMinOpen, kOpenOnLand * mean);
-    for (std::uint32_t g = 0; g < views.size(); ++g) {
+    for (const auto& [group, of] : views) {
+      const auto& [v, fine] = of;
       std::array<double, 2> worth{};
-      for (std::size_t side = 0; side < 2; ++side) {
-        const Views& v = views[g];
+      for (std::size_t side = 0; side < 2; ++side)
         worth[side] = out.scene == SceneKind::kObject ? v.bright[side] : v.deep[side] + as * v.bright[side];
-      }
       const double sum = worth[0] + worth[1];
       const double lean = sum > 0.0 ? (worth[0] - worth[1]) / sum : 0.0;
       const auto vote = static_cast<std::int64_t>(
-          std::floor(sides * scale_ * static_cast<double>(all_[g]) * std::fabs(lean) + 0.5));
+          std::floor(sides * scale_ * static_cast<double>(fine) * std::fabs(lean) + 0.5));
       if (vote > 0)
-        out.sides.push_back(
-            {g, static_cast<std::uint32_t>(views.size()), lean > 0.0 ? vote : 0, lean > 0.0 ? 0 : vote});
+        out.sides.push_back({group, SurfelDisks::kNobody, lean > 0.0 ? vote : 0, lean > 0.0 ? 0 : vote});
     }
     return out;
   }
 
-  static constexpr float kFar = std::numeric_limits<float>::infinity();
-  std::span<const JobSurfel> surfels_;
+  static constexpr std::size_t kRays = 2 * kMax;
+  const SurfelParts& parts_;
+  const SightRun& run_;
   SurfelScene scene_;
   Float3 up_;
   double scale_;
   double per_group_ = 0.0;
-  std::vector<std::uint64_t> members_;  ///< coarse surfels of a group
-  std::vector<std::uint64_t> all_;      ///< and fine ones
-  std::vector<std::uint32_t> lookers_;
+  std::uint64_t surfels_ = 0, fine_ = 0;
+  double none_ = 0.0, once_ = 0.0, twice_ = 0.0;  ///< sums of powers of the points in a surfel
+  GroupSizes shared_;
+  std::vector<LookingSurfel> lookers_;
 };
 
-}  // namespace
-
-VisibilityVotes vote_by_visibility(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
-                                   double scale, std::optional<SceneKind> known, const ForEach& for_each) {
-  return Looker(surfels, groups, up, scale).run(known, for_each);
-}
-
-std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::size_t groups,
-                                       std::span<const Float3> sensors, double scale) {
-  std::vector<PatchVote> votes(groups);
-  for (std::uint32_t g = 0; g < groups; ++g) votes[g] = {g, static_cast<std::uint32_t>(groups), 0, 0};
-  std::vector<std::uint64_t> members(groups, 0);
-  for (const JobSurfel& s : surfels) ++members[s.patch];
-  const SurfelScene scene(surfels);
-  std::vector<std::pair<float, std::uint32_t>> near(sensors.size());
-  const std::size_t requested = std::min(sensors.size(), kQueriedSensors);
-  for (std::uint32_t i = 0; i < surfels.size(); ++i) {
-    const JobSurfel& s = surfels[i];
-    const float area = norm(s.area);
-    if (!(area > 0.0f)) continue;
-    const double rate = std::min(
-        1.0, std::max(2.0 * static_cast<double>(kLooks) / static_cast<double>(surfels.size() * requested),
-                      static_cast<double>(kPerGroup) / static_cast<double>(members[s.patch])));
-    const std::uint64_t seed = mix(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
-    if (rounded(rate, seed) == 0) continue;
-    for (std::uint32_t k = 0; k < sensors.size(); ++k) {
-      const Float3 to = sensors[k] - s.position;
-      near[k] = {dot(to, to), k};
+/// The sensors that surfels ask: the nearest.
+class SensorVotes {
+ public:
+  SensorVotes(const SurfelParts& parts, std::span<const Float3> sensors, double scale, const SightRun& run)
+      : parts_(parts),
+        sensors_(sensors),
+        scale_(scale),
+        run_(run),
+        scene_(parts, run.bytes, run.for_each),
+        asked_(std::min(sensors.size(), kQueriedSensors)) {
+    for (std::size_t p = 0; p < parts.parts.size(); ++p) {
+      scene_.add(p, parts.load(p));
+      surfels_ += parts.parts[p].surfels;
     }
-    std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(requested), near.end());
-    float first = 0.0f;  // squared distance of the nearest sensor that is not hidden
-    for (std::size_t k = 0; k < requested && near[k].first > 0.0f; ++k) {
-      const Float3& at = sensors[near[k].second];
-      const float distance = std::sqrt(near[k].first);
+    scene_.finish();
+  }
+
+  std::vector<PatchVote> votes_of(std::uint32_t part) {
+    const std::vector<JobSurfel> surfels = parts_.load(part);
+    const std::uint32_t first = parts_.parts[part].first_group;
+    GroupSizes sizes(first);
+    sizes.add(surfels, SurfelDisks::kNobody);
+    std::vector<std::uint32_t> disks;
+    SurfelDisks(surfels, &disks);
+    std::vector<PatchVote> votes(sizes.coarse.size());
+    for (std::uint32_t g = 0; g < votes.size(); ++g) votes[g] = {first + g, SurfelDisks::kNobody, 0, 0};
+    std::vector<Look> looks;
+    std::vector<SightRay> rays;
+    const std::size_t batch = std::max<std::uint64_t>(run_.lookers * 2 * kMax, asked_);
+    for (std::size_t i = 0; i <= surfels.size(); ++i) {
+      if (i == surfels.size() || rays.size() + asked_ > batch) {
+        scene_.trace(rays);
+        for (const Look& look : looks) add_votes(look, rays, votes[look.group - first]);
+        looks.clear(), rays.clear();
+      }
+      if (i == surfels.size() || !has_direction(surfels[i])) continue;
+      const double rate =
+          std::min(1.0, std::max(2.0 * static_cast<double>(kLooks) / static_cast<double>(surfels_ * asked_),
+                                 static_cast<double>(kPerGroup) /
+                                     static_cast<double>(sizes.coarse[surfels[i].patch - first])));
+      if (rounded(rate, seed_of(surfels[i])) == 0) continue;
+      look_out({surfels[i], part, disks[i], rate, 0}, looks, rays);
+    }
+    std::erase_if(votes, [](const PatchVote& v) { return v.same == v.opposite; });
+    return votes;
+  }
+
+ private:
+  /// Rays of one surfel, nearest sensor first.
+  struct Look {
+    std::uint32_t group = 0;
+    std::size_t first = 0, last = 0;
+    double weight = 0.0;
+    Float3 area{};
+    std::array<float, kQueriedSensors> square{};  ///< distance of the sensors that rays go to
+  };
+
+  static bool has_direction(const JobSurfel& s) { return norm(s.area) > 0.0f; }
+
+  void look_out(const LookingSurfel& l, std::vector<Look>& looks, std::vector<SightRay>& rays) {
+    const JobSurfel& s = l.surfel;
+    near_.resize(sensors_.size());
+    for (std::uint32_t k = 0; k < sensors_.size(); ++k) {
+      const Float3 to = sensors_[k] - s.position;
+      near_[k] = {dot(to, to), k};
+    }
+    std::partial_sort(near_.begin(), near_.begin() + static_cast<std::ptrdiff_t>(asked_), near_.end());
+    Look look = {s.patch, rays.size(), rays.size(), scale_ * s.surfels / l.rate, s.area, {}};
+    const float area = norm(s.area);
+    for (std::size_t k = 0; k < asked_ && near_[k].first > 0.0f; ++k) {
+      const Float3& at = sensors_[near_[k].second];
+      const float distance = std::sqrt(near_[k].first);
       Float3 direction;
       for (std::size_t a = 0; a < 3; ++a) {
         direction[a] = (at[a] - s.position[a]) / distance;
         if (std::fabs(direction[a]) < 1e-6f) direction[a] = 1e-6f;
       }
-      const float cosine = dot(s.area, direction) / area;
-      if (std::fabs(cosine) < kGrazing) continue;
-      if (scene.look(s.position, direction, kNear / 4.0f, distance, scene.disk_of(i)).met) continue;
-      if (first == 0.0f) first = near[k].first;
-      const double weight = static_cast<double>(cosine * cosine) * static_cast<double>(first / near[k].first);
-      const auto vote = static_cast<std::int64_t>(std::floor(scale * s.surfels / rate * weight + 0.5));
-      (cosine > 0.0f ? votes[s.patch].same : votes[s.patch].opposite) += vote;
+      if (std::fabs(dot(s.area, direction) / area) < kGrazing) continue;
+      SightRay ray = ray_from(l, direction, kNear / 4.0f);
+      ray.far = distance;
+      look.square[rays.size() - look.first] = near_[k].first;
+      rays.push_back(ray);
+    }
+    look.last = rays.size();
+    looks.push_back(look);
+  }
+
+  static void add_votes(const Look& look, std::span<const SightRay> rays, PatchVote& to) {
+    float first = 0.0f;  // squared distance of the nearest sensor that is not hidden
+    for (std::size_t r = look.first; r < look.last; ++r) {
+      const SightRay& ray = rays[r];
+      if (ray.met) continue;
+      const float cosine = dot(look.area, ray.direction) / norm(look.area);
+      const float square = look.square[r - look.first];
+      if (first == 0.0f) first = square;
+      const double weight = static_cast<double>(cosine * cosine) * static_cast<double>(first / square);
+      (cosine > 0.0f ? to.same : to.opposite) +=
+          static_cast<std::int64_t>(std::floor(look.weight * weight + 0.5));
     }
   }
-  std::erase_if(votes, [](const PatchVote& v) { return v.same == v.opposite; });
-  return votes;
+
+  const SurfelParts& parts_;
+  std::span<const Float3> sensors_;
+  double scale_;
+  const SightRun& run_;
+  SurfelScene scene_;
+  std::size_t asked_;
+  std::uint64_t surfels_ = 0;
+  std::vector<std::pair<float, std::uint32_t>> near_;
+};
+
+}  // namespace
+
+std::uint64_t sight_bytes(const SightRun& run, std::uint64_t surfels, std::uint64_t largest_part,
+                          std::uint64_t bricks) {
+  const std::uint64_t making = SurfelDisks::making_bytes(largest_part);
+  // Lookers are drawn by chance, so they may be a few more; their list grows by doubling.
+  const std::uint64_t lookers = std::min(surfels, 2 * kMaxLooks / kMax);
+  const std::uint64_t pairs = std::min(2 * kMax * surfels, 2 * kMaxLooks);
+  return std::max(2 * run.bytes, making + SurfelDisks::bytes(largest_part)) + making +
+         SurfelScene::grid_bytes(bricks) +
+         std::min(run.lookers, lookers) * 2 * kMax * (sizeof(SightRay) + 4) +
+         lookers * (2 * sizeof(LookingSurfel) + 2 * sizeof(Answer)) + pairs * sizeof(PatchVote);
+}
+
+VisibilityVotes vote_by_visibility(const SurfelParts& parts, const Float3& up, double scale,
+                                   std::optional<SceneKind> known, const SightRun& run) {
+  return Looker(parts, up, scale, run).run(known);
+}
+
+void vote_by_sensors(const SurfelParts& parts, std::span<const Float3> sensors, double scale,
+                     const SightRun& run,
+                     const std::function<void(std::size_t part, std::vector<PatchVote> sides)>& take) {
+  SensorVotes votes(parts, sensors, scale, run);
+  for (std::uint32_t p = 0; p < parts.parts.size(); ++p) take(p, votes.votes_of(p));
 }
 
 }  // namespace tessera

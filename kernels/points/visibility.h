@@ -7,6 +7,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -15,9 +16,6 @@
 #include "kernels/points/surfel_scene.h"
 
 namespace tessera {
-
-/// Runs a body for every index of [0, count), in any order, several at once if it likes.
-using ForEach = std::function<void(std::size_t count, const std::function<void(std::size_t)>& body)>;
 
 /// How a scene was scanned. What surfels see tells the three apart; scenes seen from above: top_surface.h.
 enum class SceneKind : std::uint8_t {
@@ -30,28 +28,38 @@ enum class SceneKind : std::uint8_t {
 /// Votes of looks from surfels to both sides, in directions that hang on their place alone.
 struct VisibilityVotes {
   std::vector<PatchVote> pairs;  ///< between groups that see each other, merged; of objects and land
-  std::vector<PatchVote> sides;  ///< of groups, for the side that they show; `b` is the number of groups
+  std::vector<PatchVote> sides;  ///< of groups, ascending, for the side that they show; `b` does not matter
   double enclosed = 0.0;         ///< share of the surfels that cannot be seen from outside the job
   double shells = 0.0;           ///< share of them with one side that sees next to nothing of the open
   double density_spread = 0.0;   ///< 1: points lie evenly; far more where a scanner stood amid its scene
   SceneKind scene = SceneKind::kLand;
 };
 
-/// \param surfels  with the signs that they have inside their group, which is their `patch`
+/// What does not change the votes. \param bytes  for disks of parts, and as many again while they are made
+struct SightRun {
+  std::uint64_t bytes = std::numeric_limits<std::uint64_t>::max();
+  std::uint64_t lookers = 1u << 12;  ///< that look at once: 64 rays each
+  ForEach for_each;                  ///< every look goes through it
+};
+
+/// Bytes that the votes take at most. \param surfels, bricks  of all parts
+std::uint64_t sight_bytes(const SightRun& run, std::uint64_t surfels, std::uint64_t largest_part,
+                          std::uint64_t bricks);
+
 /// \param up  unit
 /// \param scale  weight of one fine surfel's votes while all its looks agree
 /// \param known  what the user says of the scene
-/// \param for_each  every look goes through it; the result does not hang on how
 /// \cost some millions of rays, whatever the job's size and whatever it shows
-VisibilityVotes vote_by_visibility(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
-                                   double scale, std::optional<SceneKind> known, const ForEach& for_each);
+VisibilityVotes vote_by_visibility(const SurfelParts& parts, const Float3& up, double scale,
+                                   std::optional<SceneKind> known, const SightRun& run);
 
 /// Votes of sensors that nothing hides, for points that do not say which one saw them: the nearest of these
 /// says most, and less the more it looks along the surface.
 /// \param sensors  cells from the lattice origin, anywhere
-/// \returns as VisibilityVotes::sides
+/// \param take  gets those of every part, ascending: as VisibilityVotes::sides
 /// \cost as vote_by_visibility
-std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::size_t groups,
-                                       std::span<const Float3> sensors, double scale);
+void vote_by_sensors(const SurfelParts& parts, std::span<const Float3> sensors, double scale,
+                     const SightRun& run,
+                     const std::function<void(std::size_t part, std::vector<PatchVote> sides)>& take);
 
 }  // namespace tessera

@@ -1,6 +1,7 @@
 #include "stream/points/patch_blocks.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "stream/files/task_files.h"
@@ -164,8 +165,10 @@ std::vector<JobSurfel> load_surfels(const PointOverlay& overlay, const PatchBloc
     const auto first = static_cast<std::uint32_t>(overlay.first_patch()[b] - block.first_patch);
     for (const CoarseSurfel& c : overlay.load_coarse(b)) {
       JobSurfel s;
-      for (std::size_t a = 0; a < 3; ++a)
-        s.position[a] = static_cast<float>(brick[a] * kBrickCells) + c.position[a];
+      for (std::size_t a = 0; a < 3; ++a) {  // far from the origin the sum may round into the next brick
+        const float end = std::nextafter(static_cast<float>((brick[a] + 1) * kBrickCells), 0.0f);
+        s.position[a] = std::min(static_cast<float>(brick[a] * kBrickCells) + c.position[a], end);
+      }
       s.area = c.area;
       s.patch = first + c.patch;
       s.surfels = c.surfels;

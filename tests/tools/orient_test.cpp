@@ -105,6 +105,25 @@ TEST_CASE("orient: a wide city is oriented block by block, the same bytes under 
   }
 }
 
+TEST_CASE("orient: what a wide room sees is found part by part, the same bytes under any cap", "[pipeline]") {
+  const TempFolder folder;
+  const auto in = scan(folder, "indoor", "terrestrial", "400000");
+  std::string bytes;
+  for (const auto& [threads, cap] : {std::pair{"1", "100M"}, std::pair{"2", "1G"}}) {
+    const auto out = folder.path() / (std::string("mesh") + threads + ".ply");
+    const CommandResult r = reconstruct(in, out, {"--resolution", "0.015", "-t", threads, "--memory", cap});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    const tessera::Json entry = orient_entry(out);
+    INFO(tessera::dump_json(entry));
+    CHECK(entry.at("scene") == "room");
+    CHECK(entry.at("anchors").get<int>() > 0);
+    CHECK(entry.at("agreement").at("fraction").get<double>() > 0.98);
+    if (bytes.empty()) bytes = file_bytes(out);
+    CHECK(file_bytes(out) == bytes);
+  }
+}
+
 TEST_CASE("orient: an animal of a few rings of points is an object, in one piece", "[pipeline]") {
   // Points 2 apart along rings 5 apart, as some shape collections hold; legs are three rings' distance thick.
   const TempFolder folder;

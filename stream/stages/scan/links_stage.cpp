@@ -14,6 +14,7 @@
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/orient_needs.h"
+#include "stream/stages/scan/orient_sight.h"
 #include "stream/stages/scan/orient_viewers.h"
 
 namespace tessera {
@@ -74,6 +75,7 @@ class LinksStage : public Stage {
  public:
   explicit LinksStage(const JobState& state)
       : work_(state.work),
+        memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
         mode_(reconstruct_options(state), state.inputs.size(), plan_, agreement_of_work(state.work)),
         viewers_(viewers_of(mode_, plan_, reconstruct_options(state).from)),
@@ -127,24 +129,35 @@ class LinksStage : public Stage {
 
   std::uint64_t finish_bytes() const override {
     if (!mode_.propagate()) return 1u << 20;
-    std::uint64_t outer = 0, surfels = 0, patches = 0;
+    std::uint64_t outer = 0, surfels = 0, patches = 0, coarse = 0;
     const PatchLinks links(work_);
     for (std::size_t b = 0; b < links.block_count(); ++b) outer += links.outer_count(b);
     for (const PatchBlock& block : blocks_) {
       surfels = std::max(surfels, block.coarse);
       patches = std::max<std::uint64_t>(patches, block.patches);
+      coarse += block.coarse;
     }
-    return links_finish_bytes(viewers_.unknown() ? overlay_.bricks().size() : 0, outer, surfels, patches);
+    const std::uint64_t bricks = overlay_.bricks().size();
+    const std::uint64_t above = links_finish_bytes(viewers_.unknown() ? bricks : 0, outer, surfels, patches);
+    if (viewers_.own) return above;
+    return std::max(above, look_around_bytes(coarse, surfels, patches, outer, bricks, memory_bytes_));
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
     if (!mode_.propagate()) return Json::object();
     OrientationScene scene;
     const PatchLinks links(work_);
-    for (const PatchVote& v : links.outer()) scene.border.push_back(v.a), scene.border.push_back(v.b);
+    if (viewers_.unknown()) look_from_above(links, context, scene);
+    const bool looks = !viewers_.own && !scene.from_above;
+    const std::filesystem::path sight = looks ? context.create(SightVotes::kFile) : std::filesystem::path{};
+    if (looks) look_around(overlay_, blocks_, links, viewers_, memory_bytes_, context, sight);
+    const auto is_linked = [&](const std::vector<PatchVote>& votes) {
+      for (const PatchVote& v : votes) scene.border.push_back(v.a), scene.border.push_back(v.b);
+    };
+    is_linked(links.outer());
+    if (looks) is_linked(SightVotes(sight).outer());
     std::sort(scene.border.begin(), scene.border.end());
     scene.border.erase(std::unique(scene.border.begin(), scene.border.end()), scene.border.end());
-    if (viewers_.unknown()) look_from_above(links, context, scene);
     scene.save(context.create(OrientationScene::kFile));
     return {{"blocks", blocks_.size()}, {"border_patches", scene.border.size()}};
   }
@@ -209,6 +222,7 @@ class LinksStage : public Stage {
   }
 
   std::filesystem::path work_;
+  std::uint64_t memory_bytes_;
   Plan plan_;
   NormalsMode mode_;
   Viewers viewers_;

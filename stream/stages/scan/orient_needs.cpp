@@ -42,12 +42,15 @@ OrientNeeds orient_needs(const PlannedScan& scan) {
                                       rounded_up(largest));
   needs.links_finish =
       links_finish_bytes(bricks, border_votes, rounded_up(coarse * part), rounded_up(largest));
+  if (!scan.knows_sides && !scan.oriented_in_blocks)  // surfels may have to tell
+    needs.links_finish =
+        std::max(needs.links_finish,
+                 look_around_bytes(rounded_up(coarse), rounded_up(coarse * part), rounded_up(largest),
+                                   border_votes, bricks, scan.run.memory_bytes));
   needs.links_disk = rounded_up(votes) * sizeof(PatchVote) + rounded_up(patches) * sizeof(PatchGroup);
   needs.task = solve_block_bytes(rounded_up(largest), rounded_up(votes * part), rounded_up(coarse * part));
-  needs.finish = scan.oriented_in_blocks
-                     ? block_orientation_bytes(rounded_up(patches), rounded_up(largest), rounded_up(border),
-                                               2 * border_votes)
-                     : whole_orientation_bytes(rounded_up(patches), rounded_up(votes), rounded_up(coarse));
+  needs.finish =
+      block_orientation_bytes(rounded_up(patches), rounded_up(largest), rounded_up(border), 2 * border_votes);
   return needs;
 }
 

@@ -1,190 +1,221 @@
-#include "stream/stages/scan/orient_solution.h"
-
 #include <algorithm>
-#include <functional>
-#include <optional>
-#include <string>
+#include <cmath>
+#include <utility>
 
-#include "kernels/points/visibility.h"
 #include "stream/files/json.h"
-#include "stream/runtime/parallel.h"
+#include "stream/stages/scan/orient_solution.h"
 #include "stream/stages/scan/orient_tally.h"
 
 namespace tessera {
 namespace {
 
-/// Votes of what surfels see, of one surfel, against those of its links.
-constexpr double kVisibilityScale = kVoteScale;
+constexpr std::uint64_t kOutsideWeight = std::uint64_t{1} << 60;  ///< everything joins outside
 
-std::string name_of(SceneKind scene) {
-  switch (scene) {
-    case SceneKind::kObject:
-      return "object";
-    case SceneKind::kLand:
-      return "land";
-    case SceneKind::kRoom:
-      return "room";
-  }
-  return "";
-}
-
-/// What the solvers say of every patch.
-struct PatchSigns {
-  std::vector<std::int8_t> sign;
-  std::vector<Decider> decider;
-  std::vector<std::uint32_t> component;  ///< patches that votes of points, sensors or up join
-  double frustrated = 0.0;               ///< share of the votes that the signs break
-};
-
-/// Sensors or up have voted: links carry what they say to where they say little. \param seen  of patches, `b` is
-/// their number
-PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, std::vector<PatchVote> seen,
-                      std::vector<PatchVote> votes) {
-  const auto outside = static_cast<std::uint32_t>(weight.size());  // one more node: where the viewer is
-  std::vector<std::int64_t> shown(outside, 0);
-  for (const PatchVote& v : seen) shown[v.a] = v.same - v.opposite;
-  votes.insert(votes.end(), seen.begin(), seen.end());
-  std::vector<std::uint64_t> weights = weight;
-  weights.push_back(std::uint64_t{1} << 60);  // everything joins outside, never the other way round
-  merge_votes(votes);
-  SignSolution s = solve_signs(weights, votes);
-  PatchSigns out;
-  out.sign.assign(s.sign.begin(), s.sign.end() - 1);
-  out.component.assign(s.component.begin(), s.component.end() - 1);
-  for (std::uint32_t p = 0; p < outside; ++p)
-    out.decider.push_back(s.uncertain[p] != 0 || s.component[p] != outside ? Decider::kUncertain
-                          : shown[p] * s.sign[p] > 0                       ? Decider::kSeen
-                                                                           : Decider::kPropagation);
-  out.frustrated = share_of(s.frustrated_votes, s.total_votes);
-  return out;
-}
-
-/// Votes for sides and between groups of patches by how the scene was scanned, which the entry tells.
-/// \param surfels  with the signs that they have inside their group
-std::vector<PatchVote> votes_of_scene(std::vector<JobSurfel>& surfels, const Viewers& viewers,
-                                      const TaskContext& context, const PatchGroups& groups, Json& entry) {
-  for (JobSurfel& s : surfels) s.patch = groups.of[s.patch];
-  std::optional<SceneKind> known;
-  if (viewers.scene == "around") known = SceneKind::kObject;
-  if (viewers.scene == "inside") known = SceneKind::kRoom;
-  VisibilityVotes visibility =
-      vote_by_visibility(surfels, groups.count(), viewers.up, kVisibilityScale, known,
-                         [&](std::size_t count, const std::function<void(std::size_t)>& body) {
-                           parallel_for(count, [&](std::size_t i) {
-                             context.check_stop();
-                             body(i);
-                           });
-                         });
-  entry["enclosed_fraction"] = visibility.enclosed;
-  entry["shell_fraction"] = visibility.shells;
-  entry["density_spread"] = visibility.density_spread;
-  entry["scene"] = name_of(visibility.scene);
-  std::vector<PatchVote> votes = std::move(visibility.pairs);
-  votes.insert(votes.end(), visibility.sides.begin(), visibility.sides.end());
-  return votes;
-}
-
-/// Nobody is known to have seen anything: links make groups, and what their surfels see of each other and of the
-/// open decides which side of them is outside. \param stats  of patches, with votes of `up`
-PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vector<PatchVote>& links,
-                        const std::vector<PatchStats>& stats, std::vector<JobSurfel> surfels,
-                        const Viewers& viewers, const TaskContext& context, Json& entry) {
-  const auto patches = static_cast<std::uint32_t>(weight.size());
-  const PatchGroups grouped = group_patches(weight, links, kGroupLimits);
-  context.check_stop();
+/// Groups, and what is known of their sides, of a block seen from above.
+void see_from_above(std::vector<JobSurfel> surfels, const std::vector<PatchStats>& stats,
+                    const std::vector<std::uint64_t>& weight, const TopColumns& tops, const Viewers& viewers,
+                    SignBlock& out) {
   for (JobSurfel& s : surfels)
-    for (float& a : s.area) a *= static_cast<float>(grouped.sign[s.patch]);
-  std::vector<PatchVote> votes = votes_of_scene(surfels, viewers, context, grouped, entry);
-  const auto& [group, sign, size] = grouped;
-  const std::uint32_t groups = grouped.count();
+    for (float& a : s.area) a *= static_cast<float>(out.groups.sign[s.patch]);
+  std::vector<PatchVote> sides = vote_by_top(surfels, tops, weight.size(), kSkyScale);
+  tear_groups(sides, weight, kClearMajority, out.groups);
+  const auto& [group, sign, size] = out.groups;
+  for (PatchVote& v : sides) v.a = group[v.a];
+  for (const PatchVote& v : votes_of(stats)) {
+    const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
+    sides.push_back({group[v.a], 0, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
+  }
+  if (viewers.given) {
+    const std::vector<PatchVote> given = votes_of_given(stats, out.groups);
+    sides.insert(sides.end(), given.begin(), given.end());
+  }
+  out.sides = std::move(sides);
+}
+
+/// Sides of groups, and groups that see each other, of a block of a scan that is told by what its surfels see.
+void see_around(const SightVotes& sight, std::size_t index, const std::vector<PatchStats>& stats,
+                const Viewers& viewers, SignBlock& out) {
+  const auto& [group, sign, size] = out.groups;
+  out.sides = sight.sides(index);
+  out.pairs = sight.pairs(index);
   // In a room as much shows down as up: there `up` says where the sky is, no more.
-  if (entry.at("scene") != name_of(SceneKind::kRoom))
+  if (!sight.is_room())
     for (const PatchVote& v : votes_of(stats)) {
       const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
-      votes.push_back({group[v.a], groups, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
+      out.sides.push_back({group[v.a], 0, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
     }
-  if (viewers.given) {
-    const std::vector<PatchVote> given = votes_of_given(stats, grouped);
-    votes.insert(votes.end(), given.begin(), given.end());
-  }
-  std::vector<std::int64_t> shown(groups, 0);
-  for (const PatchVote& v : votes)
-    if (v.b == groups) shown[v.a] += v.same - v.opposite;
-  for (const PatchVote& v : links) {
-    const std::uint32_t a = group[v.a], b = group[v.b];
-    if (a == b) continue;
-    const bool keep = sign[v.a] * sign[v.b] > 0;
-    votes.push_back({std::min(a, b), std::max(a, b), keep ? v.same : v.opposite, keep ? v.opposite : v.same});
-  }
-  std::vector<std::uint64_t> weights = size;
-  weights.push_back(std::uint64_t{1} << 60);
-  merge_votes(votes);
-  const SignSolution s = solve_signs(weights, votes);
+  if (!viewers.given) return;
+  const std::vector<PatchVote> given = votes_of_given(stats, out.groups);
+  out.sides.insert(out.sides.end(), given.begin(), given.end());
+}
 
-  PatchSigns out;
-  out.sign.resize(patches), out.decider.resize(patches), out.component.resize(patches);
-  for (std::uint32_t p = 0; p < patches; ++p) {
-    const std::uint32_t g = group[p];
-    out.sign[p] = static_cast<std::int8_t>(sign[p] * s.sign[g]);
-    out.component[p] = s.component[g];
-    out.decider[p] = s.uncertain[g] != 0 || s.component[g] != groups ? Decider::kUncertain
-                     : shown[g] * s.sign[g] > 0                      ? Decider::kVisibility
-                                                                     : Decider::kPropagation;
+/// Every patch by itself.
+PatchGroups single_patches(std::vector<std::uint64_t> weight) {
+  PatchGroups groups;
+  for (std::uint32_t p = 0; p < weight.size(); ++p) groups.of.push_back(p), groups.sign.push_back(1);
+  groups.size = std::move(weight);
+  return groups;
+}
+
+/// Where the anchors of every block stand among those of all, and their votes.
+struct AnchorGraph {
+  std::vector<std::uint32_t> first;   ///< per block
+  std::vector<std::uint64_t> weight;  ///< and at the end that of outside
+  std::vector<PatchVote> links, sides;
+
+  std::uint32_t outside() const { return static_cast<std::uint32_t>(weight.size() - 1); }
+  std::uint32_t node(std::size_t block, std::uint32_t anchor) const {
+    return anchor == PatchAnchor::kOutside ? outside() : first[block] + anchor;
   }
+};
+
+AnchorGraph load_graph(const PatchAnchors& anchors) {
+  AnchorGraph graph;
+  const std::size_t blocks = anchors.entries().size();
+  for (std::size_t b = 0; b < blocks; ++b) {
+    graph.first.push_back(static_cast<std::uint32_t>(graph.weight.size()));
+    const auto of = anchors.load<std::uint64_t>(b, &AnchorsEntry::weight);
+    graph.weight.insert(graph.weight.end(), of.begin(), of.end());
+  }
+  graph.weight.push_back(kOutsideWeight);
+  for (std::size_t b = 0; b < blocks; ++b)
+    for (const auto& [section, votes] :
+         {std::pair{&AnchorsEntry::links, &graph.links}, std::pair{&AnchorsEntry::sides, &graph.sides}})
+      for (const PatchVote& v : anchors.load<PatchVote>(b, section))
+        votes->push_back({graph.node(b, v.a), graph.node(b, v.b), v.same, v.opposite});
+  return graph;
+}
+
+/// Adds the links that join blocks, and what sees each other across blocks. \pre their patches are anchors
+void add_outer_links(const std::vector<PatchBlock>& blocks, const PatchLinks& links,
+                     const OrientationScene& scene, const PatchAnchors& anchors, const SightVotes* sight,
+                     const TaskContext& context, AnchorGraph& graph) {
+  std::vector<std::uint32_t> node(scene.border.size());
+  std::vector<std::int8_t> sign(scene.border.size());
+  std::size_t i = 0;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    context.check_stop();
+    if (i == scene.border.size() || scene.border[i] >= blocks[b].first_patch + blocks[b].patches) continue;
+    const auto patches = anchors.load<PatchAnchor>(b, &AnchorsEntry::patches);
+    for (; i < scene.border.size() && scene.border[i] < blocks[b].first_patch + blocks[b].patches; ++i) {
+      const PatchAnchor& a = patches[scene.border[i] - blocks[b].first_patch];
+      node[i] = graph.first[b] + a.anchor, sign[i] = a.sign;
+    }
+  }
+  const auto border_index = [&](std::uint32_t patch) {
+    return static_cast<std::size_t>(std::lower_bound(scene.border.begin(), scene.border.end(), patch) -
+                                    scene.border.begin());
+  };
+  const auto add = [&](const std::vector<PatchVote>& votes, std::vector<PatchVote>& to) {
+    for (const PatchVote& v : votes) {
+      const std::size_t p = border_index(v.a), q = border_index(v.b);
+      if (node[p] == node[q]) continue;
+      const bool keep = sign[p] * sign[q] > 0;
+      to.push_back({std::min(node[p], node[q]), std::max(node[p], node[q]), keep ? v.same : v.opposite,
+                    keep ? v.opposite : v.same});
+    }
+  };
+  for (std::size_t b = 0; b < blocks.size(); ++b) add(links.outer(b), graph.links);
+  merge_votes(graph.links);
+  if (sight != nullptr) add(sight->outer(), graph.sides);
+}
+
+SignSolution solve_graph(const AnchorGraph& graph) {
+  std::vector<PatchVote> votes;
+  votes.reserve(graph.links.size() + graph.sides.size());
+  votes = graph.links;
+  votes.insert(votes.end(), graph.sides.begin(), graph.sides.end());
+  merge_votes(votes);
+  return solve_signs(graph.weight, votes);
+}
+
+/// Share of the links of all patches that the signs break.
+double frustrated(const AnchorGraph& graph, const SignSolution& solution, const PatchAnchors& anchors) {
   std::uint64_t broken = 0, all = 0;
-  for (const PatchVote& v : links) {
-    broken += static_cast<std::uint64_t>(out.sign[v.a] == out.sign[v.b] ? v.opposite : v.same);
+  for (const AnchorsEntry& e : anchors.entries()) broken += e.broken_votes, all += e.inner_votes;
+  for (const PatchVote& v : graph.links) {
+    broken += static_cast<std::uint64_t>(solution.sign[v.a] == solution.sign[v.b] ? v.opposite : v.same);
     all += static_cast<std::uint64_t>(v.same + v.opposite);
   }
-  out.frustrated = share_of(broken, all);
-  return out;
+  return share_of(broken, all);
 }
 
 }  // namespace
 
-std::uint64_t whole_orientation_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse) {
-  ++patches;         // outside
-  votes += patches;  // of sensors or up
-  // Votes as given and inside the contraction, their adjacency; surfels, their disks as they are sorted; looks.
-  return votes * (2 * sizeof(PatchVote) + 8) + patches * (sizeof(PatchStats) + 120) +
-         coarse * (sizeof(JobSurfel) + 56) + (24u << 20);
+BlockSigns solve_block(const PointOverlay& overlay, const PatchLinks& links, std::size_t index,
+                       const PatchBlock& block, const OrientationScene& scene, const TopColumns& tops,
+                       const SightVotes* sight, const Viewers& viewers) {
+  const std::vector<PatchStats> stats = load_stats(overlay, block);
+  std::vector<std::uint64_t> weight;
+  weight.reserve(stats.size());
+  for (const PatchStats& s : stats) weight.push_back(s.surfels);
+  SignBlock in;
+  in.links = links.inner(index);
+  in.border = scene.border_of(block);
+  if (!viewers.sensors.empty() && sight != nullptr) {
+    in.groups = single_patches(std::move(weight));
+    in.sides = sight->sides(index);
+    return solve_block_signs(in);
+  }
+  in.groups = links.groups(index, weight);
+  if (viewers.own)
+    in.sides = votes_of(stats);
+  else if (sight != nullptr)
+    see_around(*sight, index, stats, viewers, in);
+  else
+    see_from_above(load_surfels(overlay, block, stats), stats, weight, tops, viewers, in);
+  return solve_block_signs(in);
 }
 
-void solve_whole_orientation(const PointOverlay& overlay, const PatchLinks& links, const Viewers& viewers,
-                             const TaskContext& context, OverlayDecisions& decisions, Json& entry) {
-  const auto patches = static_cast<std::uint32_t>(overlay.first_patch().back());
-  std::vector<PatchVote> votes = links.outer();
-  std::vector<PatchStats> stats;
-  std::vector<JobSurfel> surfels;
-  std::vector<std::uint64_t> weight;
-  stats.reserve(patches), weight.reserve(patches);
-  std::uint64_t all_points = 0;
+std::uint64_t solve_block_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse) {
+  votes += 2 * patches;  // of sides
+  return votes * (4 * sizeof(PatchVote) + 8) + patches * (sizeof(PatchStats) + 200) +
+         coarse * 2 * sizeof(JobSurfel) + (4u << 20);
+}
+
+void solve_block_orientation(const PointOverlay& overlay, const PatchLinks& links,
+                             const OrientationScene& scene, const PatchAnchors& anchors,
+                             const SightVotes* sight, const Viewers& viewers, const TaskContext& context,
+                             OverlayDecisions& decisions, Json& entry) {
   const std::vector<PatchBlock> blocks = list_patch_blocks(overlay);
+  AnchorGraph graph = load_graph(anchors);
+  add_outer_links(blocks, links, scene, anchors, sight, context, graph);
+  const SignSolution solution = solve_graph(graph);
+  const Decider sides = viewers.unknown() ? Decider::kVisibility : Decider::kSeen;
+  OrientationTally tally;
+  decisions.patch.reserve(overlay.first_patch().back());
+  std::uint64_t points = 0;
+  for (const OverlayBrick& b : overlay.bricks()) points += b.points;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     context.check_stop();
-    const auto first = static_cast<std::uint32_t>(blocks[b].first_patch);
-    for (const PatchVote& v : links.inner(b)) votes.push_back({first + v.a, first + v.b, v.same, v.opposite});
-    const std::vector<PatchStats> of = load_stats(overlay, blocks[b]);
-    for (JobSurfel& s : load_surfels(overlay, blocks[b], of)) {
-      s.patch += first;
-      surfels.push_back(s);
+    const std::vector<PatchStats> stats = load_stats(overlay, blocks[b]);
+    const auto patches = anchors.load<PatchAnchor>(b, &AnchorsEntry::patches);
+    for (std::size_t p = 0; p < patches.size(); ++p) {
+      const PatchAnchor& a = patches[p];
+      const bool loose = a.anchor >= PatchAnchor::kLoose && a.anchor != PatchAnchor::kOutside;
+      const std::uint32_t node = loose ? graph.outside() : graph.node(b, a.anchor);
+      const int sign = loose ? a.sign : a.sign * solution.sign[node];
+      const std::uint64_t component =
+          loose ? (std::uint64_t{1} << 32) + blocks[b].first_patch + (a.anchor - PatchAnchor::kLoose)
+                : solution.component[node];
+      const bool uncertain =
+          loose || a.uncertain != 0 || solution.uncertain[node] != 0 || component != graph.outside();
+      tally.add(stats[p], sign,
+                uncertain            ? Decider::kUncertain
+                : a.shown * sign > 0 ? sides
+                                     : Decider::kPropagation,
+                component, decisions);
     }
-    for (const PatchStats& f : of) stats.push_back(f), weight.push_back(f.surfels);
   }
-  for (const OverlayBrick& b : overlay.bricks()) all_points += b.points;
-  merge_votes(votes);
-  context.check_stop();
-  PatchSigns signs;
-  if (!viewers.sensors.empty())
-    signs =
-        solve_seen(weight, vote_by_sensors(surfels, patches, viewers.sensors, kVoteScale), std::move(votes));
-  else
-    signs = solve_unseen(weight, votes, stats, std::move(surfels), viewers, context, entry);
-  OrientationTally tally;
-  for (std::uint32_t p = 0; p < patches; ++p)
-    tally.add(stats[p], signs.sign[p], signs.decider[p], signs.component[p], decisions);
-  tally.write(all_points, entry);
-  entry["frustrated_fraction"] = signs.frustrated;
+  tally.write(points, entry);
+  entry["frustrated_fraction"] = frustrated(graph, solution, anchors);
+  entry["anchors"] = graph.outside();
+}
+
+std::uint64_t block_orientation_bytes(std::uint64_t patches, std::uint64_t largest, std::uint64_t border,
+                                      std::uint64_t votes) {
+  return patches + border * (4 + 5 + 120) + votes * (3 * sizeof(PatchVote) + 8) +
+         largest * (sizeof(PatchStats) + sizeof(PatchAnchor)) + (8u << 20);
 }
 
 }  // namespace tessera

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "octree/error.h"
@@ -54,12 +55,13 @@ class OrientStage : public Stage {
     scene_ = OrientationScene::load(work_ / OrientationScene::kFile);
     tops_ = TopColumns(viewers_.up, std::move(scene_.columns));
     blocks_ = list_patch_blocks(overlay_);
-    if (in_blocks()) tasks_ = group_patch_blocks(blocks_);
+    tasks_ = group_patch_blocks(blocks_);
+    if (!viewers_.own && !scene_.from_above) sight_.emplace(work_ / SightVotes::kFile);
   }
 
   std::string name() const override { return "orient"; }
   std::size_t task_count() const override { return tasks_.size(); }
-  std::uint64_t units() const override { return in_blocks() ? overlay_.bricks().size() : 0; }
+  std::uint64_t units() const override { return mode_.propagate() ? overlay_.bricks().size() : 0; }
   std::string unit_name() const override { return "bricks"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
@@ -77,7 +79,7 @@ class OrientStage : public Stage {
     for (std::size_t b = tasks_[task].first; b < tasks_[task].last; ++b) {
       context.check_stop();
       file.block(overlay_.bricks()[blocks_[b].first_brick].key,
-                 solve_block(overlay_, links_, b, blocks_[b], scene_, tops_, viewers_));
+                 solve_block(overlay_, links_, b, blocks_[b], scene_, tops_, sight(), viewers_));
       context.advance(blocks_[b].last_brick - blocks_[b].first_brick);
     }
     context.count_written(file.finish());
@@ -87,13 +89,11 @@ class OrientStage : public Stage {
   std::uint64_t finish_bytes() const override {
     const std::uint64_t patches = overlay_.first_patch().back();
     if (!mode_.propagate()) return patches + (1u << 20);  // a decision each, nothing to solve
-    std::uint64_t inner = 0, outer = 0, largest = 0, coarse = 0;
+    std::uint64_t outer = sight_ ? sight_->outer_count() : 0, largest = 0;
     for (std::size_t b = 0; b < links_.block_count(); ++b) {
-      inner += links_.inner_count(b), outer += links_.outer_count(b);
+      outer += links_.outer_count(b);
       largest = std::max<std::uint64_t>(largest, blocks_[b].patches);
-      coarse += blocks_[b].coarse;
     }
-    if (!in_blocks()) return whole_orientation_bytes(patches, inner + outer, coarse);
     return block_orientation_bytes(patches, largest, scene_.border.size(),
                                    outer + PatchAnchors(work_).vote_count());
   }
@@ -104,19 +104,16 @@ class OrientStage : public Stage {
     Json entry = {{"needed", true}};
     if (mode_.propagate()) {
       decisions.volumetric =
-          volumetric_use(viewers_.own ? is_from_above(viewers_.scene) : in_blocks() && shows_top());
+          volumetric_use(viewers_.own ? is_from_above(viewers_.scene) : scene_.from_above && shows_top());
       if (viewers_.unknown())
         entry.update({{"covered_fraction", scene_.covered},
                       {"roofed_fraction", scene_.roofed},
                       {"level_fraction", scene_.level},
                       {"ground_fraction", scene_.ground}});
-      if (in_blocks()) {
-        entry["scene"] = viewers_.own ? viewers_.scene : kSeenFromAbove;
-        solve_block_orientation(overlay_, links_, scene_, PatchAnchors(work_), viewers_, context, decisions,
-                                entry);
-      } else {
-        solve_whole_orientation(overlay_, links_, viewers_, context, decisions, entry);
-      }
+      if (viewers_.own || scene_.from_above) entry["scene"] = viewers_.own ? viewers_.scene : kSeenFromAbove;
+      if (sight_) sight_->tell(entry);
+      solve_block_orientation(overlay_, links_, scene_, PatchAnchors(work_), sight(), viewers_, context,
+                              decisions, entry);
       const double uncertain = entry.at("uncertain_fraction").get<double>();
       if (uncertain > std::min(kNotable, max_uncertain_)) tell(uncertain, decisions, context, entry);
     } else {
@@ -150,8 +147,8 @@ class OrientStage : public Stage {
     return VolumetricUse::kSurface;
   }
 
-  /// Patches know their sides: blocks of them can be solved by themselves.
-  bool in_blocks() const { return mode_.propagate() && (viewers_.own || scene_.from_above); }
+  /// Null where patches know their sides.
+  const SightVotes* sight() const { return sight_ ? &*sight_ : nullptr; }
 
   /// Many signs in doubt: a picture of where, and a warning, or the end where they are too many.
   void tell(double uncertain, const OverlayDecisions& decisions, const TaskContext& context,
@@ -214,6 +211,7 @@ class OrientStage : public Stage {
   PatchLinks links_;
   OrientationScene scene_;
   TopColumns tops_;  ///< its columns
+  std::optional<SightVotes> sight_;
   std::vector<PatchBlock> blocks_;
   std::vector<PatchBlockRange> tasks_;
 };

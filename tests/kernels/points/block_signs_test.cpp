@@ -152,6 +152,20 @@ TEST_CASE("block signs: what hangs on an anchor hands its votes on", "[unit]") {
   CHECK(signs.sides[0].opposite == kSide);
 }
 
+TEST_CASE("block signs: groups that see each other hang together, and hand on what they see", "[unit]") {
+  // 0 and 2 are anchors; 1 hangs on 0 by sight alone, and sees 2 less often.
+  SignBlock block{single(3), {}, {}, {1, 0, 1}, {{0, 1, 0, 3 * kLink}, {1, 2, kLink, 0}}};
+  const BlockSigns signs = solve_block_signs(block);
+  CHECK(signs.patches[1].anchor == 0);
+  CHECK(signs.patches[1].sign == -1);
+  CHECK(signs.links.empty());  // no link of patches: none to be broken
+  CHECK(signs.inner_votes == 0);
+  REQUIRE(signs.sides.size() == 1);
+  CHECK(signs.sides[0].a == 0);
+  CHECK(signs.sides[0].b == 1);
+  CHECK(signs.sides[0].opposite == kLink);
+}
+
 TEST_CASE("block signs: patches of a group take its sign, in their own", "[unit]") {
   SignBlock block{single(2), {{0, 1, 0, kLink}}, {{0, 0, kSide, 0}}, {0, 0}};
   block.groups = {{0, 0}, {1, -1}, {20}};

@@ -10,7 +10,7 @@
 #include "kernels/points/visibility.h"
 #include "octree/morton.h"
 #include "octree/vector.h"
-#include "tests/kernels/points/in_order.h"
+#include "tests/kernels/points/job_surfels.h"
 
 namespace orientation_test {
 
@@ -285,7 +285,7 @@ TEST_CASE("sight: an object shows outwards, whichever way it was turned", "[unit
   std::vector<JobSurfel> surfels;
   add_sphere(surfels, 200.0, 0, side);
   add_sphere(surfels, 40.0, 1, -side, 260.0f);
-  const VisibilityVotes votes = vote_by_visibility(surfels, 2, {0, 0, 1}, 1000.0, std::nullopt, in_order);
+  const VisibilityVotes votes = vote_by_visibility(surfels, 1000.0);
   CHECK(votes.enclosed < 0.001);
   CHECK(shown(votes.sides, 0) * side == 1.0);
   CHECK(shown(votes.sides, 1) * side == -1.0);
@@ -299,7 +299,7 @@ TEST_CASE("sight: what stands inside tells a room from an object", "[unit]") {
   std::vector<JobSurfel> surfels;
   add_sphere(surfels, 200.0, 0, side);
   add_sphere(surfels, 40.0, 1, side, 60.0f);
-  const VisibilityVotes votes = vote_by_visibility(surfels, 2, {0, 0, 1}, 1000.0, std::nullopt, in_order);
+  const VisibilityVotes votes = vote_by_visibility(surfels, 1000.0);
   CHECK(votes.enclosed > 0.03);
   CHECK(shown(votes.sides, 0) * side == -1.0);  // the room is free space, the furniture is not
   CHECK(shown(votes.sides, 1) * side == 1.0);
@@ -308,7 +308,7 @@ TEST_CASE("sight: what stands inside tells a room from an object", "[unit]") {
 TEST_CASE("sight: layers of one surface do not enclose each other", "[unit]") {
   std::vector<JobSurfel> surfels;
   for (const double radius : {198.0, 200.0, 203.0}) add_sphere(surfels, radius, 0, 1.0f);
-  const VisibilityVotes votes = vote_by_visibility(surfels, 1, {0, 0, 1}, 1000.0, std::nullopt, in_order);
+  const VisibilityVotes votes = vote_by_visibility(surfels, 1000.0);
   CHECK(votes.enclosed < 0.001);
   CHECK(shown(votes.sides, 0) == 1.0);
 }
@@ -318,8 +318,8 @@ TEST_CASE("sight: of several sensors those vote that nothing hides", "[unit]") {
   add_sphere(surfels, 200.0, 0, 1.0f);
   // One inside; one outside, which looks through a gap here and there.
   const Float3 inside = {510.0f, 490.0f, 505.0f}, outside = {500.0f, -900.0f, 503.0f};
-  CHECK(shown(vote_by_sensors(surfels, 1, std::vector<Float3>{outside}, 1000.0), 0) > 0.5);
-  CHECK(shown(vote_by_sensors(surfels, 1, std::vector<Float3>{inside}, 1000.0), 0) < -0.9);
+  CHECK(shown(vote_by_sensors(surfels, {outside}, 1000.0), 0) > 0.5);
+  CHECK(shown(vote_by_sensors(surfels, {inside}, 1000.0), 0) < -0.9);
 }
 
 }  // namespace orientation_test

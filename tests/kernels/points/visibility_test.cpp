@@ -1,4 +1,5 @@
 // What surfels see tells how a scene was scanned, and which side of them shows.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -23,12 +24,12 @@ std::int64_t shown(const VisibilityVotes& v, std::uint32_t group) {
 }  // namespace
 
 TEST_CASE("sight: a shell with even density is an object, one that is dense at one place a room", "[unit]") {
-  const VisibilityVotes object = vote_by_visibility(ball(1.0f), 1, {0, 0, 1}, kScale, std::nullopt, in_order);
+  const VisibilityVotes object = vote_by_visibility(ball(1.0f), kScale);
   CHECK(object.scene == SceneKind::kObject);
   CHECK(shown(object, 0) > 0);
   CHECK(object.shells > 0.9);
   CHECK(object.density_spread == Approx(1.0).margin(0.01));
-  const VisibilityVotes room = vote_by_visibility(ball(100.0f), 1, {0, 0, 1}, kScale, std::nullopt, in_order);
+  const VisibilityVotes room = vote_by_visibility(ball(100.0f), kScale);
   CHECK(room.scene == SceneKind::kRoom);
   CHECK(room.density_spread > 3.0);
   CHECK(room.pairs.empty());
@@ -41,7 +42,7 @@ TEST_CASE(
   const auto scene_of = [](float dense) {
     std::vector<JobSurfel> small = ball(dense);
     for (JobSurfel& s : small) s.surfels = 1;
-    const VisibilityVotes v = vote_by_visibility(small, 1, {0, 0, 1}, kScale, std::nullopt, in_order);
+    const VisibilityVotes v = vote_by_visibility(small, kScale);
     CAPTURE(v.density_spread);
     CHECK(v.density_spread > 2.5);
     return v.scene;
@@ -63,9 +64,29 @@ TEST_CASE("sight: a wide bore through an object does not make it a room, however
         surfels.push_back(surfel({600.0f + r * x, 600.0f + r * y, z}, {x, y, 0}, r > 450.0f ? 1 : 0, 10.0f));
     }
   }
-  const VisibilityVotes v = vote_by_visibility(surfels, 2, {0, 0, 1}, kScale, std::nullopt, in_order);
+  const VisibilityVotes v = vote_by_visibility(surfels, kScale);
   CHECK(v.enclosed < 0.002);
   CHECK(v.scene != SceneKind::kRoom);
+}
+
+TEST_CASE("sight: the same votes when few parts fit and few surfels look at once", "[unit]") {
+  const SurfelParts parts = cut(ball(), 64.0f);
+  SightRun run;
+  run.for_each = in_order;
+  const VisibilityVotes all = vote_by_visibility(parts, {0, 0, 1}, kScale, std::nullopt, run);
+  run.bytes = 1, run.lookers = 200;
+  const VisibilityVotes few = vote_by_visibility(parts, {0, 0, 1}, kScale, std::nullopt, run);
+  const auto same = [](const std::vector<PatchVote>& l, const std::vector<PatchVote>& r) {
+    return std::equal(l.begin(), l.end(), r.begin(), r.end(), [](const PatchVote& a, const PatchVote& b) {
+      return a.a == b.a && a.b == b.b && a.same == b.same && a.opposite == b.opposite;
+    });
+  };
+  CHECK(all.pairs.size() > 100);
+  CHECK(same(all.pairs, few.pairs));
+  CHECK(same(all.sides, few.sides));
+  CHECK(all.enclosed == few.enclosed);
+  CHECK(all.shells == few.shells);
+  CHECK(all.scene == few.scene);
 }
 
 }  // namespace visibility_test
