@@ -28,6 +28,15 @@ void show_order() {
   const std::lock_guard lock(handover);
 }
 
+/// Tasks of a pool that this thread is in.
+thread_local int tasks_here = 0;
+struct InTask {
+  InTask() { ++tasks_here; }
+  ~InTask() { --tasks_here; }
+  InTask(const InTask&) = delete;
+  InTask& operator=(const InTask&) = delete;
+};
+
 /// The failure of the lowest index.
 class FirstFailure {
  public:
@@ -145,6 +154,15 @@ int WorkerPool::threads() const {
 
 void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(std::size_t)>& bytes,
                            MemoryBudget& budget, const std::function<void(std::size_t)>& body) {
+  if (tasks_here > 0) {
+    // The one worker that there may be is this thread: what waited here for another one would wait for ever.
+    for (std::size_t index = 0; index < count; ++index) {
+      throw_if_stopped();
+      const MemoryBudget::Reservation reservation = budget.reserve(bytes(index));
+      run_here([&] { body(index); });
+    }
+    return;
+  }
   std::mutex mutex;
   std::condition_variable changed;
   int running = 0;
@@ -168,6 +186,7 @@ void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(
       const std::lock_guard given(handover);
       impl_->arena.enqueue([&, index, taken = reserved.release()]() {
         show_order();
+        const InTask in_task;
         std::unique_ptr<MemoryBudget::Reservation> reservation(taken);
         const JobScope of_job(job);
         try {

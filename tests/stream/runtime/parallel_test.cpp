@@ -34,6 +34,27 @@ void run_small(WorkerPool& pool, std::size_t count, const std::function<void(std
 
 }  // namespace
 
+TEST_CASE("parallel: a pool in a task of a pool runs its tasks, though there be one thread", "[unit]") {
+  const int threads = GENERATE(1, 3);
+  CAPTURE(threads);
+  WorkerPool pool(threads);
+  std::atomic<int> bodies{0}, loops{0};
+  run_small(pool, 2, [&](std::size_t) {
+    WorkerPool inner(threads);
+    run_small(inner, 5, [&](std::size_t) {
+      ++bodies;
+      parallel_for(7, [&](std::size_t) { ++loops; });
+    });
+    CHECK_THROWS_AS(run_small(inner, 3,
+                              [](std::size_t k) {
+                                if (k == 1) throw EmptyError("one");
+                              }),
+                    EmptyError);
+  });
+  CHECK(bodies == 10);
+  CHECK(loops == 70);
+}
+
 TEST_CASE("parallel: every index once, on any number of threads", "[unit]") {
   const int threads = GENERATE(1, 2, 5);
   CAPTURE(threads);
