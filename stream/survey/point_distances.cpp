@@ -10,13 +10,14 @@
 namespace tessera {
 namespace {
 
-constexpr double kNoDistance = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kSlicePoints =
     1024;  ///< points that one thread measures at a time, a hint between them
 constexpr std::size_t kFarPoints = 1u << 16;
 /// Of a cell at work, beside its faces: a batch of points and what is found for them.
 constexpr std::uint64_t kBatchBytes = std::uint64_t{1} << 20;
-constexpr std::uint64_t kWideBytes = kFarPoints * 64;
+/// Of points that wait for a wider search, with what is found for them.
+template <class Record>
+constexpr std::uint64_t kWideBytes = kFarPoints*(48 + sizeof(Record));
 /// Widens boxes so that rounding of a foot, at most 2^-50 of the coordinates, drops no face around it.
 constexpr double kFootMargin = 0x1p-40;
 
@@ -66,10 +67,6 @@ double foot_margin(const MeshBox& box, double reach) {
   return kFootMargin * largest;
 }
 
-PointDistance distance_of(const Double3& p, const SignedDistance::Foot& foot) {
-  return {SignedDistance::signed_distance(p, foot) + 0.0, foot.border};  // no negative zero
-}
-
 template <class Placed>
 MeshBox box_around(std::span<const Placed> points) {
   MeshBox box = {points.front().position, points.front().position};
@@ -81,27 +78,20 @@ MeshBox box_around(std::span<const Placed> points) {
   return box;
 }
 
-/// Distances of points that have a face within the reach. \pre all such faces are in the surface
-template <class Placed>
-void measure_by(const SignedDistance& surface, double reach, std::span<const Placed> points,
-                std::vector<PointDistance>& distances) {
-  if (surface.empty()) return;
-  for_slices(points.size(), [&](std::size_t begin, std::size_t end) {
-    std::uint32_t hint = SignedDistance::kNone;
-    for (std::size_t i = begin; i < end; ++i) {
-      const Double3 p = points[i].position - surface.origin();
-      const SignedDistance::Foot foot = surface.closest(p, reach * reach, hint);
-      if (foot.face == SignedDistance::kNone) continue;
-      hint = foot.slot;
-      distances[i] = distance_of(p, foot);
-    }
-  });
-}
-
 }  // namespace
 
-PointDistances::PointDistances(const MeshStore& mesh, double max_distance, const std::filesystem::path& temp,
-                               std::uint64_t memory_bytes)
+DistanceRecord DistanceRecord::of(const Double3& p, const SignedDistance::Foot& foot, const Double3&) {
+  // No negative zero.
+  return {SignedDistance::signed_distance(p, foot) + 0.0, 0, foot.border ? 1u : 0u};
+}
+
+FootRecord FootRecord::of(const Double3& p, const SignedDistance::Foot& foot, const Double3& origin) {
+  return {DistanceRecord::of(p, foot, origin), foot.at + origin, unit_or_zero(foot.side)};
+}
+
+template <class Record>
+PointSearch<Record>::PointSearch(const MeshStore& mesh, double max_distance,
+                                 const std::filesystem::path& temp, std::uint64_t memory_bytes)
     : mesh_(mesh),
       max_distance_(max_distance),
       memory_bytes_(memory_bytes),
@@ -112,68 +102,91 @@ PointDistances::PointDistances(const MeshStore& mesh, double max_distance, const
   points_.emplace(point_pool_, cells, chunk_bytes(memory_bytes / 4, cells));
 }
 
-std::uint64_t PointDistances::fullest_bytes() const {
+template <class Record>
+std::uint64_t PointSearch<Record>::fullest_bytes() const {
   std::uint64_t most = 0;
   for (const DistanceCell& c : cells_.cells())
-    most = std::max({most, c.bytes + kBatchBytes, c.wide_bytes + kWideBytes});
+    most = std::max({most, c.bytes + kBatchBytes, c.wide_bytes + kWideBytes<Record>});
   return most;
 }
 
-void PointDistances::add(const Double3& p) {
+template <class Record>
+void PointSearch<Record>::add(const Double3& p) {
   const std::size_t cell = cells_.find(p);
   if (cell != DistanceCells::kNone) points_->add(cell, {p, count_});
   ++count_;
 }
 
-void PointDistances::keep(std::span<const Placed> points, std::span<const PointDistance> distances) {
+template <class Record>
+void PointSearch<Record>::keep(std::span<const Placed> points, std::span<const Record> found) {
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (std::isnan(distances[i].value)) continue;
+    if (!found[i].known()) continue;
     ++measured_;
-    results_->add(points[i].index, {distances[i].value, 0, distances[i].border ? 1u : 0u});
+    results_->add(points[i].index, found[i]);
   }
 }
 
-std::vector<PointDistance> PointDistances::measure_within(const MeshBox& box, double reach,
-                                                          std::span<const Placed> points) const {
-  std::vector<PointDistance> distances(points.size(), {kNoDistance, false});
+/// Of points that have a face within the reach. \pre all such faces are in the surface
+template <class Record>
+void PointSearch<Record>::measure_by(const SignedDistance& surface, double reach,
+                                     std::span<const Placed> points, std::vector<Record>& found) const {
+  if (surface.empty()) return;
+  for_slices(points.size(), [&](std::size_t begin, std::size_t end) {
+    std::uint32_t hint = SignedDistance::kNone;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Double3 p = points[i].position - surface.origin();
+      const SignedDistance::Foot foot = surface.closest(p, reach * reach, hint);
+      if (foot.face == SignedDistance::kNone) continue;
+      hint = foot.slot;
+      found[i] = Record::of(p, foot, surface.origin());
+    }
+  });
+}
+
+template <class Record>
+std::vector<Record> PointSearch<Record>::measure_within(const MeshBox& box, double reach,
+                                                        std::span<const Placed> points) const {
+  std::vector<Record> distances(points.size());
   // Within the reach of the box a foot has all faces around it loaded, as their boxes hold it.
   const SignedDistance surface(mesh_.load_box(grown(box, reach + foot_margin(box, reach))), box.low);
   measure_by(surface, reach, points, distances);
   return distances;
 }
 
-void PointDistances::measure_cell(std::size_t cell) {
+template <class Record>
+void PointSearch<Record>::measure_cell(std::size_t cell) {
   throw_if_stopped();
   const DistanceCell& c = cells_.cells()[cell];
   const SignedDistance surface(mesh_.load_box(grown(c.box, c.reach + foot_margin(c.box, c.reach))),
                                c.box.low);
-  std::vector<PointDistance> distances;
+  std::vector<Record> distances;
   points_->for_each(cell, [&](std::span<const Placed> batch) {
     throw_if_stopped();
-    distances.assign(batch.size(), {kNoDistance, false});
+    distances.assign(batch.size(), Record{});
     measure_by(surface, c.reach, batch, distances);
     const std::lock_guard lock(mutex_);
     keep(batch, distances);
     if (c.reach >= max_distance_) return;
     for (std::size_t i = 0; i < batch.size(); ++i)
-      if (std::isnan(distances[i].value)) unsettled_->add(cell, batch[i]);
+      if (!distances[i].known()) unsettled_->add(cell, batch[i]);
   });
 }
 
 /// Points without a face within the reach of their cell, in circles twice as wide each time: few points lie far off, and
 /// those that do lie together.
-void PointDistances::measure_wide(std::size_t cell, std::vector<Placed>& points) {
+template <class Record>
+void PointSearch<Record>::measure_wide(std::size_t cell, std::vector<Placed>& points) {
   const DistanceCell& c = cells_.cells()[cell];
   for (double reach = c.reach; reach < c.wide_reach && !points.empty();) {
     throw_if_stopped();
     reach = std::min(c.wide_reach, 2.0 * reach);
-    const std::vector<PointDistance> distances =
+    const std::vector<Record> distances =
         measure_within(box_around(std::span<const Placed>(points)), reach, points);
     std::size_t left = 0;
     const std::lock_guard lock(mutex_);
     keep(points, distances);
     for (std::size_t i = 0; i < points.size(); ++i)
-      if (std::isnan(distances[i].value)) points[left++] = points[i];
+      if (!distances[i].known()) points[left++] = points[i];
     points.resize(left);
   }
   if (c.wide_reach >= max_distance_) return;
@@ -181,7 +194,8 @@ void PointDistances::measure_wide(std::size_t cell, std::vector<Placed>& points)
   for (const Placed& p : points) far_->add(cell, p);
 }
 
-void PointDistances::measure_wide(std::size_t cell) {
+template <class Record>
+void PointSearch<Record>::measure_wide(std::size_t cell) {
   std::vector<Placed> points;
   points.reserve(std::min<std::uint64_t>(kFarPoints, unsettled_->count(cell)));
   unsettled_->for_each(cell, [&](std::span<const Placed> some) {
@@ -196,7 +210,8 @@ void PointDistances::measure_wide(std::size_t cell) {
 /// Points of one cell that have no face within its wide reach: one patch after the other, the nearest first, while it may hold a
 /// face that is nearer than what was found. A foot counts where it lies in the box of the patch at hand: all faces around
 /// it are loaded there, and every other foot is that of another patch.
-void PointDistances::measure_far(std::span<const Placed> points, MemoryBudget& budget) {
+template <class Record>
+void PointSearch<Record>::measure_far(std::span<const Placed> points, MemoryBudget& budget) {
   const MeshBox around = box_around(points);
   const Double3 origin = around.low;
   struct Candidate {
@@ -209,7 +224,7 @@ void PointDistances::measure_far(std::span<const Placed> points, MemoryBudget& b
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& l, const Candidate& r) {
     return l.square != r.square ? l.square < r.square : l.patch < r.patch;
   });
-  std::vector<PointDistance> distances(points.size(), {kNoDistance, false});
+  std::vector<Record> distances(points.size());
   std::vector<double> best(points.size(), max_distance_ * max_distance_);
   std::vector<std::uint32_t> active;
   for (const Candidate& c : candidates) {
@@ -234,14 +249,15 @@ void PointDistances::measure_far(std::span<const Placed> points, MemoryBudget& b
         hint = foot.slot;
         if (!holds_point(accepted, foot.at + origin)) continue;
         best[i] = foot.square;
-        distances[i] = distance_of(p, foot);
+        distances[i] = Record::of(p, foot, origin);
       }
     });
   }
   keep(points, distances);
 }
 
-void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
+template <class Record>
+void PointSearch<Record>::measure(WorkerPool& pool, MemoryBudget& budget) {
   results_.emplace(result_pool_, count_, memory_bytes_ / 4);
   const std::size_t cells = cells_.cells().size();
   const std::size_t buffer = chunk_bytes(memory_bytes_ / 4, cells);
@@ -260,8 +276,8 @@ void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
   far_.emplace(point_pool_, cells, buffer);
   const std::vector<std::size_t> wide = with_points(*unsettled_);
   pool.run_tasks(
-      wide.size(), [&](std::size_t k) { return cells_.cells()[wide[k]].wide_bytes + kWideBytes; }, budget,
-      [&](std::size_t k) { measure_wide(wide[k]); });
+      wide.size(), [&](std::size_t k) { return cells_.cells()[wide[k]].wide_bytes + kWideBytes<Record>; },
+      budget, [&](std::size_t k) { measure_wide(wide[k]); });
   unsettled_.reset();
   pool.run_here([&] {
     std::vector<Placed> batch;
@@ -278,5 +294,8 @@ void PointDistances::measure(WorkerPool& pool, MemoryBudget& budget) {
   });
   far_.reset();
 }
+
+template class PointSearch<DistanceRecord>;
+template class PointSearch<FootRecord>;
 
 }  // namespace tessera
