@@ -16,6 +16,7 @@
 #include "stream/stages/deform/deform_crossings.h"
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
+#include "stream/stages/deform/deform_output.h"
 #include "stream/stages/deform/deform_stages.h"
 #include "stream/stages/deform/edit_script.h"
 #include "stream/stages/deform/pose_base.h"
@@ -30,10 +31,6 @@ constexpr std::uint64_t kManyVertices = std::uint64_t{1} << 32;  ///< headers of
 std::uint32_t colour_of(std::int32_t role) {
   constexpr std::uint32_t kBlue = 0xffd07030u, kGreen = 0xff40b040u, kGrey = 0xffb0b0b0u;
   return role == kSupportVertex ? kBlue : role == kFixedVertex ? kGrey : kGreen;
-}
-
-bool finite(const Double3& p) {
-  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
 }
 
 class DeformWriteStage : public SerialStage {
@@ -78,38 +75,6 @@ class DeformWriteStage : public SerialStage {
                                             WeldOptions{weld_bytes_, temp_, [&] { context.check_stop(); }});
     MeshReader& mesh = welded ? *welded : *source;
     return prepares_ ? prepare(basis, rest, mesh, context) : deform(basis, rest, mesh, context);
-  }
-
-  struct Counts {
-    std::uint64_t vertices = 0, faces = 0;
-  };
-  /// True counts: headers count polygons, or nothing.
-  static Counts count(MeshReader& mesh, TaskContext& context) {
-    Counts n;
-    mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
-      context.check_stop();
-      n.vertices += batch.size();
-    });
-    mesh.read_faces([&](std::span<const MeshFace> batch) {
-      context.check_stop();
-      n.faces += batch.size();
-    });
-    return n;
-  }
-
-  /// Where floats are too coarse so far from zero, what moves is written in doubles though the mesh came in floats.
-  void set_origin(MeshHeader& header, std::span<const Double3> base, bool stays) const {
-    if (base.empty()) return;
-    Double3 low = base[0], high = base[0];
-    for (const Double3& p : base) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        low[k] = std::min(low[k], p[k]);
-        high[k] = std::max(high[k], p[k]);
-      }
-    }
-    const double fine = fine_rounding(header.faces, low, high, 0.0);
-    if (!stays && float_rounding({0, 0, 0}, low, high) > fine) header.double_positions = true;
-    header.origin = place_mesh(output_, header.double_positions, low, high, fine).origin;
   }
 
   static void encode(const DisplacementEncoder& encoder, double diagonal, DisplacedBatch& b) {
@@ -176,7 +141,7 @@ class DeformWriteStage : public SerialStage {
             move(rest, posed, mirrored, b);
         },
         *writer, context);
-    write_faces(mesh, mirrored && !colours, *writer, context);
+    write_deformed_faces(mesh, mirrored && !colours, *writer, context);
     writer->finish();
     context.count_written(writer->bytes_written());
     Json out = {{"path", json_text(output_)},
@@ -205,11 +170,12 @@ class DeformWriteStage : public SerialStage {
       header.vertices = about.at("mesh").at("vertices").get<std::uint64_t>();
       header.faces = about.at("mesh").at("faces").get<std::uint64_t>();
     } else {
-      const Counts n = count(mesh, context);
+      const MeshCounts n = count_mesh(mesh, context);
       header.vertices = n.vertices;
       header.faces = n.faces;
     }
-    set_origin(header, basis.base.position, options_.dry_run);
+    if (!basis.base.position.empty())
+      place_output(header, output_, bounds_of(basis.base.position), options_.dry_run);
     header.synthetic = mesh.has_synthetic();
     if (options_.dry_run) header.colour = true;
     return header;
@@ -244,19 +210,6 @@ class DeformWriteStage : public SerialStage {
     return out;
   }
 
-  static void write_faces(MeshReader& mesh, bool reverse, MeshWriter& writer, TaskContext& context) {
-    std::vector<MeshFace> reversed;
-    mesh.read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
-      context.check_stop();
-      if (reverse) {
-        reversed.assign(faces.begin(), faces.end());
-        for (MeshFace& f : reversed) std::swap(f[1], f[2]);
-        faces = reversed;
-      }
-      writer.faces(faces, synthetic);
-    });
-  }
-
   /// How far points with targets were from them, and are.
   Json residuals(const BaseState& rest, const BaseState& posed, const DisplacementEncoder* encoder,
                  double diagonal) const {
@@ -288,7 +241,7 @@ class DeformWriteStage : public SerialStage {
     Json about = parse_json(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const DisplacementEncoder encoder(rest);
-    const Counts n = count(mesh, context);
+    const MeshCounts n = count_mesh(mesh, context);
     const InputFingerprint print = fingerprint_input(mesh_);
     const std::filesystem::path aside = output_aside(output_);
     BasisWriter writer(aside, basis);
