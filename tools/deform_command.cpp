@@ -9,6 +9,7 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/deform/deform_job.h"
 #include "stream/stages/deform/edit_script.h"
+#include "stream/survey/measured_inputs.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
 
@@ -16,7 +17,7 @@ namespace tessera {
 namespace {
 
 struct DeformArguments {
-  std::vector<std::string> words;
+  std::vector<std::string> words, onto;
   std::filesystem::path pose, poses, fit;
   DeformOptions options;
   JobState state;
@@ -96,10 +97,59 @@ void apply_basis(DeformArguments& a) {
   }
 }
 
+void print_onto(const JobState& state, const Json& report) {
+  const Json& onto = report.at("onto");
+  const Json &fit = onto.at("fit"), &cells = fit.at("cells");
+  const auto figures = [&](const char* when) -> const Json& { return onto.at(when).at("areas").at(0); };
+  const Json &before = figures("before"), &after = figures("after");
+  fmt::print("{}: {} vertices, {} faces, {}\n", state.output.string(),
+             report.at("mesh").at("vertices").get<std::uint64_t>(),
+             report.at("mesh").at("faces").get<std::uint64_t>(), cost_text(report));
+  fmt::print(
+      "{} planar cells of the scan matched, {} too far, {} with other normals, {} beside a border; waves "
+      "down to {:.4g}; largest move {:.4g}\n",
+      cells.at("matched").get<std::uint64_t>(), cells.at("far").get<std::uint64_t>(),
+      cells.at("normals_disagree").get<std::uint64_t>(), cells.at("border").get<std::uint64_t>(),
+      fit.at("wavelength").get<double>(), report.at("mesh").at("largest_move").get<double>());
+  const auto percentile = [](const Json& row, const char* p) {
+    return row.at("percentiles").at(p).get<double>();
+  };
+  fmt::print(
+      "deviation of the scan: rms {:.4g} -> {:.4g}, from {:.4g} to {:.4g} -> from {:.4g} to {:.4g} (90 % of "
+      "the points)\n",
+      before.at("rms").get<double>(), after.at("rms").get<double>(), percentile(before, "5"),
+      percentile(before, "95"), percentile(after, "5"), percentile(after, "95"));
+}
+
+/// \throws UsageError
+void run_onto(DeformArguments& a) {
+  a.options.mode = "onto";
+  a.options.validate();
+  if (a.words.size() != 1 || !a.fit.empty() || !a.pose.empty() || !a.poses.empty())
+    throw UsageError(
+        "--onto takes one mesh, and neither an edit nor a pose: deform mesh.ply --onto scan.laz -o out.ply");
+  for (const char* unread : {".vtu", ".msh"})
+    if (a.state.output.extension() == unread)
+      throw UsageError(
+          a.state.output.string() +
+          ": the scan is measured against what was written; name a .ply, .obj, .stl, .glb or .3mf");
+  require_mesh_extension(a.state.output);
+  a.state.inputs = {existing(a.words.front())};
+  const std::vector<std::filesystem::path> scans = cli::expand_and_tell(a.onto);
+  if (measures_vertices(scans.front()))
+    throw UsageError("--onto takes scans: " + scans.front().string() + " is a mesh");
+  a.state.inputs.insert(a.state.inputs.end(), scans.begin(), scans.end());
+  const Json report = run_one(a, a.state);
+  if (a.state.run.verbosity < 0) return;
+  cli::print_repairs(a.words.front(), report);
+  print_onto(a.state, report);
+}
+
 void run_deform(DeformArguments& a) {
   cli::require_inputs(a.words);
   cli::require_output(a.state.output);
   a.state.also_read = cli::also_read({});
+  if (!a.onto.empty()) return run_onto(a);
   const std::string& first = a.words.front();
   a.options.mode = first == "prepare" || first == "apply" ? first : "deform";
   a.options.validate();
@@ -155,11 +205,17 @@ cli::Command deform_command() {
   table.add("poses", &a.poses, "apply: JSON file with many poses; OUT.NAME.ply for each");
   table.add("fit", &a.fit,
             "control points, a line of x,y,z,X,Y,Z each: where they are and where they belong");
+  table
+      .add("onto", &a.onto,
+           "scans (files, folders, globs) of what was built after the mesh: the smoothest displacement that "
+           "brings the mesh onto them, e.g. deform design.stl --onto asbuilt.laz -o asbuilt.ply")
+      .shown_as("FILE");
   table.append(option_table(a.options));
   table.append(option_table(a.state.run));
   return {
       "deform",
-      "Bends a mesh of any size: MESH EDIT.json; or prepare MESH EDIT.json, then apply BASIS.tsb for every "
+      "Bends a mesh of any size: MESH EDIT.json; or onto a scan of it: MESH --onto SCAN; or prepare MESH "
+      "EDIT.json, then apply BASIS.tsb for every "
       "pose. What is fixed stays, what is a handle moves as told, what lies between follows smoothly with "
       "all its details. Resumable.",
       table, [arguments] { run_deform(*arguments); }};

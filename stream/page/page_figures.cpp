@@ -94,6 +94,43 @@ std::string shares(const std::string& title, const std::vector<std::uint64_t>& c
   return html::histogram(h);
 }
 
+/// Points by signed deviation. \param bins  as to_json(DeviationTable) has them
+std::string signed_histogram(const std::string& title, const Json& bins) {
+  constexpr std::size_t kTicks = 8;
+  if (!bins.is_array() || bins.size() < 3) return "";
+  html::Histogram h;
+  h.title = title;
+  const std::size_t stride = std::max<std::size_t>(1, bins.size() / kTicks);
+  for (const Json& bin : bins) {
+    const Json& low = value_at(bin, "/low");
+    h.edges.push_back(low.is_number() && h.counts.size() % stride == 0 ? number_text(low.get<double>()) : "");
+    h.counts.push_back(number_at(bin, "/points"));
+  }
+  h.edges.emplace_back();
+  return html::histogram(h);
+}
+
+/// Of a mesh that was brought onto a scan: how far the scan was from it, and is.
+std::string onto_figures(const Json& report, Rows& rows) {
+  const Json& onto = value_at(report, "/onto");
+  if (!value_at(onto, "/after").is_object()) return "";
+  std::string text;
+  for (const auto& [key, name] : {std::pair{"/before", "as given"}, {"/after", "as written"}}) {
+    const Json& all = value_at(onto, std::string(key) + "/areas/0");
+    rows.emplace_back(
+        fmt::format("points of the scan from the mesh {}", name),
+        fmt::format("root mean square {}, mean {}, nine in ten from {} to {}; {} points, {} of them too far",
+                    number_text(number_at(all, "/rms")), number_text(number_at(all, "/mean")),
+                    number_text(number_at(all, "/percentiles/5")),
+                    number_text(number_at(all, "/percentiles/95")),
+                    escape(count_text(value_at(all, "/points"))), escape(count_text(value_at(all, "/far")))));
+    text += signed_histogram(fmt::format("Points of the scan by signed distance to the mesh {}", name),
+                             value_at(onto, std::string(key) + "/histogram"));
+  }
+  rows.emplace_back("shortest waves of the displacement", number_text(number_at(onto, "/fit/wavelength")));
+  return text;
+}
+
 std::string spacing(const Json& report) {
   const Json& s = stage_result(report, "spacing");
   if (!value_at(s, "/spacing").is_number()) return "";
@@ -209,6 +246,7 @@ std::string deviation_figures(const Json& report) {
                                 value_at(samples, "/histogram"), tolerance_of_job(report),
                                 number_at(samples, "/certified_max"));
   }
+  text += onto_figures(report, rows);
   // Of smoothing: a job of its own, or before decimation.
   for (const auto& [key, name] : {std::pair{"/mesh/largest_move", "farthest move of a vertex"},
                                   {"/mesh/rms_move", "moves, root mean square"},

@@ -69,6 +69,10 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/deform/basis_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/deform_write_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/shape_stage.cpp", "stream/stages/deform/deform_stages.h"},
+      {"stream/stages/deform/onto_cells_stage.cpp", "stream/stages/deform/onto_stages.h"},
+      {"stream/stages/deform/onto_deviation_stage.cpp", "stream/stages/deform/onto_stages.h"},
+      {"stream/stages/deform/onto_fit_stage.cpp", "stream/stages/deform/onto_stages.h"},
+      {"stream/stages/deform/onto_write_stage.cpp", "stream/stages/deform/onto_stages.h"},
       {"stream/stages/scan/links_stage.cpp", "stream/stages/scan/normals_stage.h"},
       {"stream/stages/scan/orient_stage.cpp", "stream/stages/scan/normals_stage.h"},
       {"stream/stages/scan/ground_cells_stage.cpp", "stream/stages/scan/ground_stages.h"},
@@ -224,10 +228,13 @@ const std::map<std::string, std::string>& covering_tests() {
         "unsettled_region"});
     by("tools/decimate", "stream/runtime", {"serial_stage"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
+    by("tools/onto", "stream/stages/deform",
+       {"onto_cells_stage", "onto_deviation_stage", "onto_files", "onto_fit_stage", "onto_stages",
+        "onto_write_stage"});
     by("tools/deform", "stream/stages/deform",
        {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_needs", "deform_options",
-        "deform_crossings", "deform_stages", "deform_write_stage", "edit_script", "pose_base", "shape_stage",
-        "vertex_batches"});
+        "deform_crossings", "deform_output", "deform_stages", "deform_write_stage", "edit_script",
+        "pose_base", "shape_stage", "vertex_batches"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});

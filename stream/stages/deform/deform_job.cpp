@@ -15,6 +15,7 @@
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
+#include "stream/stages/deform/onto_stages.h"
 
 namespace tessera {
 namespace {
@@ -35,10 +36,18 @@ StageEntry unless_own(StageEntry entry) {
           }};
 }
 
+JobDescription onto_job(const DeformOptions& options) {
+  JobDescription job{"deform",  onto_stages(options), 0, summarise_onto, {carried_crs(), known_origin()},
+                     job_page()};
+  job.needs = onto_needs;
+  return job;
+}
+
 }  // namespace
 
 JobDescription deform_job(const DeformOptions& options) {
   options.validate();
+  if (options.mode == "onto") return onto_job(options);
   JobDescription job{"deform", {}, 0, summarise, {}, {}};
   if (options.mode != "prepare") {
     job.sidecars = {carried_crs(), known_origin()};

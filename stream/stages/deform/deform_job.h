@@ -7,6 +7,7 @@
 namespace tessera {
 
 /// Mode deform: JobState::inputs is the mesh; the report's `mesh` says what was written, `edit` what was solved.
+/// Mode onto: inputs are the mesh and scans; the report's `onto` says how far the scan was from it before and after.
 /// Mode prepare: the same, the output is a basis. Mode apply: inputs are a basis and its mesh.
 JobDescription deform_job(const DeformOptions& options);
 

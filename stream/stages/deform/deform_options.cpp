@@ -6,7 +6,9 @@ namespace tessera {
 
 OptionTable option_table(DeformOptions& o) {
   OptionTable t("What it computes");
-  t.add("mode", &o.mode, "deform, prepare or apply").one_of({"deform", "prepare", "apply"}).hidden();
+  t.add("mode", &o.mode, "deform, prepare, apply or onto")
+      .one_of({"deform", "prepare", "apply", "onto"})
+      .hidden();
   t.add("edit", &o.edit, "the edit as JSON").hidden();
   t.add("base", &o.base,
         "auto: a mesh that is small enough is its own base, unless a tenth of its area lies in long thin "
@@ -28,10 +30,26 @@ OptionTable option_table(DeformOptions& o) {
       .one_of({"count", "keep"});
   t.add("dry-run", &o.dry_run,
         "move nothing, colour the mesh by its regions: support blue, handles green, fixed grey");
+  t.add("order", &o.order,
+        "with --onto: what a displacement of space costs, its derivatives of order 1 (membrane), 2 (thin "
+        "plate: turning, scaling and shearing are free) or 3")
+      .within(1, 3);
+  t.add("wavelength", &o.wavelength,
+        "with --onto: shortest waves of the displacement, units of the mesh; auto = as short as parts of the "
+        "scan that are held out confirm")
+      .at_least(0)
+      .or_word("auto", 0.0);
+  t.add("max-distance", &o.max_distance,
+        "with --onto: what of the scan lies farther from the mesh plays no part, units of the mesh; auto = a "
+        "tenth of its diagonal")
+      .at_least(0)
+      .or_word("auto", 0.0);
   return t;
 }
 
 void DeformOptions::validate() const {
+  if (mode != "onto" && (order != 2 || wavelength > 0.0 || max_distance > 0.0))
+    throw UsageError("--order, --wavelength and --max-distance go with --onto");
   if (dry_run && mode != "deform")
     throw UsageError("--dry-run colours the mesh: it goes with a mesh and an edit, not with " + mode);
 }
