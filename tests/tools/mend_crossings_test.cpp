@@ -12,6 +12,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/shell.h"
+#include "tests/helpers/skip.h"
 #include "tests/helpers/surfaces.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -327,6 +328,31 @@ TEST_CASE("mend: sheets that are nearer than floats tell apart are refused or wa
   CHECK(warned.errors.find(sentence) != std::string::npos);
   CHECK(pairs_of(folder / "ball.stl") ==
         report_of(folder / "ball.stl").at("crossings").at("result").at("left_pairs"));
+}
+
+TEST_CASE("mend: pairs that no filling takes away are sent back to the passes, and none is left",
+          "[pipeline][.shared]") {
+  if (!has_shared_data()) return;
+  const TempFolder folder;
+  const fs::path out = folder / "out.ply";
+  // Fans of needles, a hundredth of the tolerance apart: a group of faces of several blocks, too tangled for a filling.
+  const CommandResult r = tessera_command({"decimate", (kSharedData / "dirty/cycloidal.ply").string(), "-o",
+                                           out.string(), "--tolerance", "auto", "--crossings", "repair",
+                                           "--no-html", "--progress", "none", "-q"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const Json crossings = check_of(out).at("crossings");
+  CHECK(crossings.at("cross") == 0);
+  CHECK(crossings.at("overlap") == 0);
+  const Json report = report_of(out);
+  CHECK(report.at("crossings").at("result").at("left_pairs") == 0);
+  CHECK(report.at("certificate").at("proven") == true);
+  CHECK(report.at("certificate").at("rounds_again").get<int>() >= 1);
+  std::uint64_t sent_back = 0;
+  for (const Json& stage : report.at("stages"))
+    if (stage.at("name") == "certify")
+      sent_back = stage.at("result").at("crossing_faces").get<std::uint64_t>();
+  CHECK(sent_back > 0);
 }
 
 TEST_CASE("mend: a cap too small for uniting is refused with one that does", "[pipeline]") {

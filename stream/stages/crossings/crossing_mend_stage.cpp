@@ -11,6 +11,7 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
+#include "stream/meshes/failed_regions.h"
 #include "stream/runtime/numbers.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/crossings/crossing_pairs.h"
@@ -113,6 +114,7 @@ class CrossingMendStage : public SerialStage {
     }
     const std::vector<CrossingPair> pairs = load_crossing_pairs(files_);
     LeftPairs left;
+    std::vector<FailedFace> left_faces;
     MendedMesh mended(mesh_);
     std::vector<std::uint8_t> inherited(pairs.size(), 0);
     for (const PairGroup& group : group_pairs(pairs)) {
@@ -129,11 +131,17 @@ class CrossingMendStage : public SerialStage {
     }
     for (std::size_t p = 0; p < pairs.size(); ++p) {
       const bool stays = !mended.is_gone(pairs[p].face[0]) && !mended.is_gone(pairs[p].face[1]);
-      if (stays && inherited[p] == 0 && left.pairs++ == 0) left.place = place_of(pairs[p]);
+      if (stays && inherited[p] == 0) {
+        if (left.pairs++ == 0) left.place = place_of(pairs[p]);
+        if (left_faces.size() + 1 < kMaxFailedFaces)
+          left_faces.insert(left_faces.end(), pairs[p].corners.begin(), pairs[p].corners.end());
+      }
       counts.inherited_pairs += stays && inherited[p] != 0;
     }
     counts.left_pairs = left.pairs;
     hand_on(left, context);
+    if (plan_.hands_on && !left_faces.empty())
+      context.count_written(write_failed_faces(context.create(name_ + "/" + kLeftFacesFile), left_faces));
     if (!mended.empty()) context.count_written(mended.write(context.create(name_ + "/mended.tmm")));
     return told(counts);
   }
@@ -211,7 +219,7 @@ class CrossingMendStage : public SerialStage {
   }
 
   bool mend(const PairGroup& group, MendedMesh& mended, Counts& counts, TaskContext& context) const {
-    if (group.faces.size() > kMaxGroupFaces) return false;
+    if (plan_.tells_only || group.faces.size() > kMaxGroupFaces) return false;
     std::optional<MeshBox> widest;
     for (const double around : kAround) {
       context.check_stop();

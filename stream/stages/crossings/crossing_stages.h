@@ -43,8 +43,14 @@ struct CrossingPlan {
   bool asked_for = false;  ///< by --crossings repair: nothing may be left
   bool final =
       false;  ///< of a result that nothing comes after: what is left is warned of, much of it is refused
+  bool hands_on =
+      false;  ///< faces of pairs that stay go to kLeftFacesFile: another round keeps away from them
+  bool tells_only = false;       ///< nothing is mended
   std::uint32_t generation = 0;  ///< below 2^20: keys of new vertices are apart for each of a job's plans
 };
+
+/// In the folder of the mending, where pairs stay that are the job's own: FailedFace records (failed_regions.h).
+inline constexpr const char* kLeftFacesFile = "left.faces";
 
 /// What --crossings repair does to an imported mesh before anything else. \param folder  of the import
 CrossingPlan input_mend(const std::string& folder);

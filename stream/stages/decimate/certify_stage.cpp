@@ -100,16 +100,19 @@ class CertifyStage : public Stage {
     const double rounding = add_rounding(sum);
     Json report = to_json(sum);
     if (rounding > 0.0) report["rounding"] = rounding;
+    std::vector<FailedFace> failed = crossing_faces();
+    if (!failed.empty()) report["crossing_faces"] = failed.size();
     if (!complaint.empty()) {
-      std::vector<FailedFace> failed;
+      const std::size_t crossing = failed.size();
       for (std::size_t task = 0; task < summaries.size() && failed.size() < kMaxFailedFaces; ++task)
         if (summaries[task].at("failed_faces").natural() > 0)
           for (const FailedFace& face : read_failed_faces(work_ / failed_name(task)))
             if (failed.size() < kMaxFailedFaces) failed.push_back(face);
-      if (failed.empty()) throw ValidationError("the result gets no name: " + complaint);
-      context.count_written(write_failed_faces(context.create(request_.failed_file), failed));
-      report["failed_faces"] = failed.size();
+      if (failed.size() == crossing) throw ValidationError("the result gets no name: " + complaint);
+      report["failed_faces"] = failed.size() - crossing;
     }
+    if (!failed.empty())
+      context.count_written(write_failed_faces(context.create(request_.failed_file), failed));
     report.erase("seconds");  // the stage has its own
     if (before_) {
       std::size_t kept = 0;
@@ -173,6 +176,14 @@ class CertifyStage : public Stage {
   std::string failed_name(std::size_t task) const {
     return request_.name + "/" + task_file_stem(task) + ".failed";
   }
+  /// At most half of what a round takes: the others are those that are not proven.
+  std::vector<FailedFace> crossing_faces() const {
+    const std::filesystem::path file = work_ / request_.crossing_file;
+    if (!retry() || request_.crossing_file.empty() || !std::filesystem::exists(file)) return {};
+    std::vector<FailedFace> faces = read_failed_faces(file);
+    faces.resize(std::min(faces.size(), kMaxFailedFaces / 2));
+    return faces;
+  }
   bool retry() const { return request_.tolerance > 0.0 && !request_.failed_file.empty(); }
 
   std::filesystem::path work_;
@@ -192,7 +203,7 @@ std::uint64_t certify_task_bytes(std::uint64_t cell_bytes) {
 }
 
 std::uint64_t certify_finish_bytes(std::uint64_t cell_bytes, std::uint64_t cells) {
-  return cell_bytes + (std::uint64_t{2} << 20) + 2 * kMaxFailedFaces * sizeof(FailedFace) +
+  return cell_bytes + (std::uint64_t{2} << 20) + 3 * kMaxFailedFaces * sizeof(FailedFace) +
          cells * sizeof(CellBounds);
 }
 

@@ -23,6 +23,8 @@ struct CertifyRequest {
   /// tolerance, which is what the job left of its own (tolerance_before_rounding).
   MeshPlacement placement = {};
   std::string failed_file;  ///< name of the file of faces that are not proven, if any; empty = no other round
+  std::string
+      crossing_file;  ///< name of a file of faces that cross though they are proven, if it is there: another round as well
   /// The stage and mesh of the round before, same reference: what has not changed since is taken from it. Empty = none.
   std::string name_before;
   std::function<MeshStore(const JobState&)> mesh_before;

@@ -143,6 +143,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
       return own ? stores.reference(s) : open_imported_mesh(s.work, "reference");
     };
     if (round + 1 < rounds) request.failed_file = failed_faces_file(round);
+    if (options.crossings != "keep") request.crossing_file = left_faces_file(round);
     if (round > 0) {
       request.name_before = certify_name(round - 1);
       request.mesh_before = [=](const JobState& s) {

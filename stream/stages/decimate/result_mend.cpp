@@ -39,10 +39,11 @@ CrossingPlan result_mend(const SimplifyStores& stores,
     plan.given_margin = tolerance;
   }
   // What is cut off at a border is farther than a tolerance as a rule: the rounds would come back with more faces and the pair.
-  plan.may_cut = plan.final = rounds == 1;
-  plan.due = [=](const JobState& state) {
-    return round <= last_round(state.work) && (rounds == 1 || round + 1 < rounds);
-  };
+  plan.may_cut = rounds == 1;
+  plan.final = round + 1 == rounds;
+  plan.hands_on = !plan.final;
+  plan.tells_only = plan.final && rounds > 1;
+  plan.due = [=](const JobState& state) { return round <= last_round(state.work); };
   plan.placed = [=](const JobState& state) { return stores.placement(state, tolerance(state)); };
   return plan;
 }
@@ -52,6 +53,12 @@ MeshStore open_round_result(const JobState& state, int passes, int round) {
   plan.prefix = round_prefix(round);
   plan.mesh = [=](const JobState& s) { return round_files(s, passes, round); };
   return open_mended(state, plan);
+}
+
+std::string left_faces_file(int round) {
+  CrossingPlan plan;
+  plan.prefix = round_prefix(round);
+  return crossing_mend_name(plan) + "/" + kLeftFacesFile;
 }
 
 SimplifyStores mended_stores(const CrossingPlan& plan) {

@@ -71,6 +71,7 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
   request.reference = stores.full;
   const bool proves = options.tolerance > 0.0;
   if (!last && proves) request.failed_file = failed_faces_file(round);
+  request.crossing_file = left_faces_file(round);
   if (round > 0 && proves) {
     request.name_before = certify_name(round - 1);
     request.mesh_before = [=](const JobState& s) { return open_round_result(s, options.passes, round - 1); };
