@@ -97,7 +97,13 @@ class UntangleStage : public Stage {
   Json finish(const std::vector<Json>& summaries, TaskContext&) const override {
     std::uint64_t pairs = 0;
     for (const Json& s : summaries) pairs += s.at("pairs").get<std::uint64_t>();
-    return {{"crossing_pairs", pairs}};
+    Json out = {{"crossing_pairs", pairs}};
+    if (round_ == kUntangleRounds && pairs > 0)
+      out["warnings"].push_back(
+          std::to_string(pairs) +
+          " pairs of faces came to cross, overlap or touch that did not as given, and going back did not "
+          "part them: `tessera check --crossings` lists them");
+    return out;
   }
 
  private:
