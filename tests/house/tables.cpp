@@ -258,8 +258,9 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/scan/thin", "stream/stages/scan", {"thin_stage"});
     by("stream/stages/scan/unpack", "stream/stages/scan", {"unpack_stage"});
     by("tools/orient", "stream/stages/scan",
-       {"links_stage", "normals_mode", "normals_stage", "orient_groups", "orient_needs", "orient_sight",
-        "orient_solution", "orient_stage", "orient_tally", "orient_viewers", "uncertain_picture"});
+       {"links_stage", "normals_mode", "normals_stage", "orient_anchors", "orient_groups", "orient_needs",
+        "orient_sight", "orient_solution", "orient_stage", "orient_tally", "orient_viewers",
+        "uncertain_picture"});
     by("tools/top_surface_model", "stream/stages/scan", {"brick_columns", "top_points_stage", "top_stage"});
     by("tools/ground_surface", "stream/stages/scan", {"ground_cells_stage", "ground_stage", "ground_stages"});
     by("tools/smooth_before", "stream/stages/smooth", {"noise_stage", "smooth_before", "smooth_needs"});

@@ -8,7 +8,10 @@
 #include <functional>
 
 #include "stream/files/json.h"
+#include "stream/files/task_files.h"
 #include "stream/render/doubt.h"
+#include "stream/stages/scan/orient_anchors.h"
+#include "stream/stages/scan/orient_solution.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/e57_writer.h"
 #include "tests/helpers/mesh_files.h"
@@ -103,6 +106,44 @@ TEST_CASE("orient: a wide city is oriented block by block, the same bytes under 
     if (bytes.empty()) bytes = file_bytes(out);
     CHECK(file_bytes(out) == bytes);
   }
+}
+
+TEST_CASE("orient: anchors contracted in cubes get the signs that one graph of them gives", "[pipeline]") {
+  using namespace tessera;
+  const TempFolder folder;
+  const auto in = scan(folder, "indoor", "terrestrial", "400000");
+  const auto out = folder.path() / "mesh.ply";
+  REQUIRE(reconstruct(in, out, {"--resolution", "0.015", "--until", "links", "--keep"}).code == 7);
+  const std::filesystem::path work = out.string() + ".tessera";
+  const PointOverlay overlay(list_task_files(work / PointOverlay::kFolder, PointOverlay::kExtension));
+  const std::vector<PatchBlock> blocks = list_patch_blocks(overlay);
+  const PatchLinks links(work);
+  const OrientationScene scene = OrientationScene::load(work / OrientationScene::kFile);
+  REQUIRE_FALSE(scene.from_above);
+  const SightVotes sight(work / SightVotes::kFile);
+  const Viewers viewers;
+  SerialContext context(work);
+  AnchorsFileWriter file(context.create("anchors/000000.tsa"));
+  for (std::size_t b = 0; b < blocks.size(); ++b)
+    file.block(overlay.bricks()[blocks[b].first_brick].key,
+               solve_block(overlay, links, b, blocks[b], scene, TopColumns(viewers.up), &sight, viewers));
+  file.finish();
+  const PatchAnchors anchors(work);
+  const AnchorSigns whole(overlay, blocks, links, scene, anchors, &sight, context);
+  const AnchorSigns cut(overlay, blocks, links, scene, anchors, &sight, context, anchors.anchor_count() / 4);
+  CHECK(whole.cubes() == 1);
+  CHECK(cut.cubes() > 2);
+  std::size_t patches = 0, other = 0, doubt = 0, cut_doubt = 0;
+  for (std::size_t b = 0; b < blocks.size(); ++b)
+    for (const PatchAnchor& a : anchors.load<PatchAnchor>(b, &AnchorsEntry::patches)) {
+      const AnchorSigns::Known l = whole.of(b, a), r = cut.of(b, a);
+      ++patches, other += l.sign != r.sign ? 1 : 0;
+      doubt += l.uncertain || l.component != 0 ? 1 : 0, cut_doubt += r.uncertain || r.component != 0 ? 1 : 0;
+    }
+  CAPTURE(blocks.size(), cut.cubes(), anchors.anchor_count(), patches, other, doubt, cut_doubt);
+  CHECK(other < patches / 100);
+  CHECK(cut_doubt < doubt + patches / 100);
+  CHECK(cut.frustrated() < whole.frustrated() + 0.002);
 }
 
 TEST_CASE("orient: what a wide room sees is found part by part, the same bytes under any cap", "[pipeline]") {

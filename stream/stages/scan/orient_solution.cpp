@@ -3,13 +3,12 @@
 #include <utility>
 
 #include "stream/files/json.h"
+#include "stream/stages/scan/orient_anchors.h"
 #include "stream/stages/scan/orient_solution.h"
 #include "stream/stages/scan/orient_tally.h"
 
 namespace tessera {
 namespace {
-
-constexpr std::uint64_t kOutsideWeight = std::uint64_t{1} << 60;  ///< everything joins outside
 
 /// Groups, and what is known of their sides, of a block seen from above.
 void see_from_above(std::vector<JobSurfel> surfels, const std::vector<PatchStats>& stats,
@@ -57,89 +56,6 @@ PatchGroups single_patches(std::vector<std::uint64_t> weight) {
   return groups;
 }
 
-/// Where the anchors of every block stand among those of all, and their votes.
-struct AnchorGraph {
-  std::vector<std::uint32_t> first;   ///< per block
-  std::vector<std::uint64_t> weight;  ///< and at the end that of outside
-  std::vector<PatchVote> links, sides;
-
-  std::uint32_t outside() const { return static_cast<std::uint32_t>(weight.size() - 1); }
-  std::uint32_t node(std::size_t block, std::uint32_t anchor) const {
-    return anchor == PatchAnchor::kOutside ? outside() : first[block] + anchor;
-  }
-};
-
-AnchorGraph load_graph(const PatchAnchors& anchors) {
-  AnchorGraph graph;
-  const std::size_t blocks = anchors.entries().size();
-  for (std::size_t b = 0; b < blocks; ++b) {
-    graph.first.push_back(static_cast<std::uint32_t>(graph.weight.size()));
-    const auto of = anchors.load<std::uint64_t>(b, &AnchorsEntry::weight);
-    graph.weight.insert(graph.weight.end(), of.begin(), of.end());
-  }
-  graph.weight.push_back(kOutsideWeight);
-  for (std::size_t b = 0; b < blocks; ++b)
-    for (const auto& [section, votes] :
-         {std::pair{&AnchorsEntry::links, &graph.links}, std::pair{&AnchorsEntry::sides, &graph.sides}})
-      for (const PatchVote& v : anchors.load<PatchVote>(b, section))
-        votes->push_back({graph.node(b, v.a), graph.node(b, v.b), v.same, v.opposite});
-  return graph;
-}
-
-/// Adds the links that join blocks, and what sees each other across blocks. \pre their patches are anchors
-void add_outer_links(const std::vector<PatchBlock>& blocks, const PatchLinks& links,
-                     const OrientationScene& scene, const PatchAnchors& anchors, const SightVotes* sight,
-                     const TaskContext& context, AnchorGraph& graph) {
-  std::vector<std::uint32_t> node(scene.border.size());
-  std::vector<std::int8_t> sign(scene.border.size());
-  std::size_t i = 0;
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
-    context.check_stop();
-    if (i == scene.border.size() || scene.border[i] >= blocks[b].first_patch + blocks[b].patches) continue;
-    const auto patches = anchors.load<PatchAnchor>(b, &AnchorsEntry::patches);
-    for (; i < scene.border.size() && scene.border[i] < blocks[b].first_patch + blocks[b].patches; ++i) {
-      const PatchAnchor& a = patches[scene.border[i] - blocks[b].first_patch];
-      node[i] = graph.first[b] + a.anchor, sign[i] = a.sign;
-    }
-  }
-  const auto border_index = [&](std::uint32_t patch) {
-    return static_cast<std::size_t>(std::lower_bound(scene.border.begin(), scene.border.end(), patch) -
-                                    scene.border.begin());
-  };
-  const auto add = [&](const std::vector<PatchVote>& votes, std::vector<PatchVote>& to) {
-    for (const PatchVote& v : votes) {
-      const std::size_t p = border_index(v.a), q = border_index(v.b);
-      if (node[p] == node[q]) continue;
-      const bool keep = sign[p] * sign[q] > 0;
-      to.push_back({std::min(node[p], node[q]), std::max(node[p], node[q]), keep ? v.same : v.opposite,
-                    keep ? v.opposite : v.same});
-    }
-  };
-  for (std::size_t b = 0; b < blocks.size(); ++b) add(links.outer(b), graph.links);
-  merge_votes(graph.links);
-  if (sight != nullptr) add(sight->outer(), graph.sides);
-}
-
-SignSolution solve_graph(const AnchorGraph& graph) {
-  std::vector<PatchVote> votes;
-  votes.reserve(graph.links.size() + graph.sides.size());
-  votes = graph.links;
-  votes.insert(votes.end(), graph.sides.begin(), graph.sides.end());
-  merge_votes(votes);
-  return solve_signs(graph.weight, votes);
-}
-
-/// Share of the links of all patches that the signs break.
-double frustrated(const AnchorGraph& graph, const SignSolution& solution, const PatchAnchors& anchors) {
-  std::uint64_t broken = 0, all = 0;
-  for (const AnchorsEntry& e : anchors.entries()) broken += e.broken_votes, all += e.inner_votes;
-  for (const PatchVote& v : graph.links) {
-    broken += static_cast<std::uint64_t>(solution.sign[v.a] == solution.sign[v.b] ? v.opposite : v.same);
-    all += static_cast<std::uint64_t>(v.same + v.opposite);
-  }
-  return share_of(broken, all);
-}
-
 }  // namespace
 
 BlockSigns solve_block(const PointOverlay& overlay, const PatchLinks& links, std::size_t index,
@@ -178,9 +94,7 @@ void solve_block_orientation(const PointOverlay& overlay, const PatchLinks& link
                              const SightVotes* sight, const Viewers& viewers, const TaskContext& context,
                              OverlayDecisions& decisions, Json& entry) {
   const std::vector<PatchBlock> blocks = list_patch_blocks(overlay);
-  AnchorGraph graph = load_graph(anchors);
-  add_outer_links(blocks, links, scene, anchors, sight, context, graph);
-  const SignSolution solution = solve_graph(graph);
+  const AnchorSigns signs(overlay, blocks, links, scene, anchors, sight, context);
   const Decider sides = viewers.unknown() ? Decider::kVisibility : Decider::kSeen;
   OrientationTally tally;
   decisions.patch.reserve(overlay.first_patch().back());
@@ -192,30 +106,25 @@ void solve_block_orientation(const PointOverlay& overlay, const PatchLinks& link
     const auto patches = anchors.load<PatchAnchor>(b, &AnchorsEntry::patches);
     for (std::size_t p = 0; p < patches.size(); ++p) {
       const PatchAnchor& a = patches[p];
-      const bool loose = a.anchor >= PatchAnchor::kLoose && a.anchor != PatchAnchor::kOutside;
-      const std::uint32_t node = loose ? graph.outside() : graph.node(b, a.anchor);
-      const int sign = loose ? a.sign : a.sign * solution.sign[node];
-      const std::uint64_t component =
-          loose ? (std::uint64_t{1} << 32) + blocks[b].first_patch + (a.anchor - PatchAnchor::kLoose)
-                : solution.component[node];
-      const bool uncertain =
-          loose || a.uncertain != 0 || solution.uncertain[node] != 0 || component != graph.outside();
+      const AnchorSigns::Known known = signs.of(b, a);
+      const int sign = a.sign * known.sign;
+      const bool uncertain = a.uncertain != 0 || known.uncertain || known.component != 0;
       tally.add(stats[p], sign,
                 uncertain            ? Decider::kUncertain
                 : a.shown * sign > 0 ? sides
                                      : Decider::kPropagation,
-                component, decisions);
+                known.component, decisions);
     }
   }
   tally.write(points, entry);
-  entry["frustrated_fraction"] = frustrated(graph, solution, anchors);
-  entry["anchors"] = graph.outside();
+  entry["frustrated_fraction"] = signs.frustrated();
+  entry["anchors"] = anchors.anchor_count();
 }
 
 std::uint64_t block_orientation_bytes(std::uint64_t patches, std::uint64_t largest, std::uint64_t border,
                                       std::uint64_t votes) {
-  return patches + border * (4 + 5 + 120) + votes * (3 * sizeof(PatchVote) + 8) +
-         largest * (sizeof(PatchStats) + sizeof(PatchAnchor)) + (8u << 20);
+  return patches + AnchorSigns::bytes(border, votes) + largest * (sizeof(PatchStats) + sizeof(PatchAnchor)) +
+         (8u << 20);
 }
 
 }  // namespace tessera
