@@ -228,20 +228,29 @@ TEST_CASE("main job: the outer border of open ground is no hole, however rough a
 }
 
 TEST_CASE("main job: a hole stays open where its filling would cross what stands in it", "[property]") {
+  struct Hole {
+    double radius, pole;
+    const char* edges;
+  };
   const bool pole = GENERATE(false, true);
-  CAPTURE(pole);
+  // With a long rim, and with a short one.
+  const Hole hole = GENERATE(Hole{10.0, 3.0, "160"}, Hole{3.5, 1.6, "50"});
+  CAPTURE(pole, hole.radius);
+  const int side = static_cast<int>(300 * hole.radius / 10.0);
+  const double middle = 0.2333 * side;
   std::vector<TestPoint> points;
-  for (int i = 0; i < 300 * 300; ++i) {
-    const double x = 0.5 * (i % 300), y = 0.5 * (i / 300);
-    if (std::hypot(x - 70, y - 70) > 10.0) points.push_back({{x, y, 30.0}, {0.0f, 0.0f, 1.0f}});
+  for (int i = 0; i < side * side; ++i) {
+    const double x = 0.5 * (i % side), y = 0.5 * (i / side);
+    if (std::hypot(x - middle, y - middle) > hole.radius)
+      points.push_back({{x, y, 30.0}, {0.0f, 0.0f, 1.0f}});
   }
   for (int i = 0; pole && i < 40 * 60; ++i) {
     const double a = 2.0 * 3.14159265358979 * (i % 40) / 40, x = std::cos(a), y = std::sin(a);
-    points.push_back({{70 + 3.0 * x, 70 + 3.0 * y, 15.0 + 0.5 * (i / 40)},
+    points.push_back({{middle + hole.pole * x, middle + hole.pole * y, 15.0 + 0.5 * (i / 40)},
                       {static_cast<float>(x), static_cast<float>(y), 0.0f}});
   }
   MeshSetup setup;
-  setup.options.max_hole = "160";
+  setup.options.max_hole = hole.edges;
   const MeshResult result = run_job(points, setup);
   check_sound(result.check);
   CHECK(result.holes.at("left_crossing") == (pole ? 1 : 0));
