@@ -469,8 +469,8 @@ class SensorVotes {
 std::uint64_t sight_bytes(const SightRun& run, std::uint64_t surfels, std::uint64_t largest_part,
                           std::uint64_t bricks) {
   const std::uint64_t making = SurfelDisks::making_bytes(largest_part);
-  // Lookers are drawn by chance, so they may be a few more; their list grows by doubling.
-  const std::uint64_t lookers = std::min(surfels, 2 * kMaxLooks / kMax);
+  // Lookers are drawn by chance: their number strays from the mean by a few hundred.
+  const std::uint64_t lookers = std::min(surfels, kMaxLooks / kMax + 4096);
   const std::uint64_t pairs = std::min(2 * kMax * surfels, 2 * kMaxLooks);
   return std::max(2 * run.bytes, making + SurfelDisks::bytes(largest_part)) + making +
          SurfelScene::grid_bytes(bricks) +

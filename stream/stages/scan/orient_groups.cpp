@@ -10,8 +10,8 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kVotesPerLink =
-    8;  ///< between groups at the sides of blocks, per link between blocks: halls have 4
+/// Votes between groups at the sides of blocks, per link between blocks: a factory has 2.
+constexpr std::uint64_t kVotesPerLink = 4;
 constexpr std::size_t kMergeAt = 1u << 16;
 constexpr std::int64_t kJoined = std::int64_t{1} << 40;  ///< more than any votes add up to
 

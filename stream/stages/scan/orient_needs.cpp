@@ -20,6 +20,7 @@ constexpr double kMaxNoise = 0.1;
 constexpr std::uint64_t kBlockLimit = 1 << 16;
 constexpr double kBorderPatches = 0.05;
 constexpr double kBorderVotes = 5.0;
+constexpr double kBorderLinks = 2.5;  // to other blocks
 
 std::uint64_t rounded_up(double value) {
   return static_cast<std::uint64_t>(std::ceil(value));
@@ -46,7 +47,7 @@ OrientNeeds orient_needs(const PlannedScan& scan) {
     needs.links_finish =
         std::max(needs.links_finish,
                  look_around_bytes(rounded_up(coarse), rounded_up(coarse * part), rounded_up(largest),
-                                   border_votes, bricks, scan.run.memory_bytes));
+                                   rounded_up(border * kBorderLinks), bricks, scan.run.memory_bytes));
   needs.links_disk = rounded_up(votes) * sizeof(PatchVote) + rounded_up(patches) * sizeof(PatchGroup);
   needs.task = solve_block_bytes(rounded_up(largest), rounded_up(votes * part), rounded_up(coarse * part));
   needs.finish =
