@@ -24,8 +24,9 @@ class JobGroups {
  public:
   JobGroups(const PointOverlay& overlay, const std::vector<PatchBlock>& blocks, const PatchLinks& links,
             const TaskContext& context);
-  /// Bytes that it takes at most while it is made. \param outer  links between blocks
+  /// Bytes that it takes at most while it is made, and then. \param outer  links between blocks
   static std::uint64_t bytes(std::uint64_t outer);
+  static std::uint64_t held_bytes(std::uint64_t outer) { return 2 * outer * (sizeof(SharedGroup) + 12); }
 
   std::uint32_t first_shared() const { return first_shared_; }
   std::uint32_t count() const { return static_cast<std::uint32_t>(size_.size()); }

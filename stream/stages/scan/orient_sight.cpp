@@ -215,8 +215,9 @@ void look_around(const PointOverlay& overlay, const std::vector<PatchBlock>& blo
 
 std::uint64_t look_around_bytes(std::uint64_t coarse, std::uint64_t largest, std::uint64_t patches,
                                 std::uint64_t outer, std::uint64_t bricks, std::uint64_t memory) {
-  return sight_bytes(sight_run(coarse, memory), coarse, largest, bricks) + JobGroups::bytes(outer) +
-         patches * (sizeof(PatchStats) + 40) + (4u << 20);
+  const std::uint64_t looks =
+      sight_bytes(sight_run(coarse, memory), coarse, largest, bricks) + JobGroups::held_bytes(outer);
+  return std::max(looks, JobGroups::bytes(outer)) + patches * (sizeof(PatchStats) + 40) + (4u << 20);
 }
 
 }  // namespace tessera
