@@ -13,6 +13,7 @@
 #include "octree/error.h"
 #include "stream/files/fault.h"
 #include "stream/files/system_reason.h"
+#include "stream/files/written_hash.h"
 
 namespace tessera {
 namespace {
@@ -41,10 +42,13 @@ DirectFile::DirectFile(const std::filesystem::path& path, std::size_t buffer_byt
   direct_ = fd_ >= 0;
   if (!direct_ && errno == EINVAL) fd_ = ::open(path.c_str(), kFlags, 0644);
   if (fd_ < 0) throw failure(path_, 0);
+  begin_written_hash(fd_);
 }
 
 DirectFile::~DirectFile() {
-  if (fd_ >= 0) ::close(fd_);
+  if (fd_ < 0) return;
+  drop_written_hash(fd_);
+  ::close(fd_);
 }
 
 void DirectFile::flush(std::size_t bytes) {
@@ -76,17 +80,21 @@ void DirectFile::write(const void* data, std::size_t bytes) {
     filled_ += part;
     from += part;
     bytes -= part;
-    if (filled_ == capacity_) flush(capacity_);
+    if (filled_ < capacity_) continue;
+    add_to_written_hash(fd_, buffer_.get(), capacity_);
+    flush(capacity_);
   }
 }
 
 std::uint64_t DirectFile::finish() {
   if (filled_ > 0) {
+    add_to_written_hash(fd_, buffer_.get(), filled_);
     const std::size_t whole = (filled_ + kPage - 1) / kPage * kPage;
     std::memset(buffer_.get() + filled_, 0, whole - filled_);
     flush(whole);
   }
   if (::ftruncate(fd_, static_cast<off_t>(offset_)) != 0) throw failure(path_, offset_);
+  keep_written_hash(fd_);
   const int fd = fd_;
   fd_ = -1;
   if (::close(fd) != 0) throw failure(path_, offset_);

@@ -14,6 +14,7 @@
 #include "stream/files/fault.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/system_reason.h"
+#include "stream/files/written_hash.h"
 
 namespace tessera {
 namespace {
@@ -29,10 +30,12 @@ namespace {
 OutputFile::OutputFile(const std::filesystem::path& path)
     : path_(path), part_(output_aside(path)), fd_(create_aside(path)) {
   buffer_ = std::make_unique_for_overwrite<char[]>(kBufferBytes);
+  begin_written_hash(fd_);
 }
 
 OutputFile::~OutputFile() {
   if (fd_ < 0) return;
+  drop_written_hash(fd_);
   if (names_file(part_, fd_)) ::unlink(part_.c_str());  // before the lock goes with the descriptor
   ::close(fd_);
 }
@@ -58,6 +61,7 @@ void OutputFile::append(const void* data, std::size_t bytes) {
 void OutputFile::patch(std::uint64_t offset, const void* data, std::size_t bytes) {
   assert(offset + bytes <= size());
   flush();
+  drop_written_hash(fd_);
   write_out(offset, static_cast<const char*>(data), bytes);
 }
 
@@ -68,6 +72,7 @@ void OutputFile::write_out(std::uint64_t offset, const char* data, std::size_t b
 
 void OutputFile::flush() {
   write_out(flushed_, buffer_.get(), used_);
+  add_to_written_hash(fd_, buffer_.get(), used_);
   flushed_ += used_;
   used_ = 0;
   behind_.written(fd_, flushed_);
@@ -76,6 +81,7 @@ void OutputFile::flush() {
 void OutputFile::finish() {
   flush();
   if (::fsync(fd_) != 0) fail(part_, "be synced", errno);
+  keep_written_hash(fd_);
   ::posix_fadvise(fd_, 0, 0, POSIX_FADV_DONTNEED);
   if (!names_file(part_, fd_))
     throw ResourceError(part_.string() + ": another process has begun this output anew, which goes on there");

@@ -13,6 +13,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/fault.h"
+#include "stream/files/written_hash.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 
@@ -127,7 +128,7 @@ void place_files(const Asides& asides, const std::vector<std::string>& names, Ta
     const fs::path part = asides.shared(name);
     asides.bring(name);
     sync_file(part);
-    record.files.push_back({name, fs::file_size(part), hash_file(part)});
+    record.files.push_back({name, fs::file_size(part), hash_written_file(part)});
   }
   fault_point(FaultPoint::kCommit);
   std::set<fs::path> folders;

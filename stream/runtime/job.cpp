@@ -19,6 +19,7 @@
 #include "stream/files/job_scope.h"
 #include "stream/files/json.h"
 #include "stream/files/planned_writes.h"
+#include "stream/files/written_hash.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/commit.h"
 #include "stream/runtime/job_report.h"
@@ -168,7 +169,7 @@ class Driver {
     record.stage = kOutputName;
     record.task = kFinishTask;
     record.basis = basis_;
-    record.files = {{kOutputName, fs::file_size(state_.output), hash_file(state_.output)}};
+    record.files = {{kOutputName, fs::file_size(state_.output), hash_written_file(state_.output)}};
     journal_.append(record);
   }
 

@@ -8,6 +8,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/files/path_text.h"
+#include "stream/files/written_hash.h"
 #include "stream/runtime/log.h"
 
 namespace tessera {
@@ -23,7 +24,7 @@ Json describe_file(const fs::path& path, std::uint64_t bytes, std::uint64_t hash
   return {{"path", json_text(path)}, {"bytes", bytes}, {"xxh3", hex64(hash)}};
 }
 Json describe_file(const fs::path& path) {
-  return describe_file(path, fs::file_size(path), hash_file(path));
+  return describe_file(path, fs::file_size(path), hash_written_file(path));
 }
 
 Json describe_output(const JobState& state, const std::vector<StageRecords>& done) {
