@@ -179,6 +179,7 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
                           const TaskAids& aids) {
   const auto start = std::chrono::steady_clock::now();
   const double cpu_start = thread_cpu_seconds();
+  const LoopClock loops;
   const Asides asides{state, journal.name(), aids.scratch};
   RunningTask context(asides, aids);
   if (aids.notes != nullptr) aids.notes->started(stage.name(), task);
@@ -219,9 +220,14 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
   record.bytes_read = context.read();
   record.bytes_written = context.written();
   record.peak_bytes = peak_resident_bytes();
-  record.cpu_seconds = thread_cpu_seconds() - cpu_start;
+  const LoopSeconds in_loops = loops.seconds();
+  record.cpu_seconds = thread_cpu_seconds() - cpu_start + in_loops.all - in_loops.here;
   record.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  if (task == kFinishTask) record.stage_stats = stage_stats();
+  if (task == kFinishTask) {
+    record.stage_stats = stage_stats();
+    record.stage_stats["loops_s"] = in_loops.all;
+    record.stage_stats["ordered_s"] = in_loops.in_order;
+  }
   journal.append(record, aids.lasting || !record.files.empty());
   fault_point(FaultPoint::kCommit);
   return record;

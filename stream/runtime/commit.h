@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,28 @@
 #include "stream/runtime/task_notes.h"
 
 namespace tessera {
+
+/// What the loops of a task took, in processor seconds: how it would spread over more cores can be told from it.
+struct LoopSeconds {
+  double all = 0.0;       ///< on all threads
+  double here = 0.0;      ///< on the thread that began them
+  double in_order = 0.0;  ///< of `all`, in use() of parallel_in_order()
+};
+
+/// While it lives, loops that the thread which made it begins are added up; loops inside loops count with those around.
+class LoopClock {
+ public:
+  LoopClock();
+  ~LoopClock();
+  LoopClock(const LoopClock&) = delete;
+  LoopClock& operator=(const LoopClock&) = delete;
+  /// \pre no loop is running
+  LoopSeconds seconds() const;
+  struct Impl;
+
+ private:
+  std::unique_ptr<Impl> impl_;
+};
 
 /// Where a name of TaskContext::create() lies in the end.
 std::filesystem::path committed_path(const JobState& state, const std::string& name);

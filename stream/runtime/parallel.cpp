@@ -1,5 +1,7 @@
 #include "stream/runtime/parallel.h"
 
+#include <time.h>
+
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -7,6 +9,7 @@
 #include <exception>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <tbb/global_control.h>
@@ -14,6 +17,7 @@
 #include <tbb/task_arena.h>
 
 #include "stream/files/job_scope.h"
+#include "stream/runtime/commit.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera {
@@ -61,7 +65,57 @@ class FirstFailure {
   std::atomic<bool> failed_{false};
 };
 
+double thread_seconds() {
+  timespec now = {};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 }  // namespace
+
+struct LoopClock::Impl {
+  Impl* outer = nullptr;
+  std::mutex mutex;
+  LoopSeconds seconds;
+};
+
+/// What one thread does of a loop, for the clock of the thread that began it. Without a clock nothing is measured.
+struct LoopShare {
+  static thread_local LoopClock::Impl* current;
+
+  /// \param begun_here  by the thread that began the loop
+  LoopShare(LoopClock::Impl* of, bool begun_here)
+      : clock(of), here(begun_here), outer(current), start(of ? thread_seconds() : 0.0) {
+    current = nullptr;
+  }
+  ~LoopShare() {
+    current = outer;
+    if (!clock) return;
+    const double took = thread_seconds() - start;
+    const std::lock_guard lock(clock->mutex);
+    clock->seconds.all += took;
+    if (here) clock->seconds.here += took;
+  }
+  LoopShare(const LoopShare&) = delete;
+  LoopShare& operator=(const LoopShare&) = delete;
+
+  LoopClock::Impl* clock;
+  bool here;
+  LoopClock::Impl* outer;
+  double start;
+};
+thread_local LoopClock::Impl* LoopShare::current = nullptr;
+
+LoopClock::LoopClock() : impl_(std::make_unique<Impl>()) {
+  impl_->outer = std::exchange(LoopShare::current, impl_.get());
+}
+LoopClock::~LoopClock() {
+  LoopShare::current = impl_->outer;
+}
+LoopSeconds LoopClock::seconds() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->seconds;
+}
 
 void parallel_for(std::size_t count, const std::function<void(std::size_t)>& body) {
   // Both show a checker of threads what happens before what: it does not see what the library orders.
@@ -69,8 +123,11 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& bod
   next.store(0);
   FirstFailure failure;
   const std::shared_ptr<const JobContext> job = current_job();
+  LoopClock::Impl* const clock = LoopShare::current;
+  const std::thread::id beginner = std::this_thread::get_id();
   const auto work = [&](std::size_t) {
     const JobScope of_job(job);
+    const LoopShare share(clock, std::this_thread::get_id() == beginner);
     while (!failure.failed()) {
       const std::size_t index = next.fetch_add(1);
       if (index >= count) break;
@@ -96,16 +153,19 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& bod
 void parallel_in_order(std::size_t count, std::size_t window, const std::function<void(std::size_t)>& make,
                        const std::function<void(std::size_t)>& use) {
   std::mutex mutex;
-  std::condition_variable moved;
+  std::vector<std::condition_variable> freed(window);  // by slot: few are woken in vain
   std::vector<std::uint8_t> made(window, 0);
   std::size_t next = 0;  // to be used
+  double in_order = 0.0;
   bool using_one = false;
   bool failed = false;
+  LoopClock::Impl* const clock = LoopShare::current;
   parallel_for(count, [&](std::size_t index) {
     try {
       std::unique_lock lock(mutex);
       // The lowest index that is under way never waits. A stop signal may keep it from being begun.
-      while (!moved.wait_for(lock, kStopCheck, [&] { return index < next + window || failed; }))
+      while (
+          !freed[index % window].wait_for(lock, kStopCheck, [&] { return index < next + window || failed; }))
         throw_if_stopped();
       if (failed) return;
       lock.unlock();
@@ -114,20 +174,27 @@ void parallel_in_order(std::size_t count, std::size_t window, const std::functio
       made[index % window] = 1;
       if (using_one) return;  // who uses will find it
       using_one = true;
-      for (; made[next % window] && !failed; ++next, moved.notify_all()) {
+      while (made[next % window] && !failed) {
         made[next % window] = 0;
         lock.unlock();
+        const double start = clock ? thread_seconds() : 0.0;
         use(next);
+        const double took = clock ? thread_seconds() - start : 0.0;
         lock.lock();
+        in_order += took;
+        freed[next++ % window].notify_all();
       }
       using_one = false;
     } catch (...) {
       const std::lock_guard lock(mutex);
       failed = true;
-      moved.notify_all();
+      for (std::condition_variable& slot : freed) slot.notify_all();
       throw;
     }
   });
+  if (!clock) return;
+  const std::lock_guard lock(clock->mutex);
+  clock->seconds.in_order += in_order;
 }
 
 int core_count() {

@@ -13,6 +13,7 @@
 
 #include "octree/error.h"
 #include "stream/files/job_scope.h"
+#include "stream/runtime/commit.h"
 #include "stream/runtime/stop.h"
 
 namespace parallel_test {
@@ -249,6 +250,33 @@ TEST_CASE("parallel: threads are of the job that they work for, and stop with it
   CHECK(current_job() == nullptr);
   run_small(pool, 20, [&](std::size_t) { others += current_job() != nullptr; });
   CHECK(others == 0);
+}
+
+TEST_CASE("parallel: a clock counts what loops take on all threads, loops inside loops once", "[unit]") {
+  std::atomic<std::uint64_t> sum{0};
+  const auto busy = [&](std::size_t) {
+    for (int k = 0; k < 3000000; ++k) sum.fetch_add(static_cast<std::uint64_t>(k), std::memory_order_relaxed);
+  };
+  LoopSeconds loop, ordered;
+  WorkerPool pool(3);
+  pool.run_here([&] {
+    const LoopClock clock;
+    busy(0);
+    CHECK(clock.seconds().all == 0.0);
+    parallel_for(6, [&](std::size_t) { parallel_for(2, busy); });
+    loop = clock.seconds();
+    {
+      const LoopClock inner;
+      parallel_in_order(6, 3, busy, busy);
+      ordered = inner.seconds();
+    }
+    CHECK(clock.seconds().all == loop.all);
+  });
+  CHECK(loop.all > 0.0);
+  CHECK(loop.here <= loop.all);
+  CHECK(loop.in_order == 0.0);
+  CHECK(ordered.in_order > 0.0);
+  CHECK(ordered.in_order < ordered.all);
 }
 
 }  // namespace parallel_test
