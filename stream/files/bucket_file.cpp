@@ -33,6 +33,20 @@ void BucketFileWriter::flush(std::size_t bucket) {
   open.filled = 0;
 }
 
+void BucketFileWriter::add_run(std::size_t bucket, const void* records, std::size_t count) {
+  const auto* from = static_cast<const char*>(records);
+  Open& open = open_[bucket];
+  while (count > 0) {
+    if (open.filled + record_bytes_ > chunk_bytes_) flush(bucket);
+    if (open.data.empty()) open.data.resize(chunk_bytes_);
+    const std::size_t fit = std::min(count, (chunk_bytes_ - open.filled) / record_bytes_);
+    std::copy_n(from, fit * record_bytes_, open.data.data() + open.filled);
+    open.filled += fit * record_bytes_;
+    from += fit * record_bytes_;
+    count -= fit;
+  }
+}
+
 std::uint64_t BucketFileWriter::finish() {
   for (std::size_t b = 0; b < open_.size(); ++b) {
     flush(b);

@@ -13,6 +13,16 @@
 
 namespace tessera {
 
+/// Records of one bucket that follow one another.
+struct BucketRun {
+  std::uint32_t bucket = 0, count = 0;
+};
+/// One more record.
+inline void add_to_runs(std::vector<BucketRun>& runs, std::size_t bucket) {
+  if (runs.empty() || runs.back().bucket != bucket) runs.push_back({static_cast<std::uint32_t>(bucket), 0});
+  ++runs.back().count;
+}
+
 class BucketFileWriter {
  public:
   /// \param memory_bytes  of all open chunks together; at least 1 KiB a bucket is used
@@ -25,6 +35,8 @@ class BucketFileWriter {
     std::copy_n(static_cast<const char*>(record), record_bytes_, open.data.data() + open.filled);
     open.filled += record_bytes_;
   }
+  /// As many add() of records that follow one another.
+  void add_run(std::size_t bucket, const void* records, std::size_t count);
   /// Writes what is open, closes. Returns bytes written.
   std::uint64_t finish();
 

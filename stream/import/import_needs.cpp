@@ -6,6 +6,8 @@
 #include "stream/formats/meshes/mesh_arrays.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/import/import_bytes.h"
+#include "stream/import/import_ranges.h"
+#include "stream/meshes/parts_at_once.h"
 
 namespace tessera {
 namespace {
@@ -47,9 +49,11 @@ std::vector<StageNeed> import_needs(const RunOptions& run, const ImportSource& s
   };
   const auto named = [&](const char* stage) { return source.folder + stage; };
   const std::uint64_t maximum = target * kBucketMargin / 4;
-  return {{named("-read"), import_read_bytes(run), 0},
+  const auto in_ranges = [&](std::uint64_t bytes) { return max_bytes_at_once(run, bytes, kImportLaneBytes); };
+  const std::uint64_t read = import_read_bytes(run), corners = import_corners_bytes(run, mesh.vertices);
+  return {{named("-read"), read, in_ranges(read)},
           {named("-vertices"), vertices(target), vertices(maximum)},
-          {named("-corners"), import_corners_bytes(run, mesh.vertices), 0},
+          {named("-corners"), corners, in_ranges(corners)},
           {named("-tiles"), tiles(target), tiles(maximum)}};
 }
 

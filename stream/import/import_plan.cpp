@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
+#include <mutex>
 
 #include "octree/error.h"
 #include "stream/files/json.h"
@@ -84,18 +86,28 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Double3 low = {kInfinity, kInfinity, kInfinity};
   Double3 high = {-kInfinity, -kInfinity, -kInfinity};
+  std::mutex mutex;
   vertices_of_file([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
     check_stop();
-    plan.file_vertices += positions.size();
+    Double3 lowest = {kInfinity, kInfinity, kInfinity};
+    Double3 highest = {-kInfinity, -kInfinity, -kInfinity};
+    std::uint64_t nonfinite = 0;
     for (const Double3& p : positions) {
       if (!finite(p)) {
-        ++plan.nonfinite_vertices;
+        ++nonfinite;
         continue;
       }
       for (std::size_t a = 0; a < 3; ++a) {
-        low[a] = std::min(low[a], p[a]);
-        high[a] = std::max(high[a], p[a]);
+        lowest[a] = std::min(lowest[a], p[a]);
+        highest[a] = std::max(highest[a], p[a]);
       }
+    }
+    const std::lock_guard lock(mutex);
+    plan.file_vertices += positions.size();
+    plan.nonfinite_vertices += nonfinite;
+    for (std::size_t a = 0; a < 3; ++a) {
+      low[a] = std::min(low[a], lowest[a]);
+      high[a] = std::max(high[a], highest[a]);
     }
   });
   if (plan.file_vertices == plan.nonfinite_vertices)
@@ -127,15 +139,29 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
 
   const double cell = std::ldexp(root, -kGridLevel);
   std::vector<std::uint32_t> count(std::size_t{kGrid} * kGrid * kGrid, 0);
+  Double3 first_cell_of_grid;
+  for (std::size_t a = 0; a < 3; ++a) first_cell_of_grid[a] = std::ldexp(origin[a], kGridLevel);
   vertices_of_file([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
     check_stop();
+    std::uint64_t last = 0;
+    std::uint32_t run = 0;  // vertices of one cell that follow one another
+    const auto add_run = [&] {
+      if (run > 0) std::atomic_ref(count[last]).fetch_add(run, std::memory_order_relaxed);
+    };
     for (const Double3& p : positions) {
       if (!finite(p)) continue;
       std::array<std::uint32_t, 3> c;
       for (std::size_t a = 0; a < 3; ++a)
-        c[a] = checked_index(cell_at(p[a], cell) - std::ldexp(origin[a], kGridLevel), kGrid);
-      ++count[morton_encode(c[0], c[1], c[2])];
+        c[a] = checked_index(cell_at(p[a], cell) - first_cell_of_grid[a], kGrid);
+      const std::uint64_t code = morton_encode(c[0], c[1], c[2]);
+      if (code != last) {
+        add_run();
+        last = code;
+        run = 0;
+      }
+      ++run;
     }
+    add_run();
   });
 
   // Level by level from the finest grid upwards; below the grid a surface has a quarter of the vertices per

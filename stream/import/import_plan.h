@@ -16,7 +16,7 @@
 
 namespace tessera {
 
-/// Hands out all vertices in the order of the file, with their colours if there are any, in batches; any number of times.
+/// Hands out all vertices, with their colours if there are any, in batches, from any threads at once; any number of times.
 using VertexSource =
     std::function<void(const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>&)>;
 

@@ -13,8 +13,12 @@
 #include "stream/files/job_scope.h"
 #include "stream/files/json.h"
 #include "stream/files/json_fields.h"
+#include "stream/import/file_vertices.h"
 #include "stream/import/import_bytes.h"
+#include "stream/import/import_ranges.h"
 #include "stream/import/import_stages.h"
+#include "stream/meshes/parts_at_once.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/serial_stage.h"
 
 namespace tessera {
@@ -54,46 +58,6 @@ void sort_by_upper_half(std::span<std::uint64_t> values, std::vector<std::uint64
   if (from.data() != values.data()) std::copy(from.begin(), from.end(), values.begin());
 }
 
-/// The vertices of a file. Where floats hold them and as many as its header promises fit, they are kept when they
-/// come the first time.
-class KeptVertices {
- public:
-  KeptVertices(MeshReader& mesh, std::uint64_t max_bytes)
-      : mesh_(mesh),
-        keep_(!mesh.header().double_positions && !mesh.header().colour && mesh.header().vertices > 0 &&
-              mesh.header().vertices <= max_bytes / sizeof(Float3)) {}
-
-  void read(const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>& sink) {
-    if (all_) {
-      std::vector<Double3> batch;
-      for (const Float3& p : position_) {
-        batch.push_back({p[0], p[1], p[2]});
-        if (batch.size() < kBatch && &p != &position_.back()) continue;
-        sink(batch, {});
-        batch.clear();
-      }
-      return;
-    }
-    bool keep = std::exchange(keep_, false);
-    if (keep) position_.reserve(mesh_.header().vertices);
-    mesh_.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t> rgba) {
-      keep = keep && position_.size() + batch.size() <= position_.capacity();
-      for (std::size_t i = 0; keep && i < batch.size(); ++i)
-        position_.push_back({static_cast<float>(batch[i][0]), static_cast<float>(batch[i][1]),
-                             static_cast<float>(batch[i][2])});
-      sink(batch, rgba);
-    });
-    all_ = keep;
-    if (!all_) std::vector<Float3>().swap(position_);
-  }
-
- private:
-  static constexpr std::size_t kBatch = 8192;
-  MeshReader& mesh_;
-  bool keep_, all_ = false;
-  std::vector<Float3> position_;
-};
-
 class ImportReadStage : public SerialStage {
  public:
   ImportReadStage(const JobState& state, ImportSource source)
@@ -102,20 +66,21 @@ class ImportReadStage : public SerialStage {
                         ? 0
                         : import_keep_bytes(state.run)),  // what is in memory is read again for nothing
         bytes_(import_read_bytes(state.run)),
+        lanes_(parts_at_once(state.run, bytes_, kImportLaneBytes)),
         source_(std::move(source)),
         names_(source_.folder) {}
 
   std::string name() const override { return source_.folder + "-read"; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "vertices"; }
-  std::uint64_t finish_bytes() const override { return bytes_; }
+  std::uint64_t finish_bytes() const override { return bytes_ + (lanes_ - 1) * kImportLaneBytes; }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const auto mesh = open_mesh_file(path_);
-    KeptVertices kept(*mesh, keep_bytes_);
-    const VertexSource vertices = [&](const auto& sink) { kept.read(sink); };
+    FileVertices vertices(*mesh, keep_bytes_, lanes_);
     ImportPlan plan = ImportPlan::measure(
-        mesh->header(), vertices, [&] { context.check_stop(); }, source_.brick_vertices);
+        mesh->header(), [&](const auto& sink) { vertices.read_all(sink); }, [&] { context.check_stop(); },
+        source_.brick_vertices);
     plan.confidence = mesh->mean_confidence();
     if (plan.file_vertices >= 0xffffffffu)
       throw ResourceError(path_.string() + ": has " + std::to_string(plan.file_vertices) +
@@ -132,36 +97,76 @@ class ImportReadStage : public SerialStage {
   }
 
  private:
+  /// Vertices of one range, those of one bucket that follow one another together.
   template <class Real>
-  std::uint64_t deal(const VertexSource& vertices, const ImportPlan& plan, TaskContext& context) const {
+  struct Dealt {
+    std::vector<DealtVertex<Real>> vertices;
+    std::vector<BucketRun> runs;
+
+    void clear() {
+      vertices.clear();
+      runs.clear();
+    }
+    void write(BucketFileWriter& out) const {
+      std::size_t at = 0;
+      for (const BucketRun& run : runs) {
+        out.add_run(run.bucket, vertices.data() + at, run.count);
+        at += run.count;
+      }
+    }
+  };
+
+  /// \param first  number in the file of the first vertex
+  template <class Real>
+  static void deal_batch(const ImportPlan& plan, std::uint32_t first, std::span<const Double3> positions,
+                         std::span<const std::uint32_t> rgba, Dealt<Real>& dealt) {
+    std::uint64_t last_brick = ~std::uint64_t{0};
+    std::uint32_t bucket = 0;
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      const Double3& p = positions[i];
+      if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) continue;
+      const std::uint64_t brick = plan.brick_of(p);
+      if (brick != last_brick) {
+        bucket = static_cast<std::uint32_t>(plan.bucket_of_brick(brick));
+        last_brick = brick;
+      }
+      DealtVertex<Real> v;
+      for (std::size_t a = 0; a < 3; ++a) v.position[a] = static_cast<Real>(p[a]);
+      v.rgba = rgba.empty() ? 0 : rgba[i];
+      v.in_file = first + static_cast<std::uint32_t>(i);
+      dealt.vertices.push_back(v);
+      add_to_runs(dealt.runs, bucket);
+    }
+  }
+
+  template <class Real>
+  std::uint64_t deal(FileVertices& vertices, const ImportPlan& plan, TaskContext& context) const {
     BucketFileWriter out(context.create(names_.dealt_vertices()), sizeof(DealtVertex<Real>), plan.buckets(),
                          kImportDealBytes);
-    std::uint32_t next = 0;
-    std::uint64_t last_brick = ~std::uint64_t{0};
-    std::size_t bucket = 0;
-    vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
-      context.check_stop();
-      context.count_read(positions.size() * sizeof(std::array<Real, 3>));
-      for (std::size_t i = 0; i < positions.size(); ++i, ++next) {
-        const Double3& p = positions[i];
-        if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) continue;
-        const std::uint64_t brick = plan.brick_of(p);
-        if (brick != last_brick) {
-          bucket = plan.bucket_of_brick(brick);
-          last_brick = brick;
-        }
-        DealtVertex<Real> v;
-        for (std::size_t a = 0; a < 3; ++a) v.position[a] = static_cast<Real>(p[a]);
-        v.rgba = rgba.empty() ? 0 : rgba[i];
-        v.in_file = next;
-        out.add(bucket, &v);
-      }
-    });
+    std::vector<Dealt<Real>> slots(vertices.lanes());
+    const bool in_order = vertices.ranges() == 1;
+    const auto make = [&](std::size_t range) {
+      Dealt<Real>& dealt = slots[range % slots.size()];
+      dealt.clear();
+      std::uint64_t next = range * kImportRange;
+      vertices.read(range, [&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
+        context.check_stop();
+        context.count_read(positions.size() * sizeof(std::array<Real, 3>));
+        deal_batch(plan, static_cast<std::uint32_t>(next), positions, rgba, dealt);
+        next += positions.size();
+        if (!in_order) return;
+        dealt.write(out);
+        dealt.clear();
+      });
+    };
+    parallel_in_order(vertices.ranges(), slots.size(), make,
+                      [&](std::size_t range) { slots[range % slots.size()].write(out); });
     return out.finish();
   }
 
   std::filesystem::path path_;
   std::uint64_t keep_bytes_, bytes_;
+  std::size_t lanes_;  ///< ranges on their way at once
   ImportSource source_;
   ImportNames names_;
 };

@@ -9,8 +9,10 @@
 #include <utility>
 
 #include "stream/formats/colour_range.h"
+#include "stream/formats/mesh_parts.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/ply_header.h"
+#include "stream/formats/ply_ranges.h"
 #include "stream/formats/text_scanner.h"
 #include "stream/formats/vertex_fields.h"
 
@@ -34,7 +36,7 @@ int find_element(const PlyHeader& header, std::string_view name) {
   return -1;
 }
 
-class PlyMeshReader : public MeshReader {
+class PlyMeshReader : public MeshReader, public MeshRanges {
  public:
   PlyMeshReader(ReadFile file, const MeshReadOptions& options)
       : file_(std::move(file)),
@@ -52,6 +54,8 @@ class PlyMeshReader : public MeshReader {
     format_ = "PLY " + ply_.encoding_name();
     surplus_.assign(ply_.elements.size(), 0);
     if (header_.colour) look_at_colours();
+    if (faces_ && !strips_ && confidence_ < 0)
+      ranges_ = PlyRanges::find(ply_, file_, vertex_, *faces_, indices_, synthetic_);
   }
 
   const MeshHeader& header() const override { return header_; }
@@ -71,6 +75,33 @@ class PlyMeshReader : public MeshReader {
 
   void read_faces(const FaceSink& sink) override {
     read_faces(sink, [](const Values&) {});
+  }
+
+  bool has_ranges() const override { return ranges_.has_value(); }
+
+  void read_vertex_range(std::uint64_t begin, std::uint64_t end, MeshVertexPart& part) const override {
+    ranges_->read_vertices(file_, begin, end, part.bytes);
+    part.position.clear();
+    part.rgba.clear();
+    const VertexSink sink = [&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
+      part.position.insert(part.position.end(), positions.begin(), positions.end());
+      part.rgba.insert(part.rgba.end(), rgba.begin(), rgba.end());
+    };
+    VertexBatch batch(sink, header_.colour);
+    VertexRecords(*this).add(part.bytes.data(), end - begin, batch);
+    batch.flush();
+  }
+
+  std::uint64_t read_face_range(std::uint64_t begin, std::uint64_t end, MeshFacePart& part) const override {
+    return ranges_->read_triangles(file_, begin, end, part);
+  }
+
+  void read_faces_from(
+      std::uint64_t first,
+      const std::function<void(std::span<const MeshFace>, std::span<const std::uint8_t>)>& sink) override {
+    first_face_ = first;
+    read_flagged_faces(sink);
+    first_face_ = 0;
   }
 
   std::optional<double> mean_confidence() const override {
@@ -141,13 +172,14 @@ class PlyMeshReader : public MeshReader {
       return;
     }
     ByteWindow window = binary_at(*faces_);
+    if (first_face_ > 0) window.skip(first_face_ * ranges_->triangle_bytes());
     FaceBatch batch(
         sink, options_, header_.vertices, [&] { return at(window); }, &polygons_);
     Values values(faces.properties.size());
     Polygon polygon{batch, strips_};
-    std::uint64_t i = 0;
+    std::uint64_t i = first_face_;
     if (!strips_ && !ply_.big_endian() && faces.properties.size() == 1)
-      i = read_plain_triangles(window, faces, batch);
+      i = read_plain_triangles(window, faces, batch, i);
     for (; i < faces.count; ++i) {
       read_binary_element(window, faces, values, &polygon);
       if (one_by_one) batch.flush();
@@ -300,6 +332,47 @@ class PlyMeshReader : public MeshReader {
     return ColourRange(property(rgba_[3]).type).byte(alpha);
   }
 
+  /// Takes the vertices out of records of fixed size.
+  class VertexRecords {
+   public:
+    explicit VertexRecords(const PlyMeshReader& reader)
+        : reader_(reader), wanted_(reader.xyz_.begin(), reader.xyz_.end()) {
+      const PlyElement& e = reader.element();
+      for (std::size_t p = 0; p < e.properties.size(); ++p) offsets_.push_back(e.offset(p));
+      for (const int p : reader.rgba_) {
+        if (reader.header_.colour && p >= 0) wanted_.push_back(p);
+      }
+      if (reader.confidence_ >= 0) wanted_.push_back(reader.confidence_);
+      plain_ = !reader.ply_.big_endian() && !reader.header_.double_positions && wanted_.size() == 3;
+      values_.resize(e.properties.size());
+    }
+    void add(const char* record, std::uint64_t count, VertexBatch& batch) {
+      const std::size_t stride = reader_.element().stride();
+      for (std::uint64_t k = 0; k < count; ++k, record += stride) {
+        if (plain_) {
+          batch.add({load_scalar<float>(record + offset(wanted_[0])),
+                     load_scalar<float>(record + offset(wanted_[1])),
+                     load_scalar<float>(record + offset(wanted_[2]))});
+          continue;
+        }
+        for (const int p : wanted_) {
+          values_[static_cast<std::size_t>(p)] =
+              load_double(reader_.property(p).type, reader_.ply_.big_endian(), record + offset(p));
+        }
+        reader_.add_vertex(batch, values_);
+      }
+    }
+
+   private:
+    std::size_t offset(int p) const { return offsets_[static_cast<std::size_t>(p)]; }
+
+    const PlyMeshReader& reader_;
+    std::vector<int> wanted_;
+    std::vector<std::size_t> offsets_;
+    bool plain_ = false;
+    Values values_;
+  };
+
   /// Hands out the properties of the first vertices.
   template <class F>
   void read_vertex_values(std::uint64_t count, F&& use) const {
@@ -319,35 +392,13 @@ class PlyMeshReader : public MeshReader {
   /// Vertices of fixed size.
   void read_vertex_records(VertexBatch& batch) {
     const std::size_t stride = element().stride();
-    std::vector<std::size_t> offsets;
-    for (std::size_t p = 0; p < element().properties.size(); ++p) offsets.push_back(element().offset(p));
-    std::vector<int> wanted(xyz_.begin(), xyz_.end());
-    for (const int p : rgba_) {
-      if (header_.colour && p >= 0) wanted.push_back(p);
-    }
-    if (confidence_ >= 0) wanted.push_back(confidence_);
-    const bool plain = !ply_.big_endian() && !header_.double_positions && !header_.colour && confidence_ < 0;
+    VertexRecords records(*this);
     ByteWindow window = binary_at(vertex_);
-    Values values(element().properties.size());
     for (std::uint64_t i = 0; i < element().count;) {
       const std::string_view bytes = window.peek(stride);
       const std::uint64_t count = std::min<std::uint64_t>(bytes.size() / stride, element().count - i);
       if (count == 0) truncated(at(window), element());
-      for (std::uint64_t k = 0; k < count; ++k) {
-        const char* record = bytes.data() + k * stride;
-        const auto offset = [&](int p) { return offsets[static_cast<std::size_t>(p)]; };
-        if (plain) {
-          batch.add({load_scalar<float>(record + offset(xyz_[0])),
-                     load_scalar<float>(record + offset(xyz_[1])),
-                     load_scalar<float>(record + offset(xyz_[2]))});
-          continue;
-        }
-        for (const int p : wanted) {
-          values[static_cast<std::size_t>(p)] =
-              load_double(property(p).type, ply_.big_endian(), record + offset(p));
-        }
-        add_vertex(batch, values);
-      }
+      records.add(bytes.data(), count, batch);
       window.skip(count * stride);
       i += count;
     }
@@ -355,16 +406,17 @@ class PlyMeshReader : public MeshReader {
 
   /// Little endian faces of nothing but a byte count and 32-bit indices, as nearly all files have them. Stops
   /// at the first one that is no triangle; returns how many were read.
-  std::uint64_t read_plain_triangles(ByteWindow& window, const PlyElement& faces, FaceBatch& batch) const {
+  std::uint64_t read_plain_triangles(ByteWindow& window, const PlyElement& faces, FaceBatch& batch,
+                                     std::uint64_t first) const {
     const PlyProperty& list = faces.properties[0];
     constexpr std::size_t kBytes = 13;
     const bool is_signed = list.type == ScalarType::kInt32;
-    if (scalar_bytes(list.count_type) != 1 || (!is_signed && list.type != ScalarType::kUint32)) return 0;
+    if (scalar_bytes(list.count_type) != 1 || (!is_signed && list.type != ScalarType::kUint32)) return first;
     const auto index = [&](const char* p) {
       return is_signed ? static_cast<std::uint64_t>(load_scalar<std::int32_t>(p))
                        : load_scalar<std::uint32_t>(p);
     };
-    for (std::uint64_t i = 0; i < faces.count;) {
+    for (std::uint64_t i = first; i < faces.count;) {
       const std::string_view bytes = window.peek(kBytes);
       const std::uint64_t capacity = std::min<std::uint64_t>(bytes.size() / kBytes, faces.count - i);
       std::uint64_t k = 0;
@@ -512,7 +564,9 @@ class PlyMeshReader : public MeshReader {
   std::optional<std::size_t> faces_;  ///< element of faces or strips; none in a mesh without faces
   std::size_t indices_ = 0;           ///< its list of vertex indices
   bool strips_ = false;
-  int synthetic_ = -1;                 ///< property of the faces
+  int synthetic_ = -1;  ///< property of the faces
+  std::optional<PlyRanges> ranges_;
+  std::uint64_t first_face_ = 0;       ///< where reading faces begins
   int confidence_ = -1;                ///< of the vertices
   ColourRange colours_;                ///< known after a look at the first vertices
   std::vector<std::string> left_out_;  ///< properties that are read past

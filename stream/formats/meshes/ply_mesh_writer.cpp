@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "octree/error.h"
+#include "stream/formats/mesh_parts.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
 
 namespace tessera {
@@ -29,7 +30,7 @@ void pack_positions(std::span<const Double3> positions, const std::uint32_t* rgb
   }
 }
 
-class PlyMeshWriter : public MeshWriterBase {
+class PlyMeshWriter : public MeshWriterBase, public MeshPartWriter {
  public:
   PlyMeshWriter(const std::filesystem::path& path, const MeshHeader& header)
       : MeshWriterBase(path, header, !header.double_positions),
@@ -51,43 +52,74 @@ class PlyMeshWriter : public MeshWriterBase {
     file_.append("end_header\n");
   }
 
+  void encode(MeshVertexPart& part) const override {
+    part.bytes.resize(part.position.size() * vertex_bytes_);
+    pack_vertices(part.position, part.rgba, part.bytes.data());
+  }
+  void encode(MeshFacePart& part) const override {
+    part.bytes.resize(part.faces.size() * face_bytes_);
+    pack_faces(part.faces, part.synthetic, part.bytes.data());
+  }
+  void append(const MeshVertexPart& part) override {
+    encoded_ = &part.bytes;
+    vertices(part.position, part.rgba);
+    encoded_ = nullptr;
+  }
+  void append(const MeshFacePart& part) override {
+    encoded_ = &part.bytes;
+    faces(part.faces, part.synthetic);
+    encoded_ = nullptr;
+  }
+
  private:
+  void pack_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba,
+                     char* to) const {
+    const std::uint32_t* colours = header_.colour && rgba.size() == positions.size() ? rgba.data() : nullptr;
+    if (header_.double_positions) {
+      pack_positions<double>(positions, colours, to);
+    } else {
+      pack_positions<float>(positions, colours, to);
+    }
+  }
+
+  void pack_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic, char* to) const {
+    const bool flagged = header_.synthetic && synthetic.size() == faces.size();
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+      const MeshFace& face = faces[i];
+      *to = 3;
+      const std::uint32_t indices[3] = {static_cast<std::uint32_t>(face[0]),
+                                        static_cast<std::uint32_t>(face[1]),
+                                        static_cast<std::uint32_t>(face[2])};
+      std::memcpy(to + 1, indices, sizeof indices);
+      if (flagged) to[kFaceBytes] = static_cast<char>(synthetic[i]);
+      to += face_bytes_;
+    }
+  }
+
+  // What is appended has passed the checks of the base by here.
   void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) override {
+    if (encoded_) return file_.append(encoded_->data(), encoded_->size());
     for (std::size_t first = 0; first < positions.size(); first += kBatch) {
-      const auto batch = positions.subspan(first, std::min(kBatch, positions.size() - first));
-      const std::size_t bytes = batch.size() * vertex_bytes_;
-      char* to = file_.reserve(bytes);
-      const std::uint32_t* colours = header_.colour ? rgba.data() + first : nullptr;
-      if (header_.double_positions) {
-        pack_positions<double>(batch, colours, to);
-      } else {
-        pack_positions<float>(batch, colours, to);
-      }
-      file_.commit(bytes);
+      const std::size_t count = std::min(kBatch, positions.size() - first);
+      pack_vertices(positions.subspan(first, count), header_.colour ? rgba.subspan(first, count) : rgba,
+                    file_.reserve(count * vertex_bytes_));
+      file_.commit(count * vertex_bytes_);
     }
   }
 
   void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) override {
-    for (std::size_t first = 0; first < faces.size();) {
-      const auto batch = faces.subspan(first, std::min(kBatch, faces.size() - first));
-      const std::size_t bytes = batch.size() * face_bytes_;
-      char* to = file_.reserve(bytes);
-      for (const MeshFace& face : batch) {
-        *to = 3;
-        const std::uint32_t indices[3] = {static_cast<std::uint32_t>(face[0]),
-                                          static_cast<std::uint32_t>(face[1]),
-                                          static_cast<std::uint32_t>(face[2])};
-        std::memcpy(to + 1, indices, sizeof indices);
-        if (header_.synthetic) to[kFaceBytes] = static_cast<char>(synthetic[first]);
-        to += face_bytes_;
-        ++first;
-      }
-      file_.commit(bytes);
+    if (encoded_) return file_.append(encoded_->data(), encoded_->size());
+    for (std::size_t first = 0; first < faces.size(); first += kBatch) {
+      const std::size_t count = std::min(kBatch, faces.size() - first);
+      pack_faces(faces.subspan(first, count), header_.synthetic ? synthetic.subspan(first, count) : synthetic,
+                 file_.reserve(count * face_bytes_));
+      file_.commit(count * face_bytes_);
     }
   }
 
   const std::size_t face_bytes_;
   const std::size_t vertex_bytes_;
+  const std::vector<char>* encoded_ = nullptr;  ///< what is being appended
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "octree/vector.h"
 #include "stream/formats/line_reader.h"
+#include "stream/formats/mesh_parts.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/scalar.h"
 #include "stream/formats/text_scanner.h"
@@ -28,7 +29,7 @@ bool is_text(std::string_view start) {
   });
 }
 
-class StlMeshReader : public MeshReader {
+class StlMeshReader : public MeshReader, public MeshRanges {
  public:
   StlMeshReader(ReadFile file, const MeshReadOptions&) : file_(std::move(file)) {
     char start[kTextSample] = {};
@@ -58,6 +59,36 @@ class StlMeshReader : public MeshReader {
     VertexBatch batch(sink, false);
     facets_ = text_ ? TextFacets(file_, line_end_).read(batch) : read_binary(batch);
     batch.flush();
+  }
+
+  bool has_ranges() const override { return !text_ && file_.packed().empty(); }
+
+  void read_vertex_range(std::uint64_t begin, std::uint64_t end, MeshVertexPart& part) const override {
+    part.position.clear();
+    part.rgba.clear();
+    if (begin >= end) return;
+    const std::uint64_t first = begin / 3, last = (end + 2) / 3;
+    part.bytes.resize((last - first) * kFacetSize);
+    file_.read_at(begin_ + first * kFacetSize, part.bytes.data(), part.bytes.size());
+    file_.release(begin_ + first * kFacetSize, part.bytes.size());
+    file_.require_unchanged();
+    for (std::uint64_t v = begin; v < end; ++v)
+      part.position.push_back(corner(part.bytes.data() + (v / 3 - first) * kFacetSize, v % 3));
+  }
+  std::uint64_t read_face_range(std::uint64_t begin, std::uint64_t end, MeshFacePart& part) const override {
+    part.faces.clear();
+    part.synthetic.clear();
+    for (; begin < end; ++begin) part.faces.push_back({3 * begin, 3 * begin + 1, 3 * begin + 2});
+    return begin;
+  }
+
+  void read_faces_from(
+      std::uint64_t first,
+      const std::function<void(std::span<const MeshFace>, std::span<const std::uint8_t>)>& sink) override {
+    for (MeshFacePart part; first < header_.faces; ++first) {
+      read_face_range(first, first + 1, part);
+      sink(part.faces, {});
+    }
   }
 
   void read_faces(const FaceSink& sink) override {
@@ -152,16 +183,17 @@ class StlMeshReader : public MeshReader {
     }
   }
 
+  Double3 corner(const char* facet, std::uint64_t c) const {
+    const char* p = facet + 12 * (c + 1);
+    const Double3 at = {load_scalar<float>(p), load_scalar<float>(p + 4), load_scalar<float>(p + 8)};
+    return header_.double_positions ? origin_ + at : at;
+  }
+
   std::uint64_t read_binary(VertexBatch& batch) const {
     ByteWindow window(file_, begin_, file_.size(), ByteWindow::kDefaultCapacity, true);
     for (std::uint64_t i = 0; i < header_.faces; ++i) {
       const char* facet = window.peek(kFacetSize).data();
-      for (std::size_t corner = 1; corner <= 3; ++corner) {
-        const char* p = facet + 12 * corner;
-        Double3 at = {load_scalar<float>(p), load_scalar<float>(p + 4), load_scalar<float>(p + 8)};
-        if (header_.double_positions) at = origin_ + at;
-        batch.add(at);
-      }
+      for (std::size_t c = 0; c < 3; ++c) batch.add(corner(facet, c));
       window.skip(kFacetSize);
     }
     return header_.faces;

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <fstream>
 #include <map>
 #include <numeric>
 #include <random>
@@ -197,6 +198,35 @@ TEST_CASE("mesh import: numbers of vertices that do not fit in memory are taken 
   CHECK(written.vertices == n);
   const Mesh result = read(output.path);
   CHECK(faces_of(result) == faces_of({mesh.position, {}, mesh.faces}));
+}
+
+TEST_CASE("mesh import: faces from the first that is no triangle on are read in order", "[property]") {
+  const test::TempFolder folder;
+  Mesh mesh = make_sheet(200);
+  mesh.rgba.clear();
+  write(mesh, folder.path() / "triangles.ply");
+  // One pair of triangles in the middle of a range, and one at the start of another, become quads.
+  std::string bytes = test::file_bytes(folder.path() / "triangles.ply");
+  constexpr std::size_t kTriangle = 13;
+  const std::size_t faces = bytes.size() - kTriangle * mesh.faces.size();
+  std::string cut = bytes.substr(0, faces);
+  std::size_t count = mesh.faces.size();
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    cut += bytes.substr(faces + kTriangle * f, kTriangle);
+    if (f != 40000 && f != 65536) continue;
+    cut[cut.size() - kTriangle] = 4;
+    const auto last = static_cast<std::uint32_t>(mesh.faces[++f][2]);
+    cut.append(reinterpret_cast<const char*>(&last), sizeof last);
+    --count;
+  }
+  const std::string claim = "element face " + std::to_string(mesh.faces.size());
+  cut.replace(cut.find(claim), claim.size(), "element face " + std::to_string(count));
+  std::ofstream(folder.path() / "quads.ply", std::ios::binary) << cut;
+  const Imported want = round_trip(folder.path() / "triangles.ply", folder.path());
+  const Imported got = round_trip(folder.path() / "quads.ply", folder.path());
+  CHECK(got.report.at("mesh-corners").at("faces") == mesh.faces.size());
+  CHECK(got.mesh.faces.size() == want.mesh.faces.size());
+  CHECK(got.mesh.position == want.mesh.position);
 }
 
 TEST_CASE("mesh import: doubles keep all bits, triangle soups are welded", "[unit]") {
