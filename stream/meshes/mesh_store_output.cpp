@@ -7,7 +7,9 @@
 #include "octree/error.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/spill_file.h"
+#include "stream/formats/mesh_parts.h"
 #include "stream/meshes/store_output_file.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {
@@ -89,6 +91,21 @@ class StoreWriter {
   }
 
  private:
+  /// What one patch needs on its way; slots are used again.
+  struct Slot {
+    MeshBlock block;
+    std::vector<std::uint64_t> open;  ///< keys of vertices that other patches may use
+    std::vector<std::uint8_t> synthetic;
+    std::uint64_t flat = 0, closing = 0;
+  };
+  /// make(p, slot) of every patch on all threads, use(p, slot) one after the other.
+  template <class Make, class Use>
+  void in_order(Make&& make, Use&& use) {
+    slots_.resize(std::max<std::size_t>(1, output_.patches_at_once));
+    parallel_in_order(
+        store_.patches().size(), slots_.size(), [&](std::size_t p) { make(p, slots_[p % slots_.size()]); },
+        [&](std::size_t p) { use(p, slots_[p % slots_.size()]); });
+  }
   void stop() const {
     if (output_.check_stop) output_.check_stop();
   }
@@ -100,12 +117,17 @@ class StoreWriter {
   /// A vertex whose star is not complete in its patch may be in others; the first patch of all numbers it.
   void find_shared() {
     ExternalSort<Shared> sort(output_.temp, output_.memory_bytes / 2);
-    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
-      const MeshBlock block = load(p);
-      const std::vector<std::uint8_t> complete = complete_stars(block);
-      for (std::size_t v = 0; v < complete.size(); ++v)
-        if (!complete[v]) sort.add({block.key[v], p});
-    }
+    in_order(
+        [&](std::size_t p, Slot& slot) {
+          const MeshBlock block = load(p);
+          const std::vector<std::uint8_t> complete = complete_stars(block);
+          slot.open.clear();
+          for (std::size_t v = 0; v < complete.size(); ++v)
+            if (!complete[v]) slot.open.push_back(block.key[v]);
+        },
+        [&](std::size_t p, Slot& slot) {
+          for (const std::uint64_t key : slot.open) sort.add({key, p});
+        });
     ExternalSort<Named> by_patch(output_.temp, output_.memory_bytes / 2);
     std::uint64_t key = ~std::uint64_t{0};
     std::uint64_t owner = 0;
@@ -139,23 +161,24 @@ class StoreWriter {
     ExternalSort<Number> sort(output_.temp, output_.memory_bytes / 2);
     Named next;
     bool more = owners_.next(next);
-    std::vector<Double3> position;
-    std::vector<std::uint32_t> rgba;
-    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
-      const MeshBlock block = load(p);
-      position.clear();
-      rgba.clear();
-      for (std::size_t v = 0; v < block.key.size(); ++v) {
-        const bool shared = more && next.patch == p && next.key == block.key[v];
-        const std::uint64_t owner = shared ? next.value : p;
-        if (shared) more = owners_.next(next);
-        if (owner != p) continue;
-        if (shared) sort.add({block.key[v], first_[p] + position.size()});
-        position.push_back(block.position[v]);
-        if (!block.rgba.empty()) rgba.push_back(block.rgba[v]);
-      }
-      file.vertices(position, rgba);
-    }
+    MeshVertexPart part;
+    in_order([&](std::size_t p, Slot& slot) { slot.block = load(p); },
+             [&](std::size_t p, Slot& slot) {
+               const MeshBlock& block = slot.block;
+               part.position.clear();
+               part.rgba.clear();
+               for (std::size_t v = 0; v < block.key.size(); ++v) {
+                 const bool shared = more && next.patch == p && next.key == block.key[v];
+                 const std::uint64_t owner = shared ? next.value : p;
+                 if (shared) more = owners_.next(next);
+                 if (owner != p) continue;
+                 if (shared) sort.add({block.key[v], first_[p] + part.position.size()});
+                 part.position.push_back(block.position[v]);
+                 if (!block.rgba.empty()) part.rgba.push_back(block.rgba[v]);
+               }
+               file.vertices(part.position, part.rgba);
+               slot.block = {};
+             });
     sort.drain([&](std::span<const Number> batch) { numbers_.append(batch); });
   }
 
@@ -180,10 +203,22 @@ class StoreWriter {
     Named next;
     bool more = named_->next(next);
     std::vector<std::uint64_t> number;
+    const bool flagged = store_.has_synthetic();
     std::vector<MeshFace> faces;
-    std::vector<std::uint8_t> synthetic;
-    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
-      const MeshBlock block = load(p);
+    const auto make = [&](std::size_t p, Slot& slot) {
+      slot.block = load(p);
+      const MeshBlock& block = slot.block;
+      slot.flat = slot.closing = 0;
+      for (const auto& f : block.faces)
+        slot.flat += face_extent(block.position[f[0]], block.position[f[1]], block.position[f[2]]).is_flat();
+      slot.synthetic.clear();
+      for (const std::uint8_t flags : block.face_flags) {
+        if (flagged) slot.synthetic.push_back((flags & kFaceSynthetic) != 0);
+        slot.closing += (flags & kFaceSynthetic) != 0;
+      }
+    };
+    in_order(make, [&](std::size_t p, Slot& slot) {
+      const MeshBlock& block = slot.block;
       number.resize(block.key.size());
       std::uint64_t own = first_[p];
       for (std::size_t v = 0; v < block.key.size(); ++v) {
@@ -196,19 +231,13 @@ class StoreWriter {
         }
       }
       faces.clear();
-      for (const auto& f : block.faces) {
-        faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
-        report_.flat_faces +=
-            face_extent(block.position[f[0]], block.position[f[1]], block.position[f[2]]).is_flat();
-      }
-      synthetic.clear();
-      for (const std::uint8_t flags : block.face_flags) {
-        if (store_.has_synthetic()) synthetic.push_back((flags & kFaceSynthetic) != 0);
-        report_.synthetic_faces += (flags & kFaceSynthetic) != 0;
-      }
-      file.faces(faces, synthetic);
+      for (const auto& f : block.faces) faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
+      report_.flat_faces += slot.flat;
+      report_.synthetic_faces += slot.closing;
+      file.faces(faces, slot.synthetic);
       if (output_.advance) output_.advance(faces.size());
-    }
+      slot.block = {};
+    });
   }
 
   const MeshStore& store_;
@@ -220,6 +249,7 @@ class StoreWriter {
   std::unique_ptr<Sequence<Named>> named_;  ///< ascending by patch, then key; value: the number
   std::vector<std::uint32_t> foreign_;      ///< per patch: vertices that another one numbers
   std::vector<std::uint64_t> first_;        ///< per patch: its first number
+  std::vector<Slot> slots_;
 };
 
 }  // namespace
@@ -236,8 +266,8 @@ MeshStoreOutputReport write_mesh_store_as(
 }
 
 std::uint64_t write_mesh_store_bytes(std::uint64_t patch_bytes, std::uint64_t patches,
-                                     std::uint64_t sort_bytes) {
-  return sort_bytes + 3 * patch_bytes + patches * 12 + (std::uint64_t{24} << 20);
+                                     std::uint64_t sort_bytes, std::size_t patches_at_once) {
+  return sort_bytes + (2 + patches_at_once) * patch_bytes + patches * 12 + (std::uint64_t{24} << 20);
 }
 
 }  // namespace tessera

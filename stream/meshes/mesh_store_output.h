@@ -19,8 +19,9 @@ struct MeshStoreOutput {
   Double3 origin = {0, 0, 0};  ///< of positions in formats of floats (mesh_precision.h)
   std::filesystem::path temp;  ///< folder for what does not fit in memory
   std::uint64_t memory_bytes = std::uint64_t{64} << 20;  ///< of its sorts; patches come on top
-  std::function<void()> check_stop;                      ///< may be empty
-  std::function<void(std::uint64_t)> advance;            ///< faces written; may be empty
+  std::size_t patches_at_once = 1;             ///< loaded on all threads, to be written one after the other
+  std::function<void()> check_stop;            ///< may be empty; called from several threads
+  std::function<void(std::uint64_t)> advance;  ///< faces written; may be empty
 };
 
 struct MeshStoreOutputReport {
@@ -40,6 +41,6 @@ MeshStoreOutputReport write_mesh_store(const MeshStore& store, const MeshStoreOu
 
 /// Upper bound of what write_mesh_store allocates. \param patch_bytes  MeshStore::largest_patch_bytes()
 std::uint64_t write_mesh_store_bytes(std::uint64_t patch_bytes, std::uint64_t patches,
-                                     std::uint64_t sort_bytes);
+                                     std::uint64_t sort_bytes, std::size_t patches_at_once = 1);
 
 }  // namespace tessera

@@ -7,6 +7,7 @@
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/mesh_store_output.h"
+#include "stream/meshes/parts_at_once.h"
 #include "stream/runtime/serial_stage.h"
 
 namespace tessera {
@@ -18,6 +19,7 @@ class StoreWriteStage : public SerialStage {
                   std::string comment, std::uint64_t sort_bytes,
                   const std::optional<MeshPlacement>& placement = {})
       : name_(std::move(name)),
+        run_(state.run),
         work_(state.work),
         path_(std::move(path)),
         store_(std::move(store)),
@@ -29,8 +31,7 @@ class StoreWriteStage : public SerialStage {
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
   std::uint64_t finish_bytes() const override {
-    return write_mesh_store_bytes(store_.largest_patch_bytes(), store_.patches().size(), sort_bytes_) +
-           rounding_check_bytes(path_, store_.info().double_positions, 3 * store_.face_count());
+    return one_bytes() + (at_once() - 1) * store_.largest_patch_bytes();
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
@@ -40,6 +41,7 @@ class StoreWriteStage : public SerialStage {
     output.origin = origin_;
     output.temp = work_;
     output.memory_bytes = sort_bytes_;
+    output.patches_at_once = at_once();
     output.check_stop = [&] { context.check_stop(); };
     output.advance = [&](std::uint64_t faces) { context.advance(faces); };
     const MeshStoreOutputReport report = write_mesh_store(store_, output);
@@ -59,7 +61,15 @@ class StoreWriteStage : public SerialStage {
   }
 
  private:
+  /// With one patch at once.
+  std::uint64_t one_bytes() const {
+    return write_mesh_store_bytes(store_.largest_patch_bytes(), store_.patches().size(), sort_bytes_) +
+           rounding_check_bytes(path_, store_.info().double_positions, 3 * store_.face_count());
+  }
+  std::size_t at_once() const { return parts_at_once(run_, one_bytes(), store_.largest_patch_bytes()); }
+
   std::string name_;
+  RunOptions run_;
   std::filesystem::path work_;
   std::filesystem::path path_;
   MeshStore store_;

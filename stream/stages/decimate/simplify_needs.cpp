@@ -7,6 +7,7 @@
 #include "stream/check/mesh_compare.h"
 #include "stream/import/import_plan.h"
 #include "stream/meshes/mesh_store_output.h"
+#include "stream/meshes/parts_at_once.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
@@ -54,9 +55,10 @@ std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t referenc
     const std::uint64_t cell = certify_cell_bytes(reference + result, largest_patch(reference), around);
     return std::max(certify_task_bytes(cell), certify_finish_bytes(cell, patches));
   };
+  const std::uint64_t patch = surface_block_bytes(largest_patch(result)),
+                      write = write_mesh_store_bytes(patch, patches, sort_bytes(run));
   return {{"certify", certify(1), certify(kMaxAround)},
-          {"write",
-           write_mesh_store_bytes(surface_block_bytes(largest_patch(result)), patches, sort_bytes(run)), 0}};
+          {"write", write, max_bytes_at_once(run, write, patch)}};
 }
 
 std::vector<StageNeed> simplify_needs(const RunOptions& run, const SimplifyOptions& options,
@@ -107,7 +109,8 @@ StageForecast forecast_certify(const PlannedScan& scan) {
 StageForecast forecast_store_write(const PlannedScan& scan) {
   const std::uint64_t patch = surface_block_bytes(scan.largest_patch.faces), sort = sort_bytes(scan.run);
   return {
-      .finish_bytes = write_mesh_store_bytes(patch, scan.patches.entries.size(), sort),
+      .finish_bytes = max_bytes_at_once(
+          scan.run, write_mesh_store_bytes(patch, scan.patches.entries.size(), sort), patch),
       .sure_bytes = write_mesh_store_bytes(0, 0, sort),
       .disk_bytes = scan.output_bytes,
       .files = 1,

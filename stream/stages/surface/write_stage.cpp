@@ -4,9 +4,12 @@
 
 #include "stream/files/json.h"
 #include "stream/files/path_text.h"
+#include "stream/formats/mesh_parts.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/meshes/parts_at_once.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/points/plan.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/plan/planned_scan.h"
@@ -19,6 +22,18 @@ namespace {
 
 constexpr const char* kReconstruct = "tessera reconstruct";
 
+/// Of a patch on its way, as it is loaded and as it is written.
+std::uint64_t write_patch_bytes(const PatchEntry& e) {
+  return 48ull * e.vertices + 40ull * e.faces + 16ull * e.foreign;
+}
+
+/// Of one more patch on its way at once.
+std::uint64_t write_lane_bytes(std::span<const PatchEntry> patches) {
+  std::uint64_t largest = 0;
+  for (const PatchEntry& e : patches) largest = std::max(largest, write_patch_bytes(e));
+  return 2 * largest + NumberedPatches::kCacheBytes;
+}
+
 class WriteStage : public SerialStage {
  public:
   WriteStage(const JobState& state, bool raw, std::string maker)
@@ -28,7 +43,10 @@ class WriteStage : public SerialStage {
         plan_(Plan::of_work(state.work)),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)),
-        fillings_(list_filling_files(state.work)) {}
+        fillings_(list_filling_files(state.work)),
+        positions_(std::make_shared<PatchPositions>(state.work, store_)),
+        lanes_(
+            parts_at_once(state.run, write_bytes(store_.patches(), 0), write_lane_bytes(store_.patches()))) {}
 
   std::string name() const override { return raw_ ? "raw" : "write"; }
   std::uint64_t units() const override { return numbering_.faces; }
@@ -38,7 +56,7 @@ class WriteStage : public SerialStage {
     std::uint64_t filling = 0;
     for (const auto& file : fillings_)
       filling = std::max<std::uint64_t>(filling, std::filesystem::file_size(file));
-    return write_bytes(store_.patches(), filling) +
+    return write_bytes(store_.patches(), filling) + (lanes_ - 1) * write_lane_bytes(store_.patches()) +
            rounding_check_bytes(state_.output, !raw_, numbering_.vertices);
   }
 
@@ -48,9 +66,10 @@ class WriteStage : public SerialStage {
     const std::filesystem::path committed = raw_ ? context.create(kRawMeshFile) : state_.output;
     const std::filesystem::path path = raw_ ? std::filesystem::path(committed.string() + ".ply") : committed;
     const auto writer = create_mesh_file(path, header);
-    write_vertices(*writer, header, context);
+    std::vector<Slot> slots = make_slots();
+    write_vertices(*writer, header, slots, context);
     write_new_vertices(*writer, header, context);
-    std::uint64_t synthetic = write_faces(*writer, header.synthetic, context);
+    std::uint64_t synthetic = write_faces(*writer, header.synthetic, slots, context);
     synthetic += write_fillings(*writer, context);
     writer->finish();
     const MeshRounding rounding = writer->rounding();
@@ -91,55 +110,93 @@ class WriteStage : public SerialStage {
     return header;
   }
 
-  void write_vertices(MeshWriter& writer, const MeshHeader& header, TaskContext& context) const {
-    NumberedPatches numbered(state_.work, store_, numbering_);
+  /// What one patch needs on its way; slots are used again.
+  struct Slot {
+    std::unique_ptr<NumberedPatches> numbered;
     std::vector<Float3> local;
-    std::vector<std::uint32_t> rgba;
-    std::vector<Double3> world;
-    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
+    PatchFaces patch;
+    MeshVertexPart vertices;
+    MeshFacePart faces;
+    std::uint64_t closing = 0;
+  };
+
+  std::vector<Slot> make_slots() const {
+    std::vector<Slot> slots(lanes_);
+    for (Slot& slot : slots)
+      slot.numbered = std::make_unique<NumberedPatches>(state_.work, store_, numbering_, positions_);
+    return slots;
+  }
+
+  void write_vertices(MeshWriter& writer, const MeshHeader& header, std::vector<Slot>& slots,
+                      TaskContext& context) const {
+    auto* parts = dynamic_cast<MeshPartWriter*>(&writer);
+    const auto make = [&](std::size_t p) {
+      Slot& slot = slots[p % lanes_];
+      slot.vertices.position.clear();
+      slot.vertices.bytes.clear();
       context.check_stop();
-      if (numbering_.patches[p].kept_vertices == 0) continue;
-      numbered.load_kept_vertices(p, local, rgba);
-      if (header.colour) rgba.resize(local.size(), 0);
+      if (numbering_.patches[p].kept_vertices == 0) return;
+      slot.numbered->load_kept_vertices(p, slot.local, slot.vertices.rgba);
+      if (header.colour) {
+        slot.vertices.rgba.resize(slot.local.size(), 0);
+      } else {
+        slot.vertices.rgba.clear();
+      }
       const Int3 brick = brick_of_key(store_.patches()[p].key);
-      world.resize(local.size());
+      std::vector<Double3>& world = slot.vertices.position;
+      world.resize(slot.local.size());
       for (std::size_t a = 0; a < 3; ++a) {
         const double corner = brick[a] * double{kBrickCells};
-        for (std::size_t v = 0; v < local.size(); ++v)
+        for (std::size_t v = 0; v < slot.local.size(); ++v)
           world[v][a] =
-              plan_.lattice.world(static_cast<int>(a), corner + double{local[v][a]}) - header.shift[a];
+              plan_.lattice.world(static_cast<int>(a), corner + double{slot.local[v][a]}) - header.shift[a];
       }
-      writer.vertices(
-          world, header.colour ? std::span<const std::uint32_t>(rgba) : std::span<const std::uint32_t>());
-      context.count_read(16 * local.size());
-    }
+      if (parts) parts->encode(slot.vertices);
+      context.count_read(16 * world.size());
+    };
+    parallel_in_order(store_.patches().size(), lanes_, make, [&](std::size_t p) {
+      if (numbering_.patches[p].kept_vertices == 0) return;
+      const MeshVertexPart& part = slots[p % lanes_].vertices;
+      if (parts) return parts->append(part);
+      writer.vertices(part.position, part.rgba);
+    });
   }
 
   /// \returns how many of them close holes
-  std::uint64_t write_faces(MeshWriter& writer, bool synthetic, TaskContext& context) const {
-    NumberedPatches numbered(state_.work, store_, numbering_);
-    PatchFaces patch;
-    std::vector<MeshFace> faces;
-    std::vector<std::uint8_t> flags;
-    std::uint64_t closing = 0;
-    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
+  std::uint64_t write_faces(MeshWriter& writer, bool synthetic, std::vector<Slot>& slots,
+                            TaskContext& context) const {
+    auto* parts = dynamic_cast<MeshPartWriter*>(&writer);
+    const auto make = [&](std::size_t p) {
+      Slot& slot = slots[p % lanes_];
+      slot.closing = 0;
       context.check_stop();
-      if (numbering_.patches[p].kept_faces == 0) continue;
-      numbered.load_faces(p, patch);
-      faces.clear();
-      flags.clear();
-      for (std::size_t i = 0; i < patch.faces.size(); ++i) {
-        const PatchFace& f = patch.faces[i];
-        if (!patch.kept(f)) continue;
-        faces.push_back({patch.index[f[0]], patch.index[f[1]], patch.index[f[2]]});
-        const std::uint8_t flag = patch.synthetic.empty() ? std::uint8_t{0} : patch.synthetic[i];
-        closing += flag;
-        if (synthetic) flags.push_back(flag);
+      if (numbering_.patches[p].kept_faces == 0) return;
+      slot.numbered->load_faces(p, slot.patch);
+      slot.faces.faces.clear();
+      slot.faces.synthetic.clear();
+      for (std::size_t i = 0; i < slot.patch.faces.size(); ++i) {
+        const PatchFace& f = slot.patch.faces[i];
+        if (!slot.patch.kept(f)) continue;
+        slot.faces.faces.push_back({slot.patch.index[f[0]], slot.patch.index[f[1]], slot.patch.index[f[2]]});
+        const std::uint8_t flag = slot.patch.synthetic.empty() ? std::uint8_t{0} : slot.patch.synthetic[i];
+        slot.closing += flag;
+        if (synthetic) slot.faces.synthetic.push_back(flag);
       }
-      writer.faces(faces, flags);
-      context.advance(faces.size());
-      context.count_read(12 * patch.faces.size() + 8 * patch.foreign.size());
-    }
+      if (parts) parts->encode(slot.faces);
+      context.count_read(12 * slot.patch.faces.size() + 8 * slot.patch.foreign.size());
+    };
+    std::uint64_t closing = 0;
+    parallel_in_order(store_.patches().size(), lanes_, make, [&](std::size_t p) {
+      const Slot& slot = slots[p % lanes_];
+      if (numbering_.patches[p].kept_faces == 0) return;
+      closing += slot.closing;
+      if (parts) {
+        parts->append(slot.faces);
+      } else {
+        writer.faces(slot.faces.faces, slot.faces.synthetic);
+      }
+      context.advance(slot.faces.faces.size());
+    });
     return closing;
   }
 
@@ -179,14 +236,15 @@ class WriteStage : public SerialStage {
   PatchStore store_;
   Numbering numbering_;
   std::vector<std::filesystem::path> fillings_;
+  std::shared_ptr<const PatchPositions> positions_;
+  std::size_t lanes_;  ///< patches on their way at once
 };
 
 }  // namespace
 
 std::uint64_t write_bytes(std::span<const PatchEntry> patches, std::uint64_t filling_bytes) {
   std::uint64_t largest = filling_bytes;
-  for (const PatchEntry& e : patches)
-    largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 40ull * e.faces + 16ull * e.foreign);
+  for (const PatchEntry& e : patches) largest = std::max<std::uint64_t>(largest, write_patch_bytes(e));
   return 2 * largest + NumberedPatches::kCacheBytes + (48u << 20);
 }
 
@@ -201,7 +259,8 @@ std::unique_ptr<Stage> make_raw_write_stage(const JobState& state) {
 }
 
 StageForecast forecast_write(const PlannedScan& scan) {
-  return {.finish_bytes = write_bytes(scan.patches.entries, scan.filling_bytes),
+  return {.finish_bytes = max_bytes_at_once(scan.run, write_bytes(scan.patches.entries, scan.filling_bytes),
+                                            write_lane_bytes(scan.patches.entries)),
           .sure_bytes = write_bytes({}, scan.filling_bytes),
           .disk_bytes = scan.output_bytes,
           .files = 1,

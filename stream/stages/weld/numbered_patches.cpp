@@ -74,7 +74,7 @@ void NumberedPatches::load_faces(std::size_t patch, PatchFaces& out) {
 
 void NumberedPatches::load_kept_vertices(std::size_t patch, std::vector<Float3>& position,
                                          std::vector<std::uint32_t>& rgba) {
-  if (!positions_) positions_ = std::make_unique<PatchPositions>(work_, *store_);
+  if (!positions_) positions_ = std::make_shared<PatchPositions>(work_, *store_);
   positions_->load(patch, position, rgba);
   const std::uint32_t kept = numbering_->patches[patch].kept_vertices;
   if (kept == position.size()) return;

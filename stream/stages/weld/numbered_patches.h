@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "stream/stages/weld/patch_positions.h"
@@ -39,8 +40,10 @@ struct PatchFaces {
 /// One thread's view of the patches: keeps a bounded cache.
 class NumberedPatches {
  public:
-  NumberedPatches(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering)
-      : work_(work), store_(&store), numbering_(&numbering) {}
+  /// \param positions  of all threads; loaded when they are asked for if there are none
+  NumberedPatches(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering,
+                  std::shared_ptr<const PatchPositions> positions = nullptr)
+      : work_(work), store_(&store), numbering_(&numbering), positions_(std::move(positions)) {}
 
   /// \pre the patch has kept faces
   void load_faces(std::size_t patch, PatchFaces& out);
@@ -67,7 +70,7 @@ class NumberedPatches {
   std::map<std::size_t, std::vector<std::uint32_t>> remaps_;  ///< of patches that lost an island
   std::int64_t open_file_ = -1;                               ///< whose places are open
   std::unique_ptr<WeldFile> slots_;
-  std::unique_ptr<PatchPositions> positions_;
+  std::shared_ptr<const PatchPositions> positions_;
 };
 
 }  // namespace tessera
