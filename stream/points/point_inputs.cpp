@@ -20,7 +20,8 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kTaskBytes = std::uint64_t{32} << 20;
+// Enough for many cores from a scan of a few hundred megabytes on.
+constexpr std::uint64_t kTaskBytes = std::uint64_t{8} << 20;
 // Each task writes a file or two; the work directory stays below a thousand of them.
 constexpr std::uint64_t kMaxTasks = 400;
 // Of points to be thinned, about: they lie in memory, one of a cube.
