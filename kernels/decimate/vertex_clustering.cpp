@@ -83,6 +83,19 @@ VertexClustering::VertexClustering(double cell, std::size_t max_faces)
   clusters_.reserve(max_cells_);
 }
 
+/// Faces that follow one another mostly lie in the same cells.
+std::uint32_t VertexClustering::cluster_of(std::uint64_t key, const Double3& corner) {
+  for (const Recent& recent : recent_)
+    if (recent.key == key) return recent.number;
+  const auto [number, is_new] = number_.add(key);
+  if (is_new) {
+    clusters_.emplace_back();
+    clusters_.back().first = corner;
+  }
+  recent_[next_recent_++ % recent_.size()] = {key, number};
+  return number;
+}
+
 bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba) {
   if (!finite(corners[0]) || !finite(corners[1]) || !finite(corners[2])) return true;
   // Weighted by the area squared, as Lindstrom does. Most faces of a fine mesh lie in one cell: looked up once.
@@ -95,12 +108,7 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
   std::array<std::uint32_t, 3> face{};
   for (std::size_t k = 0; k < 3; ++k) {
     if (k == 0 || !one_cell) {
-      const auto [number, is_new] = number_.add(key[k]);
-      face[k] = number;
-      if (is_new) {
-        clusters_.emplace_back();
-        clusters_.back().first = corners[k];
-      }
+      face[k] = cluster_of(key[k], corners[k]);
       Cluster& cluster = clusters_[face[k]];
       cluster.vertex.quadric +=
           plane_quadric(normal, corners[0] - cluster.first, one_cell ? 3.0 * square : square);

@@ -64,8 +64,17 @@ class VertexClustering {
     Double3 first{};
   };
 
+  struct Recent {
+    std::uint64_t key = ~std::uint64_t{0};  ///< no cell has it
+    std::uint32_t number = 0;
+  };
+  /// \param corner  a first one of the cell, if it is new
+  std::uint32_t cluster_of(std::uint64_t key, const Double3& corner);
+
   double cell_;
   std::size_t max_faces_, max_cells_;
+  std::array<Recent, 4> recent_;
+  std::size_t next_recent_ = 0;
   KeyTable number_;  ///< of cells
   std::vector<Cluster> clusters_;
   KeyTable seen_;  ///< faces

@@ -1,12 +1,14 @@
 #include "stream/page/preview_mesh.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
-#include <map>
 #include <optional>
 
 #include "kernels/decimate/vertex_clustering.h"
 #include "octree/error.h"
+#include "octree/key_table.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/vertex_store.h"
 #include "stream/runtime/memory_budget.h"
@@ -32,39 +34,42 @@ class FaceFigures {
       if (!std::isfinite(square[k])) return;
     }
     for (const double s : square)
-      if (s > 0.0) {
-        int exponent = 0;
-        std::frexp(s, &exponent);  // of the square: half an octave of the length
-        ++lengths_[exponent - 1];
-      }
+      if (s > 0.0) ++lengths_[static_cast<std::size_t>(half_octave(s) + kLeast)];
     // The smallest angle lies opposite the shortest side; its cosine grows as it shrinks.
     const auto minimum =
         static_cast<std::size_t>(std::min_element(square.begin(), square.end()) - square.begin());
     const std::size_t b = (minimum + 1) % 3, c = (minimum + 2) % 3;
     const double lengths = std::sqrt(square[b] * square[c]);
     const double cosine = lengths > 0.0 ? -dot(side[b], side[c]) / lengths : 1.0;
-    std::size_t bin = 0;
-    while (bin + 1 < kCosines.size() && cosine <= kCosines[bin]) ++bin;
+    std::size_t bin = 0;  // they descend
+    for (std::size_t i = 0; i + 1 < kCosines.size(); ++i) bin += cosine <= kCosines[i];
     ++angles_[bin];
   }
   void store(PreviewMesh& preview) const {
     preview.smallest_angle = angles_;
-    if (lengths_.empty()) return;
-    const int first = lengths_.begin()->first;
-    preview.shortest_edge_bin = std::sqrt(std::ldexp(1.0, first));
-    preview.edge_length.assign(static_cast<std::size_t>(lengths_.rbegin()->first - first) + 1, 0);
-    for (const auto& [exponent, count] : lengths_)
-      preview.edge_length[static_cast<std::size_t>(exponent - first)] = count;
+    const auto none = [](std::uint64_t count) { return count == 0; };
+    const auto first = std::find_if_not(lengths_.begin(), lengths_.end(), none);
+    if (first == lengths_.end()) return;
+    const auto last = std::find_if_not(lengths_.rbegin(), lengths_.rend(), none).base();
+    preview.shortest_edge_bin =
+        std::sqrt(std::ldexp(1.0, static_cast<int>(first - lengths_.begin()) - kLeast));
+    preview.edge_length.assign(first, last);
   }
 
  private:
+  static constexpr int kLeast = 1100, kMost = 1100;  ///< exponents of doubles lie between
+  /// Of a length by its square: the exponent of the square, of frexp() less one. \pre finite, > 0
+  static int half_octave(double square) {
+    const auto biased = static_cast<int>(std::bit_cast<std::uint64_t>(square) >> 52);
+    return biased > 0 ? biased - 1023 : std::ilogb(square);
+  }
   /// Of 5, 10, ..., 60 degrees.
   static constexpr std::array<double, 12> kCosines = {
       0.9961946980917455, 0.984807753012208,  0.9659258262890683, 0.9396926207859084,
       0.9063077870366499, 0.8660254037844387, 0.8191520442889918, 0.766044443118978,
       0.7071067811865476, 0.6427876096865394, 0.573576436351046,  0.5};
   std::array<std::uint64_t, 12> angles_{};
-  std::map<int, std::uint64_t> lengths_;
+  std::array<std::uint64_t, kLeast + kMost> lengths_{};
 };
 
 /// The vertices of a mesh by number, relative to the first finite one, and their colours.
@@ -135,15 +140,14 @@ Float3 to_float(const Double3& p) {
 /// The mesh itself, while it is small enough: faces beyond are counted and no more.
 void copy_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
   FaceFigures figures;
-  std::map<std::uint64_t, std::uint32_t> number;
+  KeyTable number;
   each_face(mesh, vertices, [&](const auto& corners, const auto& rgba, const MeshFace& face) {
     figures.add(corners);
     if (++preview.mesh_faces > kMaxPreviewFaces) return;
     std::array<std::uint32_t, 3> copy{};
     for (std::size_t k = 0; k < 3; ++k) {
-      const auto [at, is_new] =
-          number.try_emplace(face[k], static_cast<std::uint32_t>(preview.position.size()));
-      copy[k] = at->second;
+      const auto [copied, is_new] = number.add(face[k]);
+      copy[k] = copied;
       if (!is_new) continue;
       preview.position.push_back(to_float(corners[k]));
       preview.rgba.push_back(rgba[k]);

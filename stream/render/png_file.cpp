@@ -33,7 +33,7 @@ bool encode(png_structp png, png_infop info, const Image& image) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
   png_set_IHDR(png, info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height), 8,
                PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  png_set_compression_level(png, 7);
+  png_set_compression_level(png, 4);  // 7 takes four times as long for a twentieth less
   png_write_info(png, info);
   for (int y = 0; y < image.height; ++y) png_write_row(png, image.pixel(0, y));
   png_write_end(png, info);
