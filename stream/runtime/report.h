@@ -27,7 +27,8 @@ Json warnings_of(const Json& entry);
 
 /// Keys: schema, tool, version, command, finished, machine, job (hash), options, inputs, run, wall_s, cpu_s,
 /// peak_bytes, memory_cap_bytes, output {path, bytes, xxh3}, beside [{path, bytes, xxh3}], stages: a list of {name, tasks, tasks_resumed,
-/// wall_s, cpu_s, tasks_s, longest_task_s, end_s (wall seconds of all tasks one after the other, of the longest, of the end), peak_bytes, bytes_read, bytes_written, units, unit, result: what the stage reports}. A job with a page adds page {path, seconds, cpu_s}; one that was refused after
+/// wall_s, cpu_s, tasks_s, longest_task_s, end_s (wall seconds of all tasks one after the other, of the longest, of the end), loops_s, ordered_s
+/// (processor seconds of the loops of the end, and of what they do in order), peak_bytes, bytes_read, bytes_written, units, unit, result: what the stage reports}. A job with a page adds page {path, seconds, cpu_s}; one that was refused after
 /// stages were committed has refused {code, meaning, message}, and of the output the path alone.
 Json make_report(const JobState& state, const Json& identity, const std::vector<StageRecords>& done,
                  const std::vector<std::filesystem::path>& sidecars, const RunFigures& figures);
