@@ -78,6 +78,8 @@ void RemeshOptions::validate() const {
   need(sizing_tolerance == 0.0 || (min_edge > 0.0 && min_edge <= edge), "min_edge",
        "above 0 and at most edge");
   need(tolerance >= 0.0 && std::isfinite(tolerance), "tolerance", "a length of 0 or more");
+  need(gravity >= 0.0 && gravity <= 1.0, "gravity", "in [0, 1]");
+  need(last_relaxations >= 0, "last_relaxations", "0 or more");
   need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
   need(max_normal_deviation_deg >= 0.0 && max_normal_deviation_deg <= 180.0, "max_normal_turn_deg",
        "in [0, 180]");

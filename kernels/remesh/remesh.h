@@ -34,7 +34,9 @@ struct RemeshOptions {
   double max_normal_deviation_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
   double feature_angle_deg = 25.0;        ///< edges that turn by more are creases; 0 = none
   int iterations = 4;
-  int relaxations = 3;          ///< in each of them
+  int relaxations = 3;    ///< in each of them
+  double gravity = 0.25;  ///< of a neighbour in the last ones: the share of it that follows its area, 0 to 1
+  int last_relaxations = 2;     ///< behind the last iteration
   bool float_positions = true;  ///< new positions are rounded to float, as the file will hold them
   /// The block still is a part of the reference: creases are found, and lattices coarsened away. Later ones bear creases
   /// (kFaceCrease01).

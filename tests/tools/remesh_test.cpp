@@ -152,6 +152,25 @@ TEST_CASE("remesh: the shape told is that of all faces, also where rounds of the
   CHECK(report.at("quality").at("faces") == report.at("mesh").at("faces"));
 }
 
+TEST_CASE("remesh: even angles or even areas, at the other's expense", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const auto quality = [&](const std::string& even) {
+    const fs::path out = folder.path() / (even + ".ply");
+    const CommandResult r = tessera_command(words(in, out, {"--edge", "1.8", "--even", even, "--no-html"}));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return report_of(out).at("quality");
+  };
+  const auto angles = [](const Json& q) { return q.at("mean_angle_deviation_deg").get<double>(); };
+  const auto areas = [](const Json& q) { return q.at("mean_voronoi_area_deviation").get<double>(); };
+  const Json a = quality("angles"), both = quality("both"), c = quality("areas");
+  CHECK(angles(a) < angles(both));
+  CHECK(angles(both) < angles(c));
+  CHECK(areas(c) < 0.8 * areas(both));
+  CHECK(areas(both) < areas(a));
+}
+
 TEST_CASE("remesh: a number of faces, or a tolerance alone, says how long edges are", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");

@@ -13,6 +13,8 @@ constexpr double kLoopShare = 0.75;
 constexpr double kSizingShare = kLoopShare * (3.0 / 4.0) * (3.0 / 4.0);
 /// Without a tolerance operations keep within this share of the length: enough for any circle that edges can follow.
 constexpr double kShapeShare = 0.2;
+/// Of a preset. Two bring angles of the bunny to 4.99 degrees off 60 and these to 4.90, areas to 8.6 % off and these to 8.0.
+constexpr int kEvenRelaxations = 8;
 
 }  // namespace
 
@@ -45,6 +47,10 @@ OptionTable option_table(RemeshJobOptions& o) {
         "edges that turn by more degrees are kept as creases; 0 = none")
       .within(0, 180);
   t.add("iterations", &o.iterations, "of splits, collapses, flips and relaxation in each pass").within(1, 50);
+  t.add("even", &o.even,
+        "what the last relaxations make alike: angles, areas of the cells around vertices at the expense of "
+        "angles, or both a little, e.g. remesh mesh.ply --faces 100000 --even areas -o even.ply")
+      .one_of({"both", "angles", "areas"});
   t.add("crossings", &o.crossings,
         "refuse: no face comes to cross, overlap or touch others beyond what they share; repair: nor do "
         "those that do as given: they are cut out first and the holes closed anew, and closed bodies that "
@@ -82,6 +88,10 @@ RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool floa
   k.feature_angle_deg = feature_angle_deg;
   k.iterations = iterations;
   k.float_positions = float_positions;
+  if (even != "both") {
+    k.gravity = even == "areas" ? 1.0 : 0.0;
+    k.last_relaxations = kEvenRelaxations;
+  }
   return k;
 }
 

@@ -21,6 +21,7 @@ struct RemeshJobOptions {
   int passes = 3;
   std::uint64_t block_faces = 1u << 16;
   std::string crossings = "refuse";
+  std::string even = "both";  ///< or "angles", "areas"
 
   /// Without a tolerance a number of faces is kept by edges as long as it takes.
   bool keeps_faces() const { return faces > 0 && !(tolerance > 0.0); }

@@ -125,6 +125,31 @@ TEST_CASE("remesh: a noisy sphere gets triangles near equilateral, on the sphere
   }
 }
 
+TEST_CASE("remesh: the last relaxations make angles alike, or areas", "[unit]") {
+  MeshBlock sphere = sphere_block(6);
+  add_noise(sphere, 0.002, 3);
+  constexpr double kEdge = 0.033;
+  const auto quality = [&](double gravity, int relaxations) {
+    RemeshOptions o = options_for(kEdge);
+    o.gravity = gravity;
+    o.last_relaxations = relaxations;
+    const MeshBlock out = remeshed(sphere, o);
+    CHECK(checks_of(out).defects() == 0);
+    TriangleQuality q;
+    q.add(out, kEdge);
+    CHECK(q.smallest > 25000);
+    return q;
+  };
+  const auto off = [](const TriangleQuality& q) {
+    return static_cast<double>(q.angle_off) / static_cast<double>(q.faces);
+  };
+  const TriangleQuality both = quality(0.25, 2), angles = quality(0.0, 8), areas = quality(1.0, 8);
+  CHECK(off(angles) < 0.97 * off(both));
+  CHECK(areas.mean_cell_deviation() < 0.75 * both.mean_cell_deviation());
+  CHECK(areas.mean_cell_deviation() < 0.09);
+  CHECK(off(areas) < 1.4 * off(angles));
+}
+
 TEST_CASE("remesh: vertices on the creases of a cube stay exactly on them, its corners stay", "[unit]") {
   for (const double edge : {0.031, 0.08, 0.21}) {
     CAPTURE(edge);
@@ -427,6 +452,9 @@ TEST_CASE("remesh: no more faces than there is room for, and options that make n
   CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
   o.edge = 0.1;
   o.tolerance = -1.0;
+  CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
+  o.tolerance = 0.0;
+  o.gravity = 1.5;
   CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
 }
 
