@@ -105,6 +105,26 @@ std::string came_out(const Json& report, const PageParts& parts) {
   return html::section("out", "What came out", html::table(rows) + topology_figures(parts));
 }
 
+std::string textures(const Json& report, const PageParts& parts) {
+  const Json& texture = value_at(report, "/texture");
+  if (!texture.is_object()) return "";
+  std::string body;
+  const std::string psnr =
+      value_at(texture, "/texels/psnr_db").is_number()
+          ? fmt::format("; colours at points: {:.1f} dB (PSNR)", number_at(texture, "/texels/psnr_db"))
+          : std::string();
+  const std::string told = fmt::format(
+      "{} pages, {} texels {} wide on {} charts, stretch (L2) {:.3f}, {:.0f} % of the pages used{}",
+      count_text(value_at(texture, "/pages/pages")), count_text(value_at(texture, "/texels/texels")),
+      number_text(number_at(texture, "/scale/texel")), count_text(value_at(texture, "/charts/charts")),
+      number_at(texture, "/charts/stretch_l2"), 100.0 * number_at(texture, "/pack/used_share"), psnr);
+  if (!parts.textures.empty())
+    body = html::picture(parts.textures, "Pages of textures, small", told);
+  else
+    body = html::paragraph(told + (parts.textures_note.empty() ? "" : ". " + parts.textures_note), "note");
+  return html::section("textures", "Textures", body);
+}
+
 std::string pictures(const PageParts& parts) {
   std::string body;
   if (!parts.pictures.empty())
@@ -228,8 +248,8 @@ std::string page_text(const Json& report, const PageParts& parts) {
       escape(text_at(report, "/version")), escape(text_at(report, "/machine/host")),
       escape(text_at(report, "/machine/processor")), escape(text_at(report, "/machine/cores")));
   text += refusal(report) + summary(report, parts) + warnings(report) + went_in(report) +
-          came_out(report, parts) + pictures(parts) + preview(parts) + deviation(report, parts) +
-          completeness(report, parts) + uncertainty(report, parts);
+          came_out(report, parts) + pictures(parts) + textures(report, parts) + preview(parts) +
+          deviation(report, parts) + completeness(report, parts) + uncertainty(report, parts);
   if (const std::string shape = shape_figures(report, parts); !shape.empty())
     text += html::section("shape", "Shape", shape);
   text += html::section("run", "How it ran", run_figures(report)) + options(report);

@@ -18,6 +18,7 @@ struct PageParts {
   std::string deviation, deviation_note;  ///< PNG: its distance to what it was made from
   std::string uncertain;                  ///< PNG: where the sides of points are in doubt
   std::string missing;                    ///< PNG: what of the scan is missing in the result
+  std::string textures, textures_note;    ///< PNG: pages of textures side by side
   std::optional<PreviewMesh> preview;
   std::string preview_note;
   std::optional<MeshCheck> check;

@@ -14,6 +14,7 @@
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/page/report_value.h"
+#include "stream/page/texture_sheet.h"
 #include "stream/render/render.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
@@ -202,6 +203,9 @@ PageParts make_page_parts(const Json& report, const PageRequest& request) {
        [&] { parts.preview = make_preview(request.mesh, scratch->path(), memory_left(request)); });
   const bool whole = number_at(report, "/mesh/faces") <= static_cast<double>(kMaxWholeFaces);
   part(parts.pictures_note, "Pictures", [&] { draw_pictures(parts, request, scratch->path(), whole); });
+  if (value_at(report, "/texture").is_object())
+    part(parts.textures_note, "Pages of textures",
+         [&] { parts.textures = texture_sheet(request.mesh, scratch->path(), memory_left(request)); });
   part(parts.deviation_note, "A picture", [&] { draw_deviation(parts, report, request, scratch->path()); });
   if (!whole) {
     parts.check_note = fmt::format(
