@@ -108,10 +108,10 @@ void PointColours::gather(const Double3& at, const Double3& normal, const Int3& 
   }
 }
 
-bool PointColours::find(const Double3& at, const Double3& normal, std::uint32_t& rgba,
-                        std::vector<Near>& near, std::uint32_t without) const {
+void PointColours::find_near(const Double3& at, const Double3& normal, std::uint32_t without,
+                             std::vector<Near>& near) const {
   near.clear();
-  if (position_.empty()) return false;
+  if (position_.empty()) return;
   const auto less = [](const Near& a, const Near& b) {
     return a.square != b.square ? a.square < b.square : a.point < b.point;
   };
@@ -130,10 +130,35 @@ bool PointColours::find(const Double3& at, const Double3& normal, std::uint32_t&
     const double seen = ring * edge_ * (1.0 - 1e-6);
     if (near[options_.neighbours - 1].square <= seen * seen) break;
   }
-  if (near.empty()) return false;
   const std::size_t count = std::min(near.size(), options_.neighbours);
   std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), near.end(), less);
   near.resize(count);
+}
+
+double PointColours::weight_of(const Near& point, const Double3& at, const Double3& normal) const {
+  const double own = kOwnShare * options_.spacing;
+  const double height = dot(wide(position_[point.point]) - at, normal);
+  const double aside = std::max(0.0, point.square - height * height) + own * own;
+  return 1.0 / (aside * aside);
+}
+
+bool PointColours::find_normal(const Double3& at, const Double3& normal, Double3& found,
+                               std::vector<Near>& near) const {
+  if (normal_.empty()) return false;
+  find_near(at, normal, kAllPoints, near);
+  Double3 sum{};
+  for (const Near& point : near)
+    if (normal_[point.point] != 0)
+      sum = sum + unpack_normal(normal_[point.point]) * weight_of(point, at, normal);
+  found = unit_or_zero(sum);
+  return found != Double3{};
+}
+
+bool PointColours::find(const Double3& at, const Double3& normal, std::uint32_t& rgba,
+                        std::vector<Near>& near, std::uint32_t without) const {
+  find_near(at, normal, without, near);
+  if (near.empty()) return false;
+  const std::size_t count = near.size();
   // Speckle: far from the median in any channel, with the median deviation as a measure.
   std::array<int, 3> median{}, limit{};
   std::array<int, 64> values{};
@@ -151,16 +176,13 @@ bool PointColours::find(const Double3& at, const Double3& normal, std::uint32_t&
     std::nth_element(values.begin(), middle_at, end);
     limit[c] = kSpeckle + kSpeckleDeviations * *middle_at;
   }
-  const double own = kOwnShare * options_.spacing;
   double weights = 0.0;
   Double3 sum{};
   for (std::size_t i = 0; i < count; ++i) {
     bool speckle = false;
     for (std::size_t c = 0; c < 3; ++c) speckle = speckle || std::abs(channel(i, c) - median[c]) > limit[c];
     if (speckle && count > 2) continue;
-    const double height = dot(wide(position_[near[i].point]) - at, normal);
-    const double aside = std::max(0.0, near[i].square - height * height) + own * own;
-    const double weight = 1.0 / (aside * aside);
+    const double weight = weight_of(near[i], at, normal);
     weights += weight;
     for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * channel(i, c);
   }

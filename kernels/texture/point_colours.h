@@ -40,10 +40,16 @@ class PointColours {
   bool find(const Double3& at, const Double3& normal, std::uint32_t& rgba, std::vector<Near>& near,
             std::uint32_t without = kAllPoints) const;
   static constexpr std::uint32_t kAllPoints = 0xffffffffu;
+  /// The normal of the surface that the points are of, weighted as their colours are. \returns false where no point with a normal is near
+  bool find_normal(const Double3& at, const Double3& normal, Double3& found, std::vector<Near>& near) const;
   /// Bytes per point beside the spans.
   static constexpr std::uint64_t bytes_per_point() { return 16 + 4 + 40; }
 
  private:
+  /// The nearest points that count, in the order of their distances.
+  void find_near(const Double3& at, const Double3& normal, std::uint32_t without,
+                 std::vector<Near>& near) const;
+  double weight_of(const Near& point, const Double3& at, const Double3& normal) const;
   std::uint64_t cell_key(const Int3& cell) const;
   Int3 cell_of(const Double3& p) const;
   void gather(const Double3& at, const Double3& normal, const Int3& cell, std::uint32_t without,

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -111,6 +112,10 @@ TEST_CASE("bake: colours of the points are on the texture, pages are used, nothi
   CHECK(texture.at("charts").at("overlapping").get<int>() == 0);
   CHECK(texture.at("charts").at("stretch_l2").get<double>() < 1.3);
   CHECK(texture.at("scale").at("spacing").get<double>() == Approx(0.25).epsilon(0.05));
+  // The page for people has the pages of the textures.
+  const std::string page = file_bytes(out.string() + ".report.html");
+  CHECK(page.find("alt=\"Pages of textures, small\" src=\"data:image/png;base64,") != std::string::npos);
+  CHECK(page.find("of the pages used; colours at points:") != std::string::npos);
   // The files beside, and what the OBJ says of them.
   CHECK(fs::exists(folder.path() / "out.mtl"));
   CHECK(fs::exists(folder.path() / "out_0.png"));
@@ -175,6 +180,90 @@ TEST_CASE("bake: pages as JPEG have the same bytes every time, and are near to t
   CHECK_THROWS_AS(image("bad.jpg"), InputError);
 }
 
+namespace {
+
+/// Ripples on a plate, by their slopes.
+double ripple(double x, double y) {
+  return 0.15 * std::sin(1.1 * x) + 0.1 * std::cos(0.9 * y);
+}
+Double3 ripple_normal(double x, double y) {
+  const Double3 n = {-0.165 * std::cos(1.1 * x), 0.09 * std::sin(0.9 * y), 1.0};
+  return n / norm(n);
+}
+
+}  // namespace
+
+TEST_CASE("bake: a normal map shows the ripples that a flat plate has lost", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path plate = folder.path() / "plate.ply", fine = folder.path() / "fine.ply";
+  write_sheet(plate, 4, [](int i, int j) -> Double3 { return {5.0 * i, 5.0 * j, 0.0}; });
+  write_sheet(fine, 200, [](int i, int j) -> Double3 {
+    const double x = 0.1 * i, y = 0.1 * j;
+    Double3 p = {x, y, ripple(x, y)};
+    for (double& c : p) c = static_cast<double>(static_cast<float>(c));
+    return p;
+  });
+  const fs::path out = folder.path() / "out.glb";
+  const CommandResult r = tessera_command(words(plate, fine, out, {"--normal-map", "--threads", "1"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const std::string glb = file_bytes(out);
+  const auto word = [&](std::size_t at) {
+    std::uint32_t w = 0;
+    std::memcpy(&w, glb.data() + at, 4);
+    return w;
+  };
+  const std::size_t bin = 28 + word(12);
+  const Json all = parse_json(glb.substr(20, word(12)));
+  CHECK_FALSE(all.contains("extensionsUsed"));  // lit: an unlit surface would not show them
+  const Json& primitive = all.at("meshes")[0].at("primitives")[0];
+  const auto floats = [&](const char* name, std::size_t vertex, std::size_t count) {
+    const Json& accessor = all.at("accessors")[primitive.at("attributes").at(name).get<std::size_t>()];
+    std::array<float, 4> v{};
+    std::memcpy(v.data(), glb.data() + bin + accessor.at("byteOffset").get<std::size_t>() + 48 * vertex,
+                4 * count);
+    return v;
+  };
+  const Json& material = all.at("materials")[0];
+  const auto texture = material.at("normalTexture").at("index").get<std::size_t>();
+  const Json& image = all.at("images")[all.at("textures")[texture].at("source").get<std::size_t>()];
+  const Json& view = all.at("bufferViews")[image.at("bufferView").get<std::size_t>()];
+  const TextureImage map = read_texture_image(ReadFile(out), bin + view.at("byteOffset").get<std::uint64_t>(),
+                                              view.at("byteLength").get<std::uint64_t>());
+  const auto count = all.at("accessors")[0].at("count").get<std::size_t>();
+  std::size_t seen = 0, off = 0;
+  for (std::size_t v = 0; v < count; ++v) {
+    const auto p = floats("POSITION", v, 3), n = floats("NORMAL", v, 3), t = floats("TANGENT", v, 4),
+               uv = floats("TEXCOORD_0", v, 2);
+    CHECK(n[1] == Approx(1.0));  // y is up
+    CHECK(t[3] == 1.0f);
+    const double x = p[0], y = -p[2];
+    if (x < 1.0 || x > 19.0 || y < 1.0 || y > 19.0) continue;
+    const auto column = static_cast<std::size_t>(uv[0] * static_cast<float>(map.size.width)),
+               row = static_cast<std::size_t>(uv[1] * static_cast<float>(map.size.height));
+    const std::uint8_t* c = &map.rgb[3 * (row * map.size.width + column)];
+    const Double3 normal = {n[0], n[1], n[2]}, tangent = {t[0], t[1], t[2]};
+    const Double3 decoded = tangent * (c[0] / 127.5 - 1.0) + cross(normal, tangent) * (c[1] / 127.5 - 1.0) +
+                            normal * (c[2] / 127.5 - 1.0);
+    const Double3 want = ripple_normal(x, y);
+    ++seen;
+    off += dot(unit_or_zero(decoded), Double3{want[0], want[2], -want[1]}) < cosine_of_degrees(3.0);
+  }
+  REQUIRE(seen >= 9);
+  CHECK(off == 0);
+  // The same bytes on all threads; OBJ has the map beside it and says so, PLY cannot hold it.
+  const fs::path again = folder.path() / "again.glb";
+  REQUIRE(tessera_command(words(plate, fine, again, {"--normal-map"})).code == 0);
+  CHECK(file_bytes(again) == glb);
+  REQUIRE(tessera_command(words(plate, fine, folder.path() / "o.obj", {"--normal-map"})).code == 0);
+  CHECK(fs::exists(folder.path() / "o_0_normal.png"));
+  CHECK(file_bytes(folder.path() / "o.mtl").find("norm o_0_normal.png") != std::string::npos);
+  CHECK(file_bytes(folder.path() / "o.obj").find("vn 0 0 1") != std::string::npos);
+  const CommandResult ply = tessera_command(words(plate, fine, folder.path() / "o.ply", {"--normal-map"}));
+  CHECK(ply.code == 2);
+  CHECK(ply.errors.find("PLY has no normal maps") != std::string::npos);
+}
+
 TEST_CASE("bake: what cannot work is refused", "[pipeline]") {
   const TempFolder folder;
   const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz");
@@ -189,6 +278,8 @@ TEST_CASE("bake: what cannot work is refused", "[pipeline]") {
   CHECK(refusal({"bake", mesh.string(), "-o", (folder.path() / "out.glb").string()}, 2)
             .find("--from is missing") != std::string::npos);
   CHECK(refusal(words(mesh, mesh, folder.path() / "out.glb"), 3).find("no colours") != std::string::npos);
+  CHECK(refusal(words(mesh, from, folder.path() / "normals.glb", {"--normal-map"}), 3)
+            .find("its points have no normals") != std::string::npos);
   CHECK(refusal(words(mesh, from, folder.path() / "out.glb", {"--page-size", "1000"}), 2)
             .find("no power of two") != std::string::npos);
   CHECK_FALSE(fs::exists(folder.path() / "out.glb"));

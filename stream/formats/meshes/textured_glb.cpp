@@ -1,9 +1,10 @@
 /// Binary glTF 2.0 with pages of textures: vertices of all pages, interleaved with their coordinates, then faces, then the
-/// pictures. Materials are unlit (KHR_materials_unlit), for the light is in the colours.
+/// pictures. Materials are unlit (KHR_materials_unlit), for the light is in the colours, but for those with normal maps.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <tuple>
 
 #include "octree/error.h"
 #include "stream/files/json.h"
@@ -14,7 +15,7 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kMaxGlbBytes = 0xffffffffULL;
-constexpr std::uint64_t kTexturedVertexBytes = 20;
+constexpr std::uint64_t kTexturedVertexBytes = 20, kFrameBytes = 28;  ///< a normal, a tangent
 constexpr std::size_t kImageBatch = std::size_t{1} << 20;
 
 std::uint64_t padded(std::uint64_t bytes) {
@@ -36,12 +37,12 @@ Float3 TexturedGlb::file_position(const Double3& p, const Double3& origin) {
 std::string TexturedGlb::document(std::uint64_t& bin) const {
   std::uint64_t vertices = 0, faces = 0;
   for (const Page& p : pages_) vertices += p.vertices, faces += p.faces;
-  const std::uint64_t vertex_bytes = vertices * kTexturedVertexBytes, face_bytes = faces * 12;
+  const std::uint64_t stride = vertex_bytes(), vertex_bytes = vertices * stride, face_bytes = faces * 12;
   Json asset = {{"version", "2.0"}, {"generator", "Tessera"}};
   if (shift_ != Double3{0, 0, 0}) asset["extras"]["tessera_shift"] = shift_;
   if (!comments_.empty()) asset["extras"]["comments"] = comments_;
   Json views = Json::array(
-      {{{"buffer", 0}, {"byteLength", vertex_bytes}, {"byteStride", kTexturedVertexBytes}, {"target", 34962}},
+      {{{"buffer", 0}, {"byteLength", vertex_bytes}, {"byteStride", stride}, {"target", 34962}},
        {{"buffer", 0}, {"byteOffset", vertex_bytes}, {"byteLength", face_bytes}, {"target", 34963}}});
   Json accessors = Json::array(), primitives = Json::array(), materials = Json::array(),
        textures = Json::array(), images = Json::array();
@@ -54,15 +55,16 @@ std::string TexturedGlb::document(std::uint64_t& bin) const {
         {{"attributes", {{"POSITION", accessors.size()}, {"TEXCOORD_0", accessors.size() + 1}}},
          {"indices", accessors.size() + 2},
          {"material", i}});
+    Json& attributes = primitives.back()["attributes"];
     accessors.push_back({{"bufferView", 0},
-                         {"byteOffset", first_vertex * kTexturedVertexBytes},
+                         {"byteOffset", first_vertex * stride},
                          {"componentType", 5126},
                          {"count", p.vertices},
                          {"type", "VEC3"},
                          {"min", p.min},
                          {"max", p.max}});
     accessors.push_back({{"bufferView", 0},
-                         {"byteOffset", first_vertex * kTexturedVertexBytes + 12},
+                         {"byteOffset", first_vertex * stride + 12},
                          {"componentType", 5126},
                          {"count", p.vertices},
                          {"type", "VEC2"}});
@@ -71,20 +73,38 @@ std::string TexturedGlb::document(std::uint64_t& bin) const {
                          {"componentType", 5125},
                          {"count", 3 * p.faces},
                          {"type", "SCALAR"}});
-    materials.push_back(
-        {{"pbrMetallicRoughness",
-          {{"baseColorTexture", {{"index", i}}}, {"metallicFactor", 0}, {"roughnessFactor", 1}}},
-         {"extensions", {{"KHR_materials_unlit", Json::object()}}}});
-    textures.push_back({{"sampler", 0}, {"source", i}});
-    images.push_back({{"bufferView", views.size()},
-                      {"mimeType", p.image.extension() == ".jpg" ? "image/jpeg" : "image/png"}});
-    views.push_back({{"buffer", 0}, {"byteOffset", bin}, {"byteLength", bytes}});
-    bin += padded(bytes);
+    const auto add_image = [&](const std::filesystem::path& path, std::uint64_t size) {
+      textures.push_back({{"sampler", 0}, {"source", images.size()}});
+      images.push_back({{"bufferView", views.size()},
+                        {"mimeType", path.extension() == ".jpg" ? "image/jpeg" : "image/png"}});
+      views.push_back({{"buffer", 0}, {"byteOffset", bin}, {"byteLength", size}});
+      bin += padded(size);
+    };
+    materials.push_back({{"pbrMetallicRoughness",
+                          {{"baseColorTexture", {{"index", textures.size()}}},
+                           {"metallicFactor", 0},
+                           {"roughnessFactor", 1}}}});
+    add_image(p.image, bytes);
+    if (has_normals()) {  // lit, for the light shows them
+      materials.back()["normalTexture"] = {{"index", textures.size()}};
+      add_image(p.normals, std::filesystem::file_size(p.normals));
+      for (const auto& [name, offset, type] :
+           {std::tuple{"NORMAL", 20, "VEC3"}, std::tuple{"TANGENT", 32, "VEC4"}}) {
+        attributes[name] = accessors.size();
+        accessors.push_back({{"bufferView", 0},
+                             {"byteOffset", first_vertex * stride + static_cast<std::uint64_t>(offset)},
+                             {"componentType", 5126},
+                             {"count", p.vertices},
+                             {"type", type}});
+      }
+    } else {
+      materials.back()["extensions"] = {{"KHR_materials_unlit", Json::object()}};
+    }
     first_vertex += p.vertices, first_face += p.faces;
   }
   Json node = {{"mesh", 0}};
   if (origin_ != Double3{0, 0, 0}) node["translation"] = gltf_axes(origin_);
-  const Json all = {
+  Json all = {
       {"asset", asset},
       {"scene", 0},
       {"scenes", {{{"nodes", {0}}}}},
@@ -97,8 +117,8 @@ std::string TexturedGlb::document(std::uint64_t& bin) const {
        Json::array({Json{{"magFilter", 9729}, {"minFilter", 9987}, {"wrapS", 33071}, {"wrapT", 33071}}})},
       {"accessors", accessors},
       {"bufferViews", views},
-      {"buffers", Json::array({Json{{"byteLength", bin}}})},
-      {"extensionsUsed", {"KHR_materials_unlit"}}};
+      {"buffers", Json::array({Json{{"byteLength", bin}}})}};
+  if (!has_normals()) all["extensionsUsed"] = {"KHR_materials_unlit"};
   std::string text = dump_json(all);
   text.resize(padded(text.size()), ' ');
   return text;
@@ -122,13 +142,24 @@ TexturedGlb::TexturedGlb(const std::filesystem::path& path, const MeshHeader& he
   word(bin), word(0x004e4942);
 }
 
-void TexturedGlb::vertices(std::span<const Double3> positions, std::span<const Double2> uv) {
+std::uint64_t TexturedGlb::vertex_bytes() const {
+  return kTexturedVertexBytes + (has_normals() ? kFrameBytes : 0);
+}
+
+void TexturedGlb::vertices(std::span<const Double3> positions, std::span<const Double2> uv,
+                           std::span<const Frame> frames) {
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const Float3 p = file_position(positions[i], origin_);
     const std::array<float, 2> t = {static_cast<float>(std::clamp(uv[i][0], 0.0, 1.0)),
                                     static_cast<float>(std::clamp(1.0 - uv[i][1], 0.0, 1.0))};
     file_->append(p.data(), sizeof p);
     file_->append(t.data(), sizeof t);
+    if (frames.empty()) continue;
+    const Float3 n = narrow(gltf_axes(frames[i].normal)), along = narrow(gltf_axes(frames[i].tangent));
+    const float right_handed = 1.0f;
+    file_->append(n.data(), sizeof n);
+    file_->append(along.data(), sizeof along);
+    file_->append(&right_handed, sizeof right_handed);
   }
   vertices_ += positions.size();
 }
@@ -144,8 +175,8 @@ std::uint64_t TexturedGlb::finish() {
   if (vertices != vertices_ || faces != faces_)
     throw ValidationError(file_->path().string() + ": not as many vertices or faces came as were announced");
   std::vector<char> buffer(kImageBatch);
-  for (const Page& p : pages_) {
-    const ReadFile image(p.image);
+  const auto copy = [&](const std::filesystem::path& path) {
+    const ReadFile image(path);
     for (std::uint64_t at = 0; at < image.size();) {
       const std::uint64_t bytes = std::min<std::uint64_t>(buffer.size(), image.size() - at);
       image.read_at(at, buffer.data(), bytes);
@@ -154,6 +185,10 @@ std::uint64_t TexturedGlb::finish() {
     }
     const char zeros[4] = {};
     file_->append(zeros, padded(image.size()) - image.size());
+  };
+  for (const Page& p : pages_) {
+    copy(p.image);
+    if (has_normals()) copy(p.normals);
   }
   const std::uint64_t bytes = file_->size();
   file_->finish();

@@ -80,8 +80,11 @@ class TexturedPly : public MeshWriterBase {
 
 class TexturedObj : public MeshWriterBase {
  public:
-  TexturedObj(const std::filesystem::path& path, const MeshHeader& header, FaceTextures textures)
-      : MeshWriterBase(path, header, !header.double_positions), textures_(std::move(textures)) {
+  TexturedObj(const std::filesystem::path& path, const MeshHeader& header, FaceTextures textures,
+              FaceNormals normals)
+      : MeshWriterBase(path, header, !header.double_positions),
+        textures_(std::move(textures)),
+        normals_(std::move(normals)) {
     for (const std::string& line : comment_lines(header)) file_.append("# " + line + "\n");
     file_.append("mtllib " + material_path(path).filename().string() + "\n");
   }
@@ -113,6 +116,9 @@ class TexturedObj : public MeshWriterBase {
   /// Faces of one page after the other; corners at one place of a page share its coordinates.
   void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t>) override {
     const std::vector<FaceTexture> textures = textures_(faces.size());
+    const std::vector<std::array<Double3, 3>> normals =
+        normals_ ? normals_() : std::vector<std::array<Double3, 3>>();
+    std::map<std::uint64_t, std::uint64_t> directions;  // of vertices
     std::vector<std::size_t> order(faces.size());
     for (std::size_t f = 0; f < order.size(); ++f) order[f] = f;
     std::stable_sort(order.begin(), order.end(),
@@ -122,7 +128,7 @@ class TexturedObj : public MeshWriterBase {
     for (const std::size_t f : order) {
       if (textures[f].page != page_) {
         file_.append(places + lines);
-        places.clear(), lines.clear(), numbers.clear();
+        places.clear(), lines.clear(), numbers.clear(), directions.clear();
         page_ = textures[f].page;
         lines = "usemtl page_" + std::to_string(page_) + "\n";
       }
@@ -139,6 +145,15 @@ class TexturedObj : public MeshWriterBase {
         }
         put(lines, faces[f][k] + 1);
         lines += '/' + std::to_string(at->second);
+        if (normals.empty()) continue;
+        const auto [direction, new_direction] = directions.try_emplace(faces[f][k], directions_ + 1);
+        if (new_direction) {
+          ++directions_;
+          places += "vn";
+          for (const double c : normals[f][k]) put(places, static_cast<float>(c));
+          places += '\n';
+        }
+        lines += '/' + std::to_string(direction->second);
       }
       lines += '\n';
       if (lines.size() + places.size() > (std::size_t{1} << 20)) {
@@ -158,8 +173,9 @@ class TexturedObj : public MeshWriterBase {
   }
 
   FaceTextures textures_;
+  FaceNormals normals_;
   std::uint32_t page_ = 0xffffffffu;
-  std::uint64_t places_ = 0;
+  std::uint64_t places_ = 0, directions_ = 0;
 };
 
 }  // namespace
@@ -170,9 +186,10 @@ void require_textured_extension(const std::filesystem::path& path) {
 }
 
 std::unique_ptr<MeshWriter> create_textured_mesh(const std::filesystem::path& path, const MeshHeader& header,
-                                                 const std::vector<std::string>& pages,
-                                                 FaceTextures textures) {
-  if (has_suffix(path, ".obj")) return std::make_unique<TexturedObj>(path, header, std::move(textures));
+                                                 const std::vector<std::string>& pages, FaceTextures textures,
+                                                 FaceNormals normals) {
+  if (has_suffix(path, ".obj"))
+    return std::make_unique<TexturedObj>(path, header, std::move(textures), std::move(normals));
   if (header.vertices > 0xffffffffULL)
     throw UsageError(path.string() + ": PLY indices end at 4294967295 and the mesh has " +
                      std::to_string(header.vertices) + " vertices; write .obj instead");
@@ -185,11 +202,13 @@ std::filesystem::path material_path(const std::filesystem::path& output) {
   return path.replace_extension(".mtl");
 }
 
-std::string material_text(const std::vector<std::string>& pages) {
+std::string material_text(const std::vector<std::string>& pages, const std::vector<std::string>& normals) {
   std::string text = "# made by tessera\n";
-  for (std::size_t p = 0; p < pages.size(); ++p)
+  for (std::size_t p = 0; p < pages.size(); ++p) {
     text += "newmtl page_" + std::to_string(p) + "\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd " +
             pages[p] + "\n";
+    if (!normals.empty()) text += "norm " + normals[p] + "\n";
+  }
   return text;
 }
 

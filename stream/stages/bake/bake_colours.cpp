@@ -14,8 +14,12 @@ constexpr std::size_t kReadAhead = 3;  ///< slices of a scan
 
 class ScanColours : public BakeColours {
  public:
-  explicit ScanColours(const std::vector<std::filesystem::path>& scans)
-      : points_(open_measured_scans(scans, {}, kReadAhead)) {
+  ScanColours(const std::vector<std::filesystem::path>& scans, bool normals)
+      : points_(open_measured_scans(scans, {}, kReadAhead)), normals_(normals) {
+    if (normals && !points_->attributes.normals)
+      throw InputError(scans.front().string() +
+                       ": its points have no normals, so there is nothing for --normal-map to show; give "
+                       "--from a finer mesh");
     if (!points_->attributes.colour)
       throw InputError(scans.front().string() + ": its points have no colours, so there is nothing to bake");
   }
@@ -25,22 +29,26 @@ class ScanColours : public BakeColours {
       context.check_stop();
       if (chunk.rgba.empty()) return;  // of a scan without colours among others
       for (std::size_t i = 0; i < chunk.size(); ++i)
-        sink(Double3{chunk.x[i], chunk.y[i], chunk.z[i]} + by, chunk.rgba[i] & 0xffffffu, {});
+        sink(Double3{chunk.x[i], chunk.y[i], chunk.z[i]} + by, chunk.rgba[i] & 0xffffffu,
+             normals_ && !chunk.nx.empty() ? unit_or_zero(Double3{chunk.nx[i], chunk.ny[i], chunk.nz[i]})
+                                           : Double3{});
     });
   }
   std::uint64_t bytes() const override { return kReadAhead * kSliceMemory; }
+  bool has_normals() const override { return normals_; }
   Crs crs() const override { return points_->crs; }
   std::uint64_t left_out() const override { return points_->left_out; }
   std::vector<std::string> notices() const override { return points_->notices(); }
 
  private:
   std::unique_ptr<MeasuredPoints> points_;
+  bool normals_;
 };
 
 class StoreColours : public BakeColours {
  public:
-  explicit StoreColours(MeshStore mesh) : mesh_(std::move(mesh)) {
-    if (!mesh_.info().colour)
+  StoreColours(MeshStore mesh, bool colourless) : mesh_(std::move(mesh)) {
+    if (!mesh_.info().colour && !colourless)
       throw InputError("the mesh that colours come from has no colours, so there is nothing to bake");
   }
   /// Vertices with the normals of their stars, each once.
@@ -57,7 +65,8 @@ class StoreColours : public BakeColours {
       }
       for (const std::uint32_t v : near.core_vertices.at(0))
         if (near.first_patch[v] == p)
-          sink(block.position[v] + by, block.rgba[v] & 0xffffffu, unit_or_zero(normal[v]));
+          sink(block.position[v] + by, mesh_.info().colour ? block.rgba[v] & 0xffffffu : 0xffffffu,
+               unit_or_zero(normal[v]));
     }
   }
   std::uint64_t bytes() const override { return 8 * mesh_.largest_patch_bytes(); }
@@ -69,11 +78,11 @@ class StoreColours : public BakeColours {
 
 }  // namespace
 
-std::unique_ptr<BakeColours> colours_of_scans(const std::vector<std::filesystem::path>& scans) {
-  return std::make_unique<ScanColours>(scans);
+std::unique_ptr<BakeColours> colours_of_scans(const std::vector<std::filesystem::path>& scans, bool normals) {
+  return std::make_unique<ScanColours>(scans, normals);
 }
-std::unique_ptr<BakeColours> colours_of_store(MeshStore mesh) {
-  return std::make_unique<StoreColours>(std::move(mesh));
+std::unique_ptr<BakeColours> colours_of_store(MeshStore mesh, bool colourless) {
+  return std::make_unique<StoreColours>(std::move(mesh), colourless);
 }
 
 }  // namespace tessera

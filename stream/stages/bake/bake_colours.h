@@ -27,9 +27,10 @@ class BakeColours {
   virtual std::vector<std::string> notices() const { return {}; }
 };
 
-/// \throws InputError for scans without colours, and as open_measured_scans()
-std::unique_ptr<BakeColours> colours_of_scans(const std::vector<std::filesystem::path>& scans);
-/// Vertices of a mesh, with their normals. \throws InputError where it has no colours
-std::unique_ptr<BakeColours> colours_of_store(MeshStore mesh);
+/// \param normals  of the points too \throws InputError for scans without colours, or normals, and as open_measured_scans()
+std::unique_ptr<BakeColours> colours_of_scans(const std::vector<std::filesystem::path>& scans,
+                                              bool normals = false);
+/// Vertices of a mesh, with their normals. \param colourless  white where it has no colours \throws InputError else
+std::unique_ptr<BakeColours> colours_of_store(MeshStore mesh, bool colourless = false);
 
 }  // namespace tessera

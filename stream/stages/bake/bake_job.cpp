@@ -75,13 +75,13 @@ JobDescription bake_job(const BakeOptions& options) {
   std::vector<StageEntry> stages = import_stages(baked_source());
   if (options.fine_mesh) {
     for (StageEntry& entry : import_stages({1, kFineMesh})) stages.push_back(std::move(entry));
-    stores.colours = [](const JobState& s) {
-      return colours_of_store(open_imported_mesh(s.work, kFineMesh));
+    stores.colours = [colourless = options.normal_map](const JobState& s) {
+      return colours_of_store(open_imported_mesh(s.work, kFineMesh), colourless);
     };
   } else {
-    stores.colours = [scans = options.scans](const JobState& s) {
+    stores.colours = [scans = options.scans, normals = options.normal_map](const JobState& s) {
       const auto first = s.inputs.begin() + 1;
-      return colours_of_scans({first, first + static_cast<std::ptrdiff_t>(scans)});
+      return colours_of_scans({first, first + static_cast<std::ptrdiff_t>(scans)}, normals);
     };
   }
   for (StageEntry& entry : bake_stages(options, stores)) stages.push_back(std::move(entry));

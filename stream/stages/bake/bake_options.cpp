@@ -32,6 +32,11 @@ OptionTable option_table(BakeOptions& o) {
         "--page-format jpeg")
       .one_of({"png", "jpeg"});
   t.add("quality", &o.quality, "of JPEG pages, 100 is the best").within(1, 100);
+  t.add("normal-map", &o.normal_map,
+        "a second picture of every page holds the directions that the mesh has lost, of the normals of the "
+        "finer mesh or of points that have some, in the frame of the surface (.glb, .obj), e.g. bake "
+        "small.ply --from "
+        "fine.ply -o small.glb --normal-map");
   t.add("scans", &o.scans, "how many inputs follow the mesh").hidden();
   t.add("fine-mesh", &o.fine_mesh, "whether what follows is a mesh").hidden();
   return t;

@@ -17,8 +17,9 @@ struct BakeOptions {
   double max_stretch = 1.12;
   std::string page_format = "png";
   std::uint32_t quality = 90;  ///< of JPEG
-  std::uint64_t scans = 1;     ///< inputs behind the mesh
-  bool fine_mesh = false;      ///< that input is a mesh
+  bool normal_map = false;
+  std::uint64_t scans = 1;  ///< inputs behind the mesh
+  bool fine_mesh = false;   ///< that input is a mesh
 
   bool is_jpeg() const { return page_format == "jpeg"; }
   /// Of a job whose result gets textures. \param texture  width of a texel, or kAutoTexture

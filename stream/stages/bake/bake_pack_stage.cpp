@@ -119,12 +119,32 @@ std::size_t page_texel(const ChartEntry& chart, const ChartSpot& spot, const Bak
   return std::size_t{spot.y * kMaskCell + p[1]} * page.width + spot.x * kMaskCell + p[0];
 }
 
+Image page_image(const std::vector<std::uint32_t>& rgba, const BakePages::Size& page) {
+  Image image{static_cast<int>(page.width), static_cast<int>(page.height), {}};
+  image.rgb.resize(3 * rgba.size());
+  for (std::uint32_t y = 0; y < page.height; ++y)
+    for (std::uint32_t x = 0; x < page.width; ++x) {
+      std::uint8_t* to = image.pixel(static_cast<int>(x), static_cast<int>(page.height - 1 - y));
+      for (std::size_t c = 0; c < 3; ++c)
+        to[c] = static_cast<std::uint8_t>(rgba[std::size_t{y} * page.width + x] >> (8 * c) & 255u);
+    }
+  return image;
+}
+
 std::string page_image_name(const std::filesystem::path& output, std::size_t page, bool jpeg) {
   return output.stem().string() + "_" + std::to_string(page) + (jpeg ? ".jpg" : ".png");
 }
 
 std::string page_image_file(std::size_t page, bool jpeg) {
   return kBakeImages + task_file_stem(page) + (jpeg ? ".jpg" : ".png");
+}
+
+std::string page_normals_name(const std::filesystem::path& output, std::size_t page) {
+  return output.stem().string() + "_" + std::to_string(page) + "_normal.png";
+}
+
+std::string page_normals_file(std::size_t page) {
+  return kBakeImages + task_file_stem(page) + "_normal.png";
 }
 
 std::unique_ptr<Stage> make_bake_pack_stage(const JobState& state, const BakeOptions& options) {

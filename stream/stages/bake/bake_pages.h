@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/picture/picture.h"
 #include "octree/vector.h"
 #include "stream/stages/bake/chart_files.h"
 
@@ -34,9 +35,15 @@ Double2 page_uv(const ChartEntry& chart, const ChartSpot& spot, const BakePages:
 std::size_t page_texel(const ChartEntry& chart, const ChartSpot& spot, const BakePages::Size& page,
                        std::uint32_t x, std::uint32_t y);
 
+/// The picture of a page, top down. \param rgba  rows of ascending v
+Image page_image(const std::vector<std::uint32_t>& rgba, const BakePages::Size& page);
+
 /// "site_0.png", or "site_0.jpg", for page 0 of "site.obj".
 std::string page_image_name(const std::filesystem::path& output, std::size_t page, bool jpeg);
-/// Of the work directory.
+std::string page_normals_name(const std::filesystem::path& output,
+                              std::size_t page);  ///< "site_0_normal.png"
+// Of the work directory.
 std::string page_image_file(std::size_t page, bool jpeg);
+std::string page_normals_file(std::size_t page);
 
 }  // namespace tessera

@@ -29,47 +29,24 @@ class BakePagesStage : public Stage {
 
   Json run(std::size_t task, TaskContext& context) const override {
     const BakePages::Size& size = pages_.pages[task];
-    std::vector<std::uint32_t> rgba(std::size_t{size.width} * size.height, 0);
-    std::size_t open_block = ~std::size_t{0};
-    std::unique_ptr<ChartFile> charts;
-    std::unique_ptr<PackedFile> texels;
-    std::vector<TexelEntry> table;
-    for (const std::uint64_t chart : pages_.charts_of(static_cast<std::uint32_t>(task))) {
-      context.check_stop();
-      if (const std::size_t block = pages_.block_of(chart); block != open_block) {
-        open_block = block;
-        charts = std::make_unique<ChartFile>(chart_file(work_, block));
-        texels = std::make_unique<PackedFile>(work_ / texel_file(block), kTexelKind, sizeof(TexelEntry));
-        table = texels->table<TexelEntry>();
-      }
-      const auto in_block = static_cast<std::size_t>(chart - pages_.first_chart[open_block]);
-      const TexelEntry& entry = table.at(in_block);
-      const std::vector<std::uint32_t> pixels = texels->load<std::uint32_t>(entry.pixels);
-      for (std::uint32_t y = 0; y < entry.height; ++y)
-        for (std::uint32_t x = 0; x < entry.width; ++x)
-          if (const std::uint32_t c = pixels[std::size_t{y} * entry.width + x]; c >> 24 != 0)
-            rgba[page_texel(charts->entries()[in_block], pages_.spots[chart], size, x, y)] = c;
-    }
-    fill_page(rgba, size.width, size.height);
-    Image image{static_cast<int>(size.width), static_cast<int>(size.height), {}};
-    image.rgb.resize(3 * rgba.size());
-    for (std::uint32_t y = 0; y < size.height; ++y)
-      for (std::uint32_t x = 0; x < size.width; ++x) {
-        std::uint8_t* to = image.pixel(static_cast<int>(x), static_cast<int>(size.height - 1 - y));
-        for (std::size_t c = 0; c < 3; ++c)
-          to[c] = static_cast<std::uint8_t>(rgba[std::size_t{y} * size.width + x] >> (8 * c) & 255u);
-      }
-    std::vector<std::uint32_t>().swap(rgba);
-    context.check_stop();
     const std::filesystem::path path = context.create(page_image_file(task, options_.is_jpeg()));
-    if (options_.is_jpeg()) {
-      write_jpeg(path, image, static_cast<int>(options_.quality));
-    } else {
-      write_png(path, image);
+    {
+      const Image image = page_of(task, &TexelEntry::pixels, context);
+      if (options_.is_jpeg()) {
+        write_jpeg(path, image, static_cast<int>(options_.quality));
+      } else {
+        write_png(path, image);
+      }
     }
-    context.count_written(std::filesystem::file_size(path));
+    std::uint64_t bytes = std::filesystem::file_size(path);
+    if (options_.normal_map) {
+      const std::filesystem::path normals = context.create(page_normals_file(task));
+      write_png(normals, page_of(task, &TexelEntry::normals, context));
+      bytes += std::filesystem::file_size(normals);
+    }
+    context.count_written(bytes);
     context.advance(std::uint64_t{size.width} * size.height);
-    return {{"bytes", std::filesystem::file_size(path)}};
+    return {{"bytes", bytes}};
   }
 
   Json finish(const std::vector<Json>& tasks, TaskContext&) const override {
@@ -80,6 +57,34 @@ class BakePagesStage : public Stage {
   std::vector<std::string> obsolete() const override { return {kBakeTexels}; }
 
  private:
+  /// Charts on their page, gaps between them filled. \param what  colours or normals
+  Image page_of(std::size_t page, Section TexelEntry::*what, TaskContext& context) const {
+    const BakePages::Size& size = pages_.pages[page];
+    std::vector<std::uint32_t> rgba(std::size_t{size.width} * size.height, 0);
+    std::size_t open_block = ~std::size_t{0};
+    std::unique_ptr<ChartFile> charts;
+    std::unique_ptr<PackedFile> texels;
+    std::vector<TexelEntry> table;
+    for (const std::uint64_t chart : pages_.charts_of(static_cast<std::uint32_t>(page))) {
+      context.check_stop();
+      if (const std::size_t block = pages_.block_of(chart); block != open_block) {
+        open_block = block;
+        charts = std::make_unique<ChartFile>(chart_file(work_, block));
+        texels = std::make_unique<PackedFile>(work_ / texel_file(block), kTexelKind, sizeof(TexelEntry));
+        table = texels->table<TexelEntry>();
+      }
+      const auto in_block = static_cast<std::size_t>(chart - pages_.first_chart[open_block]);
+      const TexelEntry& entry = table.at(in_block);
+      const std::vector<std::uint32_t> pixels = texels->load<std::uint32_t>(entry.*what);
+      for (std::uint32_t y = 0; y < entry.height; ++y)
+        for (std::uint32_t x = 0; x < entry.width; ++x)
+          if (const std::uint32_t c = pixels[std::size_t{y} * entry.width + x]; c >> 24 != 0)
+            rgba[page_texel(charts->entries()[in_block], pages_.spots[chart], size, x, y)] = c;
+    }
+    fill_page(rgba, size.width, size.height);
+    return page_image(rgba, size);
+  }
+
   std::filesystem::path work_;
   BakeOptions options_;
   BakePages pages_;

@@ -9,10 +9,11 @@
 
 namespace tessera {
 
-inline constexpr PackedKind kTexelKind = {"TSTEXEL1", "a file of texels"};
+inline constexpr PackedKind kTexelKind = {"TSTEXEL2", "a file of texels"};
 
 struct TexelEntry {
-  Section pixels;  ///< r | g<<8 | b<<16 | a<<24, rows of ascending v; alpha 0: none
+  Section pixels;   ///< r | g<<8 | b<<16 | a<<24, rows of ascending v; alpha 0: none
+  Section normals;  ///< the same of a normal map; empty without
   std::uint32_t width = 0, height = 0;
 };
 
