@@ -4,6 +4,7 @@
 #include "stream/commands/convert_mesh.h"
 #include "stream/files/json.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/stages/bake/texture_colours.h"
 #include "stream/stages/tiles/point_site.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -15,6 +16,8 @@ namespace {
 /// Scans: no job, so what is of jobs alone is refused rather than passed over.
 void run_point_tiles(const TilesOptions& options, const JobState& state) {
   const RunOptions& run = state.run;
+  if (options.has_texture())
+    throw UsageError("--texture is of meshes, and " + state.inputs.front().string() + " is a scan");
   if (options.normals || options.tile_faces != TilesOptions{}.tile_faces)
     throw UsageError("--normals and --tile-faces are of meshes, and " + state.inputs.front().string() +
                      " is a scan");
@@ -52,6 +55,9 @@ void run_tiles(const TilesOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "cut into tiles");
   cli::require_output(state.output);
   const cli::Site site(state.output, "-o");
+  if (!options.has_texture() && has_textures(input))
+    fmt::print(stderr, "tessera: warning: {}: its textures are left out; --texture auto bakes them anew\n",
+               input.string());
   const Json report = site.make(options, state, false);
   if (state.run.verbosity < 0) return;
   cli::print_repairs(input.string(), report);

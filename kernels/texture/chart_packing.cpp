@@ -252,6 +252,19 @@ ChartMask turned(const ChartMask& mask) {
   return out;
 }
 
+std::optional<std::vector<ChartSpot>> pack_on_page(std::span<const ChartMask> charts, const PageSize& size) {
+  std::uint64_t cells = 0;
+  for (const ChartMask& c : charts) cells += c.cells;
+  if (static_cast<double>(cells) > kTightest * static_cast<double>(area_of(size))) return std::nullopt;
+  std::vector<std::uint32_t> all(charts.size());
+  std::iota(all.begin(), all.end(), 0u);
+  const FilledPage filled = fill_with_all(charts, all, size);
+  if (!filled.left.empty()) return std::nullopt;
+  std::vector<ChartSpot> spots(charts.size());
+  for (const auto& [c, spot] : filled.placed) spots[c] = spot;
+  return spots;
+}
+
 ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side) {
   ChartPacking out;
   out.spots.resize(charts.size());

@@ -9,6 +9,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -46,5 +47,8 @@ struct ChartPacking {
 /// \param max_side  cells, a power of two; no mask is wider or higher
 /// \throws std::logic_error for a mask that fits no page
 ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side);
+
+/// All charts on one page of this size, by the first of several orders that holds them; nothing where none does.
+std::optional<std::vector<ChartSpot>> pack_on_page(std::span<const ChartMask> charts, const PageSize& size);
 
 }  // namespace tessera

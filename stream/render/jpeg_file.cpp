@@ -55,4 +55,13 @@ void write_jpeg(const std::filesystem::path& path, const Image& image, int quali
   file.finish();
 }
 
+std::string jpeg_bytes(const Image& image, int quality) {
+  unsigned char* bytes = nullptr;
+  unsigned long count = 0;
+  const bool encoded = encode_jpeg(image, quality, &bytes, &count);
+  const std::unique_ptr<unsigned char, decltype(&std::free)> owner(bytes, &std::free);
+  if (!encoded) throw ResourceError("a picture cannot be encoded as JPEG");
+  return {reinterpret_cast<const char*>(bytes), count};
+}
+
 }  // namespace tessera

@@ -47,6 +47,7 @@ struct DecodedTile {
   std::vector<std::array<std::uint16_t, 4>> colours;  ///< or empty
   std::vector<Double3> normals;                       ///< z up, or empty
   std::vector<std::uint8_t> synthetic;                ///< or empty
+  std::vector<std::array<std::uint16_t, 2>> uv;       ///< or empty
   std::string position_type;                          ///< "short" or "float"
 };
 
@@ -175,6 +176,11 @@ inline DecodedTile decode_tile(const std::string& glb) {
     const auto colours = bytes_of(attributes.at("COLOR_0").get<std::size_t>(), count, stride);
     tile.colours.resize(count);
     std::memcpy(tile.colours.data(), colours.data(), colours.size());
+  }
+  if (attributes.contains("TEXCOORD_0")) {
+    const auto uv = bytes_of(attributes.at("TEXCOORD_0").get<std::size_t>(), count, stride);
+    tile.uv.resize(count);
+    std::memcpy(tile.uv.data(), uv.data(), uv.size());
   }
   if (attributes.contains("_SYNTHETIC")) {
     const auto marks = bytes_of(attributes.at("_SYNTHETIC").get<std::size_t>(), count, stride);

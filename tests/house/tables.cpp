@@ -293,6 +293,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/tiles", "stream/stages/tiles",
        {"cluster_stage", "colour_stage", "folder_stage", "tile_levels", "tiles_job", "tiles_options",
         "tiles_stage", "tileset_stage"});
+    by("tools/tile_textures", "stream/stages/tiles", {"tile_points_stage", "tile_texture"});
     return all;
   }();
   return covered;

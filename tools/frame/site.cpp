@@ -164,6 +164,20 @@ void print_site(const Site& site, const Json& report) {
   fmt::print("distance and cracks, proven: at most {} with the finest tiles, {} with the root\n",
              bound_text(levels.front().value("geometric_error", 0.0), 3),
              bound_text(levels.back().value("geometric_error", 0.0), 3));
+  std::uint64_t pages = 0, texels = 0, bytes = 0;
+  std::string quality;
+  for (const Json& level : levels) {
+    if (!level.contains("texture")) continue;
+    const Json& texture = level.at("texture");
+    pages += texture.value("pages", std::uint64_t{0});
+    texels += texture.value("page_texels", std::uint64_t{0});
+    bytes += texture.value("bytes", std::uint64_t{0});
+    if (texture.contains("psnr_db"))
+      quality += fmt::format("{}{:.1f}", quality.empty() ? "; dB at the points, by level: " : ", ",
+                             texture.at("psnr_db").get<double>());
+  }
+  if (pages > 0)
+    fmt::print("textures: {} pages, {} texels, {}{}\n", pages, texels, format_bytes(bytes), quality);
 }
 
 }  // namespace tessera::cli

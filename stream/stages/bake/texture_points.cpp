@@ -16,7 +16,6 @@ namespace {
 
 constexpr PackedKind kTexturePoints = {"TSTEXPT1", "a file of coloured points"};
 constexpr double kMaxTextureCells = 1 << 18;  ///< along an axis
-constexpr double kNearCellShare = 0.125;      ///< of a brick: edge of the cells
 /// Of a brick: points so near to the box of a patch are kept. About an edge of the mesh; with more, points beside a mesh of
 /// a part of the scan would count as points on it, and texels would be too fine.
 constexpr double kNearShare = 0x1p-5;
@@ -67,8 +66,9 @@ Int3 TextureCells::cell_of(const Double3& p) const {
 std::uint64_t write_texture_points(const std::filesystem::path& path, const MeshStore& mesh,
                                    const std::filesystem::path& temp, std::uint64_t sort_bytes, bool normals,
                                    const std::function<void(const TexturePointSink&)>& give,
-                                   std::uint64_t& given, std::uint64_t& kept) {
-  TextureCells cells = TextureCells::around(mesh, kNearCellShare);
+                                   std::uint64_t& given, std::uint64_t& kept,
+                                   const TexturePointCells& wanted) {
+  TextureCells cells = TextureCells::around(mesh, wanted.share);
   const TextureCells wide_cells = TextureCells::around(mesh, 1.0);
   const MeshBox all = grown(mesh.box(), brick_edge(mesh));
   std::unordered_map<std::uint64_t, std::vector<MeshBox>> near;  // of patches, by cell
@@ -91,7 +91,7 @@ std::uint64_t write_texture_points(const std::filesystem::path& path, const Mesh
     ++given;
     for (std::size_t a = 0; a < 3; ++a)
       if (!(p[a] >= all.low[a] && p[a] <= all.high[a])) return;  // nor a number
-    if (!is_near(p)) return;
+    if (wanted.near_only && !is_near(p)) return;
     const Int3 cell = cells.cell_of(p);
     SortedPoint s{};
     s.cell = brick_key(cell);
@@ -158,6 +158,28 @@ std::uint64_t TexturePoints::count(const MeshBox& box) const {
   for (const TextureCellEntry& e : impl_->table)
     if (meets(cells_, e.key, low, high)) sum += e.points;
   return sum;
+}
+
+void TexturePoints::for_each_cell(
+    const std::function<void(const Double3& low, const TexturePointBlock& points)>& use) const {
+  for (const TextureCellEntry& e : impl_->table) {
+    const Int3 cell = brick_of_key(e.key);
+    Double3 low{};
+    for (std::size_t a = 0; a < 3; ++a) low[a] = cells_.low[a] + cells_.edge * cell[a];
+    TexturePointBlock points;
+    for (const TexturePoint& p : impl_->file.load<TexturePoint>(e.section)) {
+      points.position.push_back({p.x, p.y, p.z});
+      points.rgba.push_back(p.rgba);
+      if (cells_.normals != 0) points.normal.push_back(p.normal);
+    }
+    use(low, points);
+  }
+}
+
+std::uint64_t TexturePoints::largest_cell() const {
+  std::uint64_t largest = 0;
+  for (const TextureCellEntry& e : impl_->table) largest = std::max(largest, e.points);
+  return largest;
 }
 
 TexturePointBlock TexturePoints::load(const MeshBox& box, const Double3& origin) const {

@@ -33,13 +33,20 @@ struct TexturePointBlock {
 /// Hands out points in the frame of the mesh. \param normal  zero where unknown
 using TexturePointSink = std::function<void(const Double3& p, std::uint32_t rgba, const Double3& normal)>;
 
-/// Writes the points that lie within a cell of patches of the mesh, sorted by cell, position and colour.
+/// How points are dealt to cells, and which are kept.
+struct TexturePointCells {
+  double share = 0.125;   ///< TextureCells::around
+  bool near_only = true;  ///< those near to patches; else those around the whole mesh
+};
+
+/// Writes the points that lie near to patches of the mesh, sorted by cell, position and colour.
 /// \param give  hands out all points  \param sort_bytes  memory of the sort
 /// \returns bytes written
 std::uint64_t write_texture_points(const std::filesystem::path& path, const MeshStore& mesh,
                                    const std::filesystem::path& temp, std::uint64_t sort_bytes, bool normals,
                                    const std::function<void(const TexturePointSink&)>& give,
-                                   std::uint64_t& given, std::uint64_t& kept);
+                                   std::uint64_t& given, std::uint64_t& kept,
+                                   const TexturePointCells& wanted = {});
 
 /// Reads them. Holds the table, 40 bytes a cell. Thread-safe.
 class TexturePoints {
@@ -50,6 +57,10 @@ class TexturePoints {
   /// Of the cells that meet the box.
   std::uint64_t count(const MeshBox& box) const;
   TexturePointBlock load(const MeshBox& box, const Double3& origin) const;
+  /// All cells, in their order; positions from the low corner of the cell.
+  void for_each_cell(
+      const std::function<void(const Double3& low, const TexturePointBlock& points)>& use) const;
+  std::uint64_t largest_cell() const;  ///< points
   static constexpr std::uint64_t bytes_per_point() { return 12 + 4 + 4 + 20; }
 
  private:

@@ -56,6 +56,14 @@ class Binary {
     return add(packed, indices.size(), stride, {{"target", kElementBuffer}}, {{"mode", "TRIANGLES"}});
   }
 
+  /// As it is.
+  std::size_t add_plain(const std::string& from) {
+    views.push_back({{"buffer", 0}, {"byteOffset", bytes.size()}, {"byteLength", from.size()}});
+    bytes.insert(bytes.end(), from.begin(), from.end());
+    bytes.resize((bytes.size() + 3) / 4 * 4, 0);
+    return views.size() - 1;
+  }
+
   Json views = Json::array();
   std::vector<unsigned char> bytes;
   std::size_t unpacked_bytes = 0;
@@ -118,6 +126,7 @@ void split_synthetic(const MeshBlock& block, TileMesh& tile) {
         tile.position.push_back(tile.position[v]);
         if (!tile.rgba.empty()) tile.rgba.push_back(tile.rgba[v]);
         if (!tile.normal.empty()) tile.normal.push_back(tile.normal[v]);
+        if (!tile.uv.empty()) tile.uv.push_back(tile.uv[v]);
         tile.synthetic.push_back(1);
       }
       v = twin[v];
@@ -132,7 +141,10 @@ class GlbTile {
     order();
     add_positions();
     if (!tile.normal.empty()) add_normals();
-    if (!tile.rgba.empty()) add_colours();
+    if (!tile.uv.empty())
+      add_picture();
+    else if (!tile.rgba.empty())
+      add_colours();
     if (!tile.synthetic.empty()) add_synthetic();
     if (!tile.faces.empty()) add_triangles();
   }
@@ -224,6 +236,12 @@ class GlbTile {
     add_attribute("COLOR_0", colours, kUnsignedShort, "VEC4")["normalized"] = true;
   }
 
+  void add_picture() {
+    add_attribute("TEXCOORD_0", in_order([&](std::size_t v) { return tile_.uv[v]; }), kUnsignedShort,
+                  "VEC2")["normalized"] = true;
+    picture_ = binary_.add_plain(tile_.jpeg);
+  }
+
   /// As viewers of Tessera show it; others pass attributes over that begin with a line.
   void add_synthetic() {
     const auto marks = in_order([&](std::size_t v) {
@@ -250,22 +268,29 @@ class GlbTile {
     else
       primitive["indices"] = triangles_;
     const Json extensions = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
-    return {{"asset", {{"version", "2.0"}, {"generator", "Tessera"}}},
-            {"extensionsUsed", extensions},
-            {"extensionsRequired", extensions},
-            {"scene", 0},
-            {"scenes", {{{"nodes", {0}}}}},
-            {"nodes", {node}},
-            {"meshes", {{{"primitives", Json::array({std::move(primitive)})}}}},
-            {"materials",
-             {{{"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}},
-               {"doubleSided", true}}}},
-            {"accessors", accessors_},
-            {"bufferViews", binary_.views},
-            {"buffers",
-             {{{"byteLength", binary_.bytes.size()}},
-              {{"byteLength", binary_.unpacked_bytes},
-               {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}}}}};
+    Json all = {{"asset", {{"version", "2.0"}, {"generator", "Tessera"}}},
+                {"extensionsUsed", extensions},
+                {"extensionsRequired", extensions},
+                {"scene", 0},
+                {"scenes", {{{"nodes", {0}}}}},
+                {"nodes", {node}},
+                {"meshes", {{{"primitives", Json::array({std::move(primitive)})}}}},
+                {"materials",
+                 {{{"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}},
+                   {"doubleSided", true}}}},
+                {"accessors", accessors_},
+                {"bufferViews", binary_.views},
+                {"buffers",
+                 {{{"byteLength", binary_.bytes.size()}},
+                  {{"byteLength", binary_.unpacked_bytes},
+                   {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}}}}};
+    if (tile_.uv.empty()) return all;
+    all.at("materials")[0]["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}};
+    all["textures"] = Json::array({Json{{"sampler", 0}, {"source", 0}}});
+    all["images"] = Json::array({Json{{"bufferView", picture_}, {"mimeType", "image/jpeg"}}});
+    all["samplers"] =
+        Json::array({Json{{"magFilter", 9729}, {"minFilter", 9987}, {"wrapS", 33071}, {"wrapT", 33071}}});
+    return all;
   }
 
   const TileMesh& tile_;
@@ -275,11 +300,13 @@ class GlbTile {
   Binary binary_;
   Json attributes_, accessors_ = Json::array();
   std::size_t triangles_ = 0;  ///< accessor
+  std::size_t picture_ = 0;    ///< view
 };
 
 }  // namespace
 
-TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal) {
+TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal,
+                       const TilePicture& picture) {
   TileMesh tile;
   tile.grid = grid;
   tile.rgba = block.rgba;
@@ -302,26 +329,10 @@ TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector
       if (above >= (std::int64_t{1} << 24)) throw std::logic_error("a tile is wider than its grid can tell");
       tile.position[v][k] = static_cast<std::uint32_t>(above);
     }
+  tile.uv = picture.uv;
+  tile.jpeg = picture.jpeg;
   split_synthetic(block, tile);
   return tile;
-}
-
-std::vector<Double3> tile_normals(const MeshBlock& block, const MeshBlock& around) {
-  std::vector<Double3> sum(around.position.size(), Double3{0, 0, 0});
-  for (const auto& f : around.faces) {
-    const Double3& a = around.position[f[0]];
-    const Double3 n = cross(around.position[f[1]] - a, around.position[f[2]] - a);
-    for (const std::uint32_t v : f) sum[v] = sum[v] + n;
-  }
-  std::vector<Double3> normals;
-  normals.reserve(block.key.size());
-  for (const std::uint64_t key : block.key) {
-    const auto at = std::lower_bound(around.key.begin(), around.key.end(), key);
-    const Double3& n = sum.at(static_cast<std::size_t>(at - around.key.begin()));
-    const double length = norm(n);
-    normals.push_back(length > 0.0 ? Double3{n[0] / length, n[1] / length, n[2] / length} : Double3{0, 0, 0});
-  }
-  return normals;
 }
 
 std::string tile_glb(const TileMesh& tile) {

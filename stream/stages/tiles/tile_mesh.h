@@ -30,19 +30,24 @@ struct TileMesh {
   /// n, or empty where no face closes a hole: 1 at the corners of faces that do. Vertices at the rim are there twice.
   std::vector<std::uint8_t> synthetic;
   std::vector<std::array<std::uint32_t, 3>> faces;
+  std::vector<std::array<std::uint16_t, 2>> uv;  ///< n, 65,535ths of the picture, v down, or empty
+  std::string jpeg;                              ///< the picture; empty without uv
 };
 
-/// \param normal  per vertex of the block, or empty
-/// \pre the block is not empty, and no wider than 2^24 steps
-TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal);
+/// The picture of a tile, and where its vertices lie on it: as in TileMesh.
+struct TilePicture {
+  std::vector<std::array<std::uint16_t, 2>> uv;
+  std::string jpeg;
+};
 
-/// Per vertex of the block: the mean of the normals of the faces at it, by their area; zero where they cancel out.
-/// \param around  has, by key, all vertices of the block and all faces at them; keys ascend
-std::vector<Double3> tile_normals(const MeshBlock& block, const MeshBlock& around);
+/// \param normal  per vertex of the block, or empty \param picture  with uv per vertex of the block, or none
+/// \pre the block is not empty, and no wider than 2^24 steps
+TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal,
+                       const TilePicture& picture = {});
 
 /// One mesh, y up as glTF has it, under a node that puts it where it is relative to the grid's origin. Tiles wider than
-/// 65,535 steps get floats for positions, which are whole numbers then too. A tile without faces is one of points, in their order. A
-/// pure function of the tile.
+/// 65,535 steps get floats for positions, which are whole numbers then too. A tile without faces is one of points, in their order. One
+/// with a picture shows that in place of colours of vertices. A pure function of the tile.
 /// \throws std::logic_error when an encoder fails
 std::string tile_glb(const TileMesh& tile);
 

@@ -11,6 +11,7 @@
 #include "stream/stages/tiles/colour_stage.h"
 #include "stream/stages/tiles/folder_stage.h"
 #include "stream/stages/tiles/tile_levels.h"
+#include "stream/stages/tiles/tile_points_stage.h"
 #include "stream/stages/tiles/tiles_needs.h"
 #include "stream/stages/tiles/tiles_stage.h"
 #include "stream/stages/tiles/tileset_stage.h"
@@ -91,6 +92,10 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
          }},
         kLevelCertificate);
   }
+  if (options.has_texture() && level > 0)
+    add({"texture-points", [=](const JobState& s) {
+           return is_there(s, level) ? make_level_points_stage(s, level) : make_idle_stage("texture-points");
+         }});
   add({"tiles", [=](const JobState& s) {
          return level == 0 || is_there(s, level) ? make_tiles_stage(s, options, level)
                                                  : make_idle_stage("tiles");
@@ -111,6 +116,9 @@ JobDescription tiles_job(const TilesOptions& options) {
     require_disk(tiles_disk_needs(disk, state.output.parent_path(), state.work), kLargerDisk);
     return read(state);
   };
+  if (options.has_texture())
+    stages.push_back(
+        {"texture-points", [=](const JobState& state) { return make_tile_points_stage(state, options); }});
   for (int level = 0; level <= kMaxLevels; ++level) add_level(stages, options, level);
   stages.push_back({"tileset", [](const JobState& state) { return make_tileset_stage(state); }});
   JobDescription job{"tiles", std::move(stages), 0, summarise, {}, {}};

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <string>
 
+#include "stream/meshes/store_write_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/tiles/tile_levels.h"
+#include "stream/stages/tiles/tile_points_stage.h"
+#include "stream/stages/tiles/tile_texture.h"
 #include "stream/stages/tiles/tiles_stage.h"
 
 namespace tessera {
@@ -16,6 +19,8 @@ constexpr double kWorkBytes =
     44.0;  ///< while the import has its faces dealt to buckets and the store half made
 constexpr double kSiteBytes = 8.0;
 constexpr double kNormalBytes = 1.0;
+constexpr double kTexturePointBytes = 28.0;  ///< points of all levels, and what sorts the first
+constexpr double kTextureSiteBytes = 4.0;
 
 std::uint64_t bytes_of(std::uint64_t faces, double each) {
   return static_cast<std::uint64_t>(static_cast<double>(faces) * each);
@@ -28,8 +33,11 @@ std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& op
   const auto named = [](int level, const std::string& stage) { return level_folder(level) + "-" + stage; };
   const std::uint64_t tile = std::min(mesh.faces, options.tile_faces);
   // The parent of a cell has more faces than a tile may: of a surface, the cell a quarter of them.
-  needs.push_back({named(0, "tiles"), tile_task_bytes(surface_block_bytes(tile / 4)),
-                   tile_task_bytes(2 * surface_block_bytes(tile))});
+  if (options.has_texture()) needs.push_back({"texture-points", tile_points_bytes(sort_bytes(run), 0), 0});
+  // Of the first level with pictures, where every vertex of the level below is a point.
+  const std::uint64_t picture = options.has_texture() ? tile_texture_bytes(tile, 4 * tile) : 0;
+  needs.push_back({named(0, "tiles"), tile_task_bytes(surface_block_bytes(tile / 4)) + picture,
+                   tile_task_bytes(2 * surface_block_bytes(tile)) + 2 * picture});
   if (mesh.faces <= options.tile_faces) return needs;
   needs.push_back({named(1, "tolerance"), level_tolerance_bytes(mesh.faces), 0});
   const SimplifyOptions simplify;
@@ -45,8 +53,10 @@ std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& op
 }
 
 TilesDisk tiles_disk(const TilesOptions& options, const MeshSize& mesh) {
-  return {bytes_of(mesh.faces, kWorkBytes),
-          bytes_of(mesh.faces, kSiteBytes + (options.normals ? kNormalBytes : 0.0))};
+  const bool textured = options.has_texture();
+  return {bytes_of(mesh.faces, kWorkBytes + (textured ? kTexturePointBytes : 0.0)),
+          bytes_of(mesh.faces, kSiteBytes + (options.normals ? kNormalBytes : 0.0) +
+                                   (textured ? kTextureSiteBytes : 0.0))};
 }
 
 std::vector<DiskNeed> tiles_disk_needs(const TilesDisk& disk, const std::filesystem::path& site,

@@ -10,6 +10,9 @@ namespace tessera {
 struct TilesOptions {
   std::uint64_t tile_faces = 1u << 16;
   bool normals = false;
+  double texture = 0.0;  ///< texture_option.h: width of a texel of the finest level; 0 = colours of vertices
+
+  bool has_texture() const { return texture != 0.0; }
 
   /// \throws UsageError naming the option
   void validate() const {}

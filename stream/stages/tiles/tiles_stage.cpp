@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/texture/normal_map.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
@@ -17,6 +18,8 @@
 #include "stream/runtime/task_counts.h"
 #include "stream/stages/tiles/grid_contacts.h"
 #include "stream/stages/tiles/tile_levels.h"
+#include "stream/stages/tiles/tile_points_stage.h"
+#include "stream/stages/tiles/tile_texture.h"
 
 namespace tessera {
 namespace {
@@ -27,6 +30,7 @@ constexpr std::uint64_t kTaskFaces = 1u << 19;  ///< a task is worth a file from
 constexpr std::uint64_t kMaxTasks = 400;
 constexpr const char* kRecords = "records/";
 constexpr const char* kGrid = "grid.json";
+constexpr const char* kTileTextures = "textures.json";
 /// Of the tiles of a level, so many fit the 16 bits of their grid; wider ones have floats.
 constexpr double kNarrowShare = 0.9;
 constexpr double kSides = 1.125;  ///< for the rows of faces that a tile shares with its neighbours
@@ -82,6 +86,7 @@ class TilesStage : public Stage {
   TilesStage(const fs::path& work, const fs::path& output, const TilesOptions& options, int level)
       : output_(output),
         normals_(options.normals),
+        textured_(level_has_texture(work, options, level)),
         level_(level),
         bound_(level_bound(work, level)),
         level0_(open_level(work, 0)),
@@ -101,6 +106,10 @@ class TilesStage : public Stage {
     // Bricks that hold no face of level 0 count nowhere here; their faces are in tiles all the same.
     const std::uint64_t each =
         std::max<std::uint64_t>(1, store_.face_count() / std::max<std::size_t>(1, cells_.size()));
+    if (textured_) {
+      texture_ = TileTextureScale::of_level(work, level);
+      points_ = std::make_unique<TexturePoints>(texture_.points);
+    }
     const std::uint64_t target = std::max(kTaskFaces, store_.face_count() / kMaxTasks);
     per_task_ = static_cast<std::size_t>(std::max<std::uint64_t>(1, target / each));
   }
@@ -114,22 +123,28 @@ class TilesStage : public Stage {
     std::uint64_t maximum = 0;
     for (std::size_t c = first(task); c < first(task + 1); ++c)
       maximum = std::max(maximum, loaded_bytes(cells_[c]));
-    return tile_task_bytes(maximum);
+    std::uint64_t texture = 0;
+    for (std::size_t c = first(task); textured_ && c < first(task + 1); ++c)
+      texture = std::max(texture, texture_bytes(cells_[c]));
+    return tile_task_bytes(maximum) + texture;
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
     // An older site loses its name before its first tile goes.
     if (std::error_code ignored; level_ == 0) fs::remove(output_, ignored);
     std::uint64_t met_by_grid = 0;
+    TileTextureSums sums;
     DirectFile records(context.create(kRecords + task_file_stem(task) + ".bin"), std::size_t{1} << 16);
     for (std::size_t c = first(task); c < first(task + 1); ++c) {
       context.check_stop();
-      const MeshBlock block = load(cells_[c]);
+      MeshBlock block = load(cells_[c]);
       TileRecord record;
       record.cell = cells_[c];
       std::vector<Double3> normals;
-      if (normals_) normals = tile_normals(block, store_.load_box(box_around(block)));
-      const TileMesh tile = quantise_tile(block, grid_, std::move(normals));
+      if (normals_) normals = star_normals(block, store_.load_box(box_around(block)));
+      TilePicture picture;
+      if (textured_) split_charts(block, normals, picture, sums);
+      const TileMesh tile = quantise_tile(block, grid_, std::move(normals), picture);
       record.bytes = write_tile(tile, c, context);
       met_by_grid += pairs_met_by_grid(block, tile);
       record.vertices = tile.position.size();
@@ -142,7 +157,9 @@ class TilesStage : public Stage {
       context.advance(1);
     }
     context.count_written(records.finish());
-    return {{"met_by_grid", met_by_grid}};
+    Json summary = textured_ ? sums.to_json() : Json::object();
+    summary["met_by_grid"] = met_by_grid;
+    return summary;
   }
 
   std::uint64_t finish_bytes() const override {
@@ -154,6 +171,14 @@ class TilesStage : public Stage {
         sum_counts(summaries, {{"met_by_grid", 0}}).at("met_by_grid").get<std::uint64_t>();
     write_durably(context.create(kGrid),
                   dump_json(Json{{"step", grid_.step}, {"origin", grid_.origin}, {"met_by_grid", met}}));
+    Json texture = Json::object();
+    if (textured_) {
+      TileTextureSums sums;
+      for (const Json& s : summaries) sums.merge(TileTextureSums::of_json(s));
+      texture = sums.report();
+      texture["texel"] = texture_.texel;
+    }
+    write_durably(context.create(kTileTextures), dump_json(texture));
     return {{"level", level_},
             {"tiles", cells_.size()},
             {"faces", store_.face_count()},
@@ -167,6 +192,34 @@ class TilesStage : public Stage {
     DirectFile file(context.create(kSidecarName + tile_file(level_, number)), std::size_t{1} << 18);
     file.write(glb.data(), glb.size());
     return file.finish();
+  }
+
+  /// Vertices where charts meet become several, and the tile gets its picture.
+  void split_charts(MeshBlock& block, std::vector<Double3>& normals, TilePicture& picture,
+                    TileTextureSums& sums) const {
+    TileTexture texture = make_tile_texture(block, *points_, texture_.texel, texture_.spacing, sums);
+    MeshBlock split;
+    std::vector<Double3> split_normals;
+    for (const std::uint32_t v : texture.vertex) {
+      split.key.push_back(block.key[v]);
+      split.position.push_back(block.position[v]);
+      split.vertex_class.push_back(block.vertex_class[v]);
+      if (!normals.empty()) split_normals.push_back(normals[v]);
+    }
+    split.faces = std::move(texture.faces);
+    split.face_flags = std::move(block.face_flags);
+    block = std::move(split);
+    normals = std::move(split_normals);
+    picture.uv = std::move(texture.uv);
+    picture.jpeg = std::move(texture.jpeg);
+  }
+
+  std::uint64_t texture_bytes(const TileCell& cell) const {
+    const std::vector<std::size_t> patches = patches_of(cell);
+    std::uint64_t faces = 0;
+    for (const std::size_t p : patches) faces += store_.patches()[p].faces;
+    return tile_texture_bytes(
+        faces, points_->count(grown(store_.box_of(patches), tile_texture_radius(texture_.spacing))));
   }
 
   /// Proven: between this level and level 0, as both are without grids.
@@ -239,7 +292,9 @@ class TilesStage : public Stage {
   std::size_t first(std::size_t task) const { return std::min(cells_.size(), task * per_task_); }
 
   fs::path output_;
-  bool normals_;
+  bool normals_, textured_;
+  TileTextureScale texture_;
+  std::unique_ptr<TexturePoints> points_;
   int level_;
   double bound_;
   MeshStore level0_;
@@ -263,6 +318,7 @@ TileLevel read_tile_level(const fs::path& work, int level) {
   out.met_by_grid = grid.at("met_by_grid").get<std::uint64_t>();
   out.step_bound = level_step_bound(work, level);
   out.tiles = read_records(folder);
+  out.texture = parse_json(read_text(folder / kTileTextures));
   return out;
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "stream/files/json.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/tiles/tile_cut.h"
 #include "stream/stages/tiles/tile_mesh.h"
@@ -31,6 +32,7 @@ struct TileLevel {
   std::uint64_t met_by_grid = 0;  ///< pairs_met_by_grid() of all tiles
   double step_bound = 0.0;        ///< proven: between this level and the one below
   std::vector<TileRecord> tiles;  ///< ascending cells
+  Json texture;                   ///< for people; empty where tiles have no pictures
 };
 
 /// Where the origin of all grids lies: near the middle of the mesh.

@@ -99,6 +99,7 @@ class TilesetStage : public SerialStage {
       }
       level["faces"] = level_faces;
       level["bytes"] = level_bytes;
+      if (!levels_[l].texture.empty()) level["texture"] = levels_[l].texture;
       bytes += level_bytes;
       faces += level_faces;
       levels.push_back(std::move(level));

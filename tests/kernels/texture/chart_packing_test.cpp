@@ -80,4 +80,32 @@ TEST_CASE("chart packing: a chart turned four times is itself", "[unit]") {
   CHECK(turned(mask).taken(mask.height - 1, 0) == mask.taken(0, 0));
 }
 
+TEST_CASE("chart packing: on one page of a size that is given, or not at all", "[unit]") {
+  std::vector<ChartMask> masks;
+  std::uint64_t cells = 0;
+  for (std::uint64_t i = 0; i < 200; ++i) masks.push_back(random_mask(i)), cells += masks.back().cells;
+  REQUIRE(cells > 128u * 128u);
+  CHECK_FALSE(pack_on_page(masks, {128, 128}));
+  const auto spots = pack_on_page(masks, {512, 256});
+  REQUIRE(spots);
+  std::vector<std::uint8_t> taken(512 * 256, 0);
+  std::size_t twice = 0, beyond = 0;
+  for (std::size_t c = 0; c < masks.size(); ++c) {
+    ChartMask mask = masks[c];
+    for (std::uint32_t t = 0; t < (*spots)[c].turns; ++t) mask = turned(mask);
+    for (std::uint32_t y = 0; y < mask.height; ++y)
+      for (std::uint32_t x = 0; x < mask.width; ++x) {
+        if (!mask.taken(x, y)) continue;
+        const std::uint32_t px = (*spots)[c].x + x, py = (*spots)[c].y + y;
+        if (px >= 512 || py >= 256) {
+          ++beyond;
+        } else {
+          twice += taken[py * 512 + px]++ != 0;
+        }
+      }
+  }
+  CHECK(twice == 0);
+  CHECK(beyond == 0);
+}
+
 }  // namespace chart_packing_test

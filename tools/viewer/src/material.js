@@ -14,6 +14,10 @@ const stops = (name, list) => `vec3 ${name}(float t) {
   return c;
 }`;
 
+const toScreen = `vec3 toScreen(vec3 c) {  // IEC 61966-2-1, as stream/formats/srgb.cpp
+  return mix(12.92 * c, 1.055 * pow(max(c, 0.0), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+}`;
+
 const vertexShader = `
 #ifdef HAS_COLOUR
   attribute vec3 color;
@@ -28,9 +32,10 @@ const vertexShader = `
   attribute float uncertain;
 #endif
 #ifdef LINEAR_COLOUR
-vec3 toScreen(vec3 c) {  // IEC 61966-2-1, as stream/formats/srgb.cpp
-  return mix(12.92 * c, 1.055 * pow(max(c, 0.0), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
-}
+${toScreen}
+#endif
+#ifdef HAS_PICTURE
+varying vec2 onPicture;
 #endif
 #ifdef POINTS
   uniform float pointSize;
@@ -51,6 +56,9 @@ void main() {
 #else
   tint = color;
 #endif
+#endif
+#ifdef HAS_PICTURE
+  onPicture = uv;
 #endif
 #ifdef HAS_NORMAL
   lit = normalMatrix * normal;
@@ -73,6 +81,11 @@ void main() {
 const fragmentShader = `
 varying vec3 seen, placed, tint, lit;
 varying float measured, made, doubtful;
+#ifdef HAS_PICTURE
+${toScreen}
+varying vec2 onPicture;
+uniform sampler2D picture;
+#endif
 uniform int mode;
 uniform bool backs, cutting, signedScale;
 uniform vec2 heights;
@@ -97,6 +110,9 @@ void main() {
   vec3 base = ${glsl(CLAY)};
 #ifdef HAS_COLOUR
   if (mode == 1) base = tint;
+#endif
+#ifdef HAS_PICTURE
+  if (mode == 1) base = toScreen(texture2D(picture, onPicture).rgb);
 #endif
   if (mode == 2) base = ramp((placed.z - heights.x) / max(heights.y - heights.x, 1e-20));
 #ifdef HAS_DEVIATION
@@ -148,12 +164,18 @@ const made = new Map();
  * The material for a geometry, by what its vertices carry.
  * \param linear  their colours are, as those of glTF; else sRGB
  * \param points  they are points, not corners of faces
+ * \param picture  a texture that is shown in place of colours, or nothing
  */
-export function materialFor(geometry, linear = false, points = false) {
+export function materialFor(geometry, { linear = false, points = false, picture = null } = {}) {
   const defines = { ...(linear ? { LINEAR_COLOUR: "" } : {}), ...(points ? { POINTS: "" } : {}) };
   for (const [name, attribute] of [["HAS_COLOUR", "color"], ["HAS_NORMAL", "normal"], ["HAS_DEVIATION", "deviation"],
                                    ["HAS_SYNTHETIC", "synthetic"], ["HAS_UNCERTAIN", "uncertain"]])
     if (geometry.getAttribute(attribute)) defines[name] = "";
+  if (picture)
+    return new ShaderMaterial({
+      vertexShader, fragmentShader, defines: { ...defines, HAS_PICTURE: "" },
+      uniforms: { ...look, picture: { value: picture } }, side: DoubleSide,
+    });
   const key = Object.keys(defines).join();
   if (!made.has(key))
     made.set(key, new ShaderMaterial({ vertexShader, fragmentShader, defines, uniforms: look, side: DoubleSide }));

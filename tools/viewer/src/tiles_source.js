@@ -27,8 +27,10 @@ function dress(scene, found, steps) {
       if (values) geometry.setAttribute(name, values).deleteAttribute(`_${name}`);
     }
     for (const name of coloursOf(geometry)) found.add(name);
+    const picture = object.material.map;
+    if (picture) found.add("rgb");
     object.material.dispose();
-    object.material = materialFor(geometry, true, object.isPoints === true);
+    object.material = materialFor(geometry, { linear: true, points: object.isPoints === true, picture });
   });
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <set>
 
+#include "kernels/texture/normal_map.h"
 #include "octree/portable_math.h"
 #include "tests/helpers/tiles_site.h"
 
@@ -99,7 +100,7 @@ TEST_CASE("tile mesh: normals come from all faces at a vertex, also from those o
   block.key = {10, 11, 12};
   block.position = {around.position[0], around.position[1], around.position[2]};
   block.faces = {{0, 1, 2}};
-  const std::vector<Double3> normals = tile_normals(block, around);
+  const std::vector<Double3> normals = star_normals(block, around);
   REQUIRE(normals.size() == 3);
   const double r = std::sqrt(0.5);
   CHECK(norm(normals[0] - Double3{-r, 0, r}) < 1e-12);
