@@ -253,9 +253,11 @@ int levels_above(const std::filesystem::path& work) {
 
 double level_step_bound(const std::filesystem::path& work, int level) {
   if (level == 0) return 0.0;
-  return parse_json(read_text(work / level_folder(level) / kLevelCertificate))
-      .at("certified_max")
-      .get<double>();
+  const std::filesystem::path folder = work / level_folder(level);
+  const double bound = parse_json(read_text(folder / kLevelCertificate)).at("certified_max").get<double>();
+  if (!std::filesystem::exists(folder / kClusterCertificate)) return bound;
+  const Json measured = parse_json(read_text(folder / kClusterCertificate)).at("certified_max");
+  return measured.is_number() ? std::min(bound, measured.get<double>()) : bound;
 }
 
 std::uint64_t level_tolerance_bytes(std::uint64_t faces) {

@@ -49,6 +49,8 @@ double level_step_bound(const std::filesystem::path& work, int level);
 std::uint64_t level_tolerance_bytes(std::uint64_t faces);
 
 inline constexpr const char* kLevelCertificate = "certificate.json";  ///< below a level's folder
+/// Of a clustered level, whose certificate is how far vertices were moved: measured both ways, nearer to the truth.
+inline constexpr const char* kClusterCertificate = "cluster-certificate.json";
 
 /// Stage "tolerance" in the folder of a level: the first method with which sample blocks of the level below shrink to a
 /// quarter, and the least tolerance, in steps of a square root of two, or cell for it. Decimation may use one mean edge,

@@ -91,6 +91,17 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
                                                                   : make_idle_stage("cluster");
          }},
         kLevelCertificate);
+    add({"cluster-certify",
+         [=](const JobState& s) {
+           if (!level_is_clustered(s.work.parent_path(), level)) return make_idle_stage("cluster-certify");
+           CertifyRequest request;
+           request.name = "cluster-certify";
+           request.scale = level_step_bound(s.work.parent_path(), level);
+           request.mesh = [=](const JobState& now) { return open_level(now.work.parent_path(), level); };
+           request.reference = stores.full;
+           return make_certify_stage(s, request);
+         }},
+        kClusterCertificate);
   }
   if (options.has_texture() && level > 0)
     add({"texture-points", [=](const JobState& s) {
