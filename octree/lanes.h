@@ -1,6 +1,6 @@
 /// \file lanes.h
 /// Numbers side by side in one vector register. Operators work on every lane alone: the bits are those of one number after the
-/// other. Vectors of lanes, std::array<Double4, 3>, have the operators of vector.h. Of AVX2; for .cpp files and what they share.
+/// other. Vectors of lanes, Vector3<Double4>, have the operators of vector.h. Of AVX2; for .cpp files and what they share.
 #pragma once
 #include <immintrin.h>
 
@@ -28,8 +28,8 @@ template <>
 inline constexpr bool kIsLanes<Double4> = true;
 template <>
 inline constexpr bool kIsLanes<Float8> = true;
-using Double4x3 = std::array<Double4, 3>;
-using Float8x3 = std::array<Float8, 3>;
+using Double4x3 = Vector3<Double4>;
+using Float8x3 = Vector3<Float8>;
 
 inline Double4x3 operator*(const Double4x3& a, double s) {
   return {a[0] * s, a[1] * s, a[2] * s};

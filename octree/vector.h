@@ -1,18 +1,25 @@
 /// \file vector.h
 /// Vectors and their arithmetic: only + - * / sqrt, the same bits on every machine.
+///
+/// Vector3 is an std::array of a name of its own, in nothing else different, so that `a + b` is found by its arguments from any
+/// namespace. The operators take plain arrays too, where this namespace is looked into.
 #pragma once
 #include <array>
 #include <cmath>
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
+#include <tuple>
 #include <type_traits>
 
 namespace tessera {
 
 using Int3 = std::array<std::int32_t, 3>;
 using Double2 = std::array<double, 2>;
-using Double3 = std::array<double, 3>;
-using Float3 = std::array<float, 3>;
+template <class T>
+struct Vector3 : std::array<T, 3> {};
+using Double3 = Vector3<double>;
+using Float3 = Vector3<float>;
 
 /// Whether a type holds several numbers that are worked on side by side (lanes.h).
 template <class T>
@@ -21,23 +28,23 @@ template <class T>
 concept Coordinate = std::floating_point<T> || kIsLanes<T>;
 
 template <Coordinate T>
-constexpr std::array<T, 3> operator+(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+constexpr Vector3<T> operator+(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
 }
 template <Coordinate T>
-constexpr std::array<T, 3> operator-(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+constexpr Vector3<T> operator-(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
 }
 template <Coordinate T>
-constexpr std::array<T, 3> operator-(const std::array<T, 3>& a) {
+constexpr Vector3<T> operator-(const std::array<T, 3>& a) {
   return {-a[0], -a[1], -a[2]};
 }
 template <Coordinate T>
-constexpr std::array<T, 3> operator*(const std::array<T, 3>& a, std::type_identity_t<T> s) {
+constexpr Vector3<T> operator*(const std::array<T, 3>& a, std::type_identity_t<T> s) {
   return {a[0] * s, a[1] * s, a[2] * s};
 }
 template <Coordinate T>
-constexpr std::array<T, 3> operator/(const std::array<T, 3>& a, std::type_identity_t<T> s) {
+constexpr Vector3<T> operator/(const std::array<T, 3>& a, std::type_identity_t<T> s) {
   return {a[0] / s, a[1] / s, a[2] / s};
 }
 template <Coordinate T>
@@ -45,7 +52,7 @@ constexpr T dot(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 template <Coordinate T>
-constexpr std::array<T, 3> cross(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+constexpr Vector3<T> cross(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 template <std::floating_point T>
@@ -54,24 +61,23 @@ T norm(const std::array<T, 3>& a) {
 }
 /// \pre a is not zero
 template <std::floating_point T>
-std::array<T, 3> unit(const std::array<T, 3>& a) {
+Vector3<T> unit(const std::array<T, 3>& a) {
   return a * (T{1} / norm(a));
 }
 /// Zero stays zero.
 template <std::floating_point T>
-std::array<T, 3> unit_or_zero(const std::array<T, 3>& a) {
+Vector3<T> unit_or_zero(const std::array<T, 3>& a) {
   const T length = norm(a);
-  return length > T{0} ? a * (T{1} / length) : std::array<T, 3>{};
+  return length > T{0} ? a * (T{1} / length) : Vector3<T>{};
 }
 template <std::floating_point T>
 T squared_distance(const std::array<T, 3>& a, const std::array<T, 3>& b) {
-  const std::array<T, 3> d = a - b;
+  const Vector3<T> d = a - b;
   return dot(d, d);
 }
 /// Twice the area of the triangle (a, b, c), along its normal.
 template <std::floating_point T>
-std::array<T, 3> triangle_normal(const std::array<T, 3>& a, const std::array<T, 3>& b,
-                                 const std::array<T, 3>& c) {
+Vector3<T> triangle_normal(const std::array<T, 3>& a, const std::array<T, 3>& b, const std::array<T, 3>& c) {
   return cross(b - a, c - a);
 }
 /// Any unit vector at right angles to the unit vector `n`; continuous except where its smallest component changes.
@@ -91,3 +97,11 @@ constexpr Float3 narrow(const Double3& a) {
 }
 
 }  // namespace tessera
+
+// auto [x, y, z] = vector;
+template <class T>
+struct std::tuple_size<tessera::Vector3<T>> : std::integral_constant<std::size_t, 3> {};
+template <std::size_t I, class T>
+struct std::tuple_element<I, tessera::Vector3<T>> {
+  using type = T;
+};

@@ -44,7 +44,7 @@ FaceShape shape_of(const TriangleSpan& mesh, const std::array<std::uint32_t, 3>&
 }
 
 /// The same from edge lengths; edge k lies opposite corner k.
-FaceShape shape_of(const Double3& length) {
+FaceShape shape_of(const std::array<double, 3>& length) {
   FaceShape s;
   const double twice = 2.0 * triangle_area(length);
   for (int k = 0; k < 3; ++k) s.squared[k] = length[k] * length[k];

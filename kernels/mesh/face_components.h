@@ -27,7 +27,7 @@ FaceComponents find_components(std::size_t vertices, std::span<const std::array<
 /// \param position  of the first vertices; faces at those beyond do not count
 /// \param border    per component: edges or vertices at which it ends
 template <std::floating_point T>
-std::vector<std::uint32_t> count_folded(std::span<const std::array<T, 3>> position,
+std::vector<std::uint32_t> count_folded(std::span<const Vector3<T>> position,
                                         std::span<const std::array<std::uint32_t, 3>> faces,
                                         std::span<const std::uint32_t> of_vertex,
                                         std::span<const std::uint32_t> component_faces,
@@ -43,11 +43,11 @@ std::vector<std::uint32_t> count_folded(std::span<const std::array<T, 3>> positi
     any = true;
   }
   if (!any) return folded;
-  std::vector<std::array<T, 3>> sum(position.size(), std::array<T, 3>{});
+  std::vector<Vector3<T>> sum(position.size());
   std::vector<T> area(position.size(), T{0});
   for (const auto& f : faces) {
     if (!strip[of_vertex[f[0]]] || std::max({f[0], f[1], f[2]}) >= position.size()) continue;
-    const std::array<T, 3> normal = triangle_normal(position[f[0]], position[f[1]], position[f[2]]);
+    const Vector3<T> normal = triangle_normal(position[f[0]], position[f[1]], position[f[2]]);
     const T size = norm(normal);
     for (const std::uint32_t v : f) sum[v] = sum[v] + normal, area[v] += size;
   }

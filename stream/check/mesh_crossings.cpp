@@ -40,7 +40,7 @@ constexpr std::uint64_t kCellFaceBytes =
 /// A face that is looked up and dealt. Numbers and positions have the width that the mesh needs.
 template <class Index, class Real>
 struct DealtFace {
-  std::array<std::array<Real, 3>, 3> corner;
+  std::array<Vector3<Real>, 3> corner;
   std::array<Index, 3> vertex;
   std::uint64_t face;
 };

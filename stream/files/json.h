@@ -24,6 +24,12 @@ class JsonError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// An std::array, or what derives from one: vectors of coordinates.
+template <class T>
+concept DerivedArray = requires(T& value) {
+  []<class E, std::size_t N>(std::array<E, N>&) {}(value);
+};
+
 /// Null, boolean, number, string, array or object. Objects keep their members in the order of the keys; references to
 /// elements of an object stay valid while others are added.
 class Json {
@@ -160,9 +166,7 @@ class Json {
     }
   }
   template <class T>
-  void get_to(T& value) const {
-    value = get<T>();
-  }
+  requires(!DerivedArray<T>) void get_to(T& value) const { value = get<T>(); }
   template <class T>
   void get_to(std::vector<T>& values) const {
     values.clear();

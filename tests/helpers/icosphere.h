@@ -13,7 +13,7 @@
 namespace tessera::test {
 
 struct Icosphere {
-  std::vector<std::array<double, 3>> positions;
+  std::vector<Double3> positions;
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
@@ -25,9 +25,9 @@ inline Icosphere icosphere(int level) {
   s.faces = {{0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
              {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
              {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
-  const auto on_sphere = [](std::array<double, 3> p) {
+  const auto on_sphere = [](const Double3& p) {
     const double l = norm(p);
-    return std::array<double, 3>{p[0] / l, p[1] / l, p[2] / l};
+    return Double3{p[0] / l, p[1] / l, p[2] / l};
   };
   for (auto& p : s.positions) p = on_sphere(p);
   for (int k = 0; k < level; ++k) {

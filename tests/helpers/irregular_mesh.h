@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "octree/vector.h"
+
 namespace tessera::test {
 
 struct IrregularMeshOptions {
@@ -18,7 +20,7 @@ struct IrregularMeshOptions {
 };
 
 struct IrregularMesh {
-  std::vector<std::array<double, 3>> positions;
+  std::vector<Double3> positions;
   std::vector<std::array<std::uint32_t, 3>> faces;
   /// 1 for three rings at the border and for a disk (the handle) around the middle of 1/8 of the side.
   std::vector<std::uint8_t> fixed;

@@ -145,7 +145,6 @@ const std::map<std::string, std::string>& covering_tests() {
     };
     by("tools/bad_input", "octree", {"error"});  // every kind of error is an exit code there
     by("octree/points", "octree", {"lattice", "morton"});
-    by("octree/vector", "octree", {"vector_operators"});
     by("octree/winding_number", "octree", {"leaf_queries", "multipole"});
     by("kernels/edit/edit_basis", "octree", {"placement"});
     by("kernels/edit/edit_basis", "kernels/edit", {"vertex_rotations"});

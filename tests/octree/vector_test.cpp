@@ -1,17 +1,30 @@
 #include "octree/vector.h"
 
+#include <array>
 #include <catch2/catch.hpp>
-
-#include "octree/vector_operators.h"
+#include <type_traits>
 
 namespace vector_lookup_test {
 
-// Outside of the namespace, where no argument leads to it.
-TEST_CASE("vector: operators are found outside of the namespace where they are asked for", "[unit]") {
-  using namespace tessera::operators;
+// Outside of the namespace: arguments lead to it.
+TEST_CASE("vector: operators are found from outside of the namespace", "[unit]") {
   const tessera::Double3 a = {1, 2, 3}, b = {4, -5, 6};
   CHECK(-(a + b) * 2.0 == tessera::Double3{-10, 6, -18});
   CHECK((a - b) / 3.0 == tessera::Double3{-1, 7.0 / 3.0, -1});
+  CHECK(norm(cross(a, b)) > 0.0);
+}
+
+TEST_CASE("vector: it is an array in all but its name", "[unit]") {
+  static_assert(sizeof(tessera::Double3) == sizeof(std::array<double, 3>));
+  static_assert(std::is_aggregate_v<tessera::Double3> && std::is_trivially_copyable_v<tessera::Double3> &&
+                std::is_standard_layout_v<tessera::Double3>);
+  const tessera::Double3 v = {1, 2, 3};
+  const auto& [x, y, z] = v;
+  CHECK(x + y + z == 6.0);
+  const std::array<double, 3>& plain = v;
+  CHECK(plain == v);
+  CHECK(v < tessera::Double3{1, 2, 4});
+  CHECK(tessera::Double3{plain} == v);
 }
 
 }  // namespace vector_lookup_test

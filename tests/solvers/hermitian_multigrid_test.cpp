@@ -20,7 +20,7 @@ using namespace tessera;
 struct Problem {
   ConstrainedSystem system;
   SparseMatrix skew;
-  std::vector<std::array<double, 3>> positions;
+  std::vector<Double3> positions;
   std::vector<double> b;
 };
 

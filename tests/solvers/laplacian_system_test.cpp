@@ -16,7 +16,7 @@ namespace {
 using namespace tessera;
 
 struct Strip {
-  std::vector<std::array<double, 3>> positions;
+  std::vector<Double3> positions;
   std::vector<std::array<std::uint32_t, 3>> faces;
   std::vector<std::uint8_t> fixed;
   std::vector<double> values;

@@ -22,7 +22,7 @@ struct Problem {
   Laplacian operators;
   ConstrainedSystem system;
   SparseMatrix neighbours;
-  std::vector<std::array<double, 3>> positions;
+  std::vector<Double3> positions;
   std::vector<double> b;
 };
 

@@ -7,7 +7,6 @@
 #include <iostream>
 
 int main() {
-  using namespace tessera::operators;
   std::vector<tessera::Double3> vertices;
   std::vector<std::array<std::uint32_t, 3>> faces;
   constexpr std::uint32_t kSide = 100;

@@ -52,7 +52,7 @@ struct System {
   Laplacian operators;
   ConstrainedSystem constrained;
   SparseMatrix neighbours;
-  std::vector<std::array<double, 3>> positions;
+  std::vector<Double3> positions;
   std::vector<double> b;
   mutable std::vector<double> x;  // the caller's too: not counted
   double setup_s = 0.0;

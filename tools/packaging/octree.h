@@ -14,5 +14,4 @@
 #include "octree/small_matrix.h"
 #include "octree/union_find.h"
 #include "octree/vector.h"
-#include "octree/vector_operators.h"
 #include "octree/winding_number.h"

@@ -6,6 +6,7 @@
 #include <catch2/catch.hpp>
 
 #include "octree/error.h"
+#include "octree/vector.h"
 
 using namespace tessera;
 
@@ -98,6 +99,15 @@ TEST_CASE("json: vectors, arrays and maps go in and come out", "[unit]") {
   CHECK_THROWS_AS(Json(1).begin(), JsonError);
   CHECK(Json().begin() == Json().end());
   CHECK(Json().items().empty());
+}
+
+TEST_CASE("json: vectors of coordinates are arrays", "[unit]") {
+  const Double3 v = {1.5, -2, 3};
+  const Json json = {{"one", v}, {"all", std::vector<Double3>{v, v}}};
+  CHECK(dump_json(json) == R"({"all":[[1.5,-2.0,3.0],[1.5,-2.0,3.0]],"one":[1.5,-2.0,3.0]})");
+  CHECK(json.at("one").get<Double3>() == v);
+  CHECK(json.at("all").get<std::vector<Double3>>() == std::vector<Double3>{v, v});
+  CHECK(json.value("none", v) == v);
 }
 
 TEST_CASE("json text: what is read and written is what the library reads and writes", "[unit]") {
