@@ -14,7 +14,7 @@ namespace tessera {
 /// \param children  of a box of the level above, one after the other; at least 2
 /// \returns levels: the boxes themselves first, last one box around all
 template <class Box>
-std::vector<std::vector<Box>> box_levels(std::vector<Box> boxes, std::size_t children) {
+[[nodiscard]] std::vector<std::vector<Box>> box_levels(std::vector<Box> boxes, std::size_t children) {
   std::vector<std::vector<Box>> levels;
   levels.push_back(std::move(boxes));
   while (levels.back().size() > 1) {

@@ -75,6 +75,7 @@ class EdgeFaces {
 };
 
 /// Across every half-edge that of the other face; kNoHalfEdge at borders and at edges of more than two faces.
-std::vector<std::uint32_t> opposite_half_edges(std::size_t vertices, std::span<const EdgeFaces::Face> faces);
+[[nodiscard]] std::vector<std::uint32_t> opposite_half_edges(std::size_t vertices,
+                                                             std::span<const EdgeFaces::Face> faces);
 
 }  // namespace tessera

@@ -23,16 +23,16 @@ class KeyTable {
     return {slots_[at] - 1, true};
   }
   /// Its number, or size() where it never came.
-  std::size_t find(std::uint64_t key) const {
+  [[nodiscard]] std::size_t find(std::uint64_t key) const {
     if (slots_.empty()) return 0;
     for (std::size_t at = slot_of(key); slots_[at] != 0; at = (at + 1) & (slots_.size() - 1))
       if (keys_[slots_[at] - 1] == key) return slots_[at] - 1;
     return size();
   }
-  std::size_t size() const { return keys_.size(); }
-  std::span<const std::uint64_t> keys() const { return keys_; }  ///< by number
+  [[nodiscard]] std::size_t size() const { return keys_.size(); }
+  [[nodiscard]] std::span<const std::uint64_t> keys() const { return keys_; }  ///< by number
   /// Upper bound of what a table of so many keys holds while it grows.
-  static constexpr std::size_t bytes(std::size_t keys) { return 40 * keys + 4096; }
+  [[nodiscard]] static constexpr std::size_t bytes(std::size_t keys) { return 40 * keys + 4096; }
 
  private:
   std::size_t slot_of(std::uint64_t key) const {

@@ -36,61 +36,61 @@ inline Double4x3 operator*(const Double4x3& a, double s) {
 }
 
 /// Of any alignment.
-inline Double4 load4(const double* from) {
+[[nodiscard]] inline Double4 load4(const double* from) {
   return _mm256_loadu_pd(from);
 }
 inline void store4(double* to, Double4 value) {
   _mm256_storeu_pd(to, value);
 }
 
-inline Double4 square_root(Double4 v) {
+[[nodiscard]] inline Double4 square_root(Double4 v) {
   return _mm256_sqrt_pd(v);
 }
 /// a b + c, rounded once: written out, since no compiler may contract.
-inline Double4 fused(Double4 a, Double4 b, Double4 c) {
+[[nodiscard]] inline Double4 fused(Double4 a, Double4 b, Double4 c) {
   return _mm256_fmadd_pd(a, b, c);
 }
-inline Float8 absolute(Float8 v) {
+[[nodiscard]] inline Float8 absolute(Float8 v) {
   return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), v);
 }
 /// The second where one is no number.
-inline Float8 larger(Float8 a, Float8 b) {
+[[nodiscard]] inline Float8 larger(Float8 a, Float8 b) {
   return _mm256_max_ps(a, b);
 }
-inline Float8 permuted(Float8 v, Int8 index) {
+[[nodiscard]] inline Float8 permuted(Float8 v, Int8 index) {
   return _mm256_permutevar8x32_ps(v, reinterpret_cast<__m256i>(index));
 }
 
 /// A bit for each lane that holds.
-inline unsigned bits_of(Mask4 mask) {
+[[nodiscard]] inline unsigned bits_of(Mask4 mask) {
   return static_cast<unsigned>(_mm256_movemask_pd(reinterpret_cast<__m256d>(mask)));
 }
-inline unsigned bits_of(Mask8 mask) {
+[[nodiscard]] inline unsigned bits_of(Mask8 mask) {
   return static_cast<unsigned>(_mm256_movemask_ps(reinterpret_cast<__m256>(mask)));
 }
 
 /// Sum of the lanes by a fixed tree.
-inline double lane_sum(Double4 v) {
+[[nodiscard]] inline double lane_sum(Double4 v) {
   return (v[0] + v[1]) + (v[2] + v[3]);
 }
-inline float lane_sum(Float8 v) {
+[[nodiscard]] inline float lane_sum(Float8 v) {
   const __m128 four = _mm_add_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps(v, 1));
   const __m128 two = _mm_add_ps(four, _mm_movehl_ps(four, four));
   return _mm_cvtss_f32(_mm_add_ss(two, _mm_shuffle_ps(two, two, 1)));
 }
-inline float lane_max(Float8 v) {
+[[nodiscard]] inline float lane_max(Float8 v) {
   const __m128 four = _mm_max_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps(v, 1));
   const __m128 two = _mm_max_ps(four, _mm_movehl_ps(four, four));
   return _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps(two, two, 1)));
 }
 
 /// a . b, products rounded once: not the bits of dot() in vector.h.
-inline __m256 fused_dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
+[[nodiscard]] inline __m256 fused_dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
   return _mm256_fmadd_ps(ax, bx, _mm256_fmadd_ps(ay, by, _mm256_mul_ps(az, bz)));
 }
 
 /// Row m lists the set bits of m, ascending, one byte each.
-constexpr std::array<std::uint64_t, 256> make_compress_table() {
+[[nodiscard]] constexpr std::array<std::uint64_t, 256> make_compress_table() {
   std::array<std::uint64_t, 256> table{};
   for (unsigned mask = 0; mask < 256; ++mask) {
     unsigned at = 0;
@@ -103,7 +103,7 @@ inline constexpr std::array<std::uint64_t, 256> kCompressLanes = make_compress_t
 
 /// Permutation that moves the lanes chosen by an 8-bit mask to the front, in order: what narrows an array down, eight numbers at
 /// a time, without changing its order.
-inline __m256i compress_lanes(unsigned mask) {
+[[nodiscard]] inline __m256i compress_lanes(unsigned mask) {
   return _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(kCompressLanes[mask])));
 }
 

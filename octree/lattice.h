@@ -33,7 +33,7 @@ struct Lattice {
 
   /// Coordinate of one axis in quanta from the lattice origin, nearest, ties up.
   /// \pre the point lies within the surveyed bounds; the result fits 30 bits
-  std::int64_t quantise(int axis, double world) const {
+  [[nodiscard]] std::int64_t quantise(int axis, double world) const {
     const double quanta = std::floor(world / h * kQuantaPerCell + 0.5);
     return static_cast<std::int64_t>(quanta) -
            origin_brick[static_cast<std::size_t>(axis)] * (kBrickCells * kQuantaPerCell);
@@ -47,12 +47,12 @@ struct Lattice {
 
 /// Which of the cells of edge `edge` around zero holds `x`: floor(x / edge), exact also where the quotient is too small to
 /// be told from zero. Differences of such numbers are exact, the floor of a difference is not. \pre edge is a power of two
-inline double cell_at(double x, double edge) {
+[[nodiscard]] inline double cell_at(double x, double edge) {
   const double cell = std::floor(x / edge);
   return cell == 0.0 && x < 0.0 ? -1.0 : cell;
 }
 /// A computed index, checked in every build: out of its range it would be a write past the heap.
-inline std::uint32_t checked_index(double index, double end) {
+[[nodiscard]] inline std::uint32_t checked_index(double index, double end) {
   if (!(index >= 0.0 && index < end))
     throw std::logic_error("an index was computed as " + std::to_string(index) + ", beyond its end at " +
                            std::to_string(end));
@@ -60,11 +60,11 @@ inline std::uint32_t checked_index(double index, double end) {
 }
 
 /// Morton code of brick coordinates; the order of bricks in every file and output.
-inline std::uint64_t brick_key(const Int3& brick) {
+[[nodiscard]] inline std::uint64_t brick_key(const Int3& brick) {
   return morton_encode(static_cast<std::uint32_t>(brick[0]), static_cast<std::uint32_t>(brick[1]),
                        static_cast<std::uint32_t>(brick[2]));
 }
-inline Int3 brick_of_key(std::uint64_t key) {
+[[nodiscard]] inline Int3 brick_of_key(std::uint64_t key) {
   const auto c = morton_decode(key);
   return {static_cast<std::int32_t>(c[0]), static_cast<std::int32_t>(c[1]), static_cast<std::int32_t>(c[2])};
 }

@@ -18,17 +18,17 @@
 namespace tessera {
 
 using Pack = __m256;
-inline Pack all(float v) {
+[[nodiscard]] inline Pack all(float v) {
   return _mm256_set1_ps(v);
 }
 
 /// Level of the leaves that queries are grouped by. \param near  may be null
-inline int finest_bits(const MultipoleTree& far, const MultipoleTree* near) {
+[[nodiscard]] inline int finest_bits(const MultipoleTree& far, const MultipoleTree* near) {
   return near ? near->leaf_bits() : far.leaf_bits();
 }
 
 /// Of a point relative to the corner of a leaf, in cells; exact.
-inline Float3 relative_to_leaf(const Int3& q, const Int3& leaf, int finest) {
+[[nodiscard]] inline Float3 relative_to_leaf(const Int3& q, const Int3& leaf, int finest) {
   Float3 p;
   for (std::size_t a = 0; a < 3; ++a)
     p[a] = static_cast<float>(q[a] - leaf[a] * (kQuantaPerCell << finest)) * (1.0f / kQuantaPerCell);
@@ -37,7 +37,8 @@ inline Float3 relative_to_leaf(const Int3& q, const Int3& leaf, int finest) {
 
 /// Children, in the near tree, of the cell of its top level with this key: begin and end on the level below.
 /// \pre the near tree holds the cell
-inline std::pair<std::size_t, std::size_t> near_children(const MultipoleTree& near, std::uint64_t key) {
+[[nodiscard]] inline std::pair<std::size_t, std::size_t> near_children(const MultipoleTree& near,
+                                                                       std::uint64_t key) {
   const MultipoleTree::Level& top = near.level(near.top_bits());
   const auto root = std::lower_bound(top.cells.begin(), top.cells.end(), key,
                                      [](const Multipole& l, std::uint64_t k) { return l.key < k; });

@@ -22,16 +22,18 @@ class LevelTree {
   ///                order; further ones are split where leaves would differ too much, and all above them
   LevelTree(int levels, std::vector<std::vector<std::uint64_t>> split);
 
-  int levels() const { return static_cast<int>(split_.size()); }
-  const std::vector<std::vector<std::uint64_t>>& split() const { return split_; }  ///< ascending, no repeats
+  [[nodiscard]] int levels() const { return static_cast<int>(split_.size()); }
+  [[nodiscard]] const std::vector<std::vector<std::uint64_t>>& split() const {
+    return split_;
+  }  ///< ascending, no repeats
   /// Level of the leaf that holds a brick of the finest level.
-  int level_of(const Int3& brick) const;
+  [[nodiscard]] int level_of(const Int3& brick) const;
   /// Levels of the 26 bricks around a leaf relative to its own, as LevelSurroundings has them: -1, 0 or 1. What lies beyond the lattice is
   /// of its level.
   /// \param leaf  coordinates on its level
-  std::array<int, 27> steps_around(const Int3& leaf, int level) const;
+  [[nodiscard]] std::array<int, 27> steps_around(const Int3& leaf, int level) const;
   /// Whether a node of a level from 1 on is no leaf, given that it is part of the tree.
-  bool is_split(const Int3& node, int level) const;
+  [[nodiscard]] bool is_split(const Int3& node, int level) const;
 
  private:
   std::vector<std::vector<std::uint64_t>> split_;

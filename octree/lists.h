@@ -15,7 +15,7 @@ struct Lists {
   std::vector<Index> first;
   std::vector<Item> item;
 
-  std::size_t size() const { return first.size() - 1; }
+  [[nodiscard]] std::size_t size() const { return first.size() - 1; }
   std::span<Item> operator[](std::size_t i) { return {item.data() + first[i], item.data() + first[i + 1]}; }
   std::span<const Item> operator[](std::size_t i) const {
     return {item.data() + first[i], item.data() + first[i + 1]};
@@ -25,7 +25,7 @@ struct Lists {
 /// \param each  calls put(list, item) for everything that is to be in a list; called twice, to count and to fill.
 ///              A list keeps the order of the calls.
 template <class Item, class Index = std::uint32_t, class Each>
-Lists<Item, Index> make_lists(std::size_t lists, const Each& each) {
+[[nodiscard]] Lists<Item, Index> make_lists(std::size_t lists, const Each& each) {
   Lists<Item, Index> out;
   // Places two behind: summed up, first[i + 1] is where list i begins, and where it ends once it is filled.
   out.first.assign(lists + 2, 0);

@@ -8,7 +8,7 @@
 namespace tessera {
 
 /// Spreads the low 21 bits of `v` so that two zero bits follow each.
-constexpr std::uint64_t morton_spread(std::uint64_t v) {
+[[nodiscard]] constexpr std::uint64_t morton_spread(std::uint64_t v) {
   v &= 0x1fffff;
   v = (v | v << 32) & 0x1f00000000ffffULL;
   v = (v | v << 16) & 0x1f0000ff0000ffULL;
@@ -19,7 +19,7 @@ constexpr std::uint64_t morton_spread(std::uint64_t v) {
 }
 
 /// Inverse of morton_spread.
-constexpr std::uint32_t morton_compact(std::uint64_t v) {
+[[nodiscard]] constexpr std::uint32_t morton_compact(std::uint64_t v) {
   v &= 0x1249249249249249ULL;
   v = (v ^ v >> 2) & 0x10c30c30c30c30c3ULL;
   v = (v ^ v >> 4) & 0x100f00f00f00f00fULL;
@@ -30,11 +30,11 @@ constexpr std::uint32_t morton_compact(std::uint64_t v) {
 }
 
 /// Code of (i, j, k); each coordinate < 2^21.
-constexpr std::uint64_t morton_encode(std::uint32_t i, std::uint32_t j, std::uint32_t k) {
+[[nodiscard]] constexpr std::uint64_t morton_encode(std::uint32_t i, std::uint32_t j, std::uint32_t k) {
   return morton_spread(i) | morton_spread(j) << 1 | morton_spread(k) << 2;
 }
 
-constexpr std::array<std::uint32_t, 3> morton_decode(std::uint64_t code) {
+[[nodiscard]] constexpr std::array<std::uint32_t, 3> morton_decode(std::uint64_t code) {
   return {morton_compact(code), morton_compact(code >> 1), morton_compact(code >> 2)};
 }
 

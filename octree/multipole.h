@@ -38,16 +38,16 @@ struct Multipole {
 static_assert(sizeof(Multipole) == 120);
 
 /// Morton code of the cell of level `bits` that holds a point.
-inline std::uint64_t cell_key(const Int3& q, int bits) {
+[[nodiscard]] inline std::uint64_t cell_key(const Int3& q, int bits) {
   const int shift = kQuantumBits + bits;
   return morton_encode(static_cast<std::uint32_t>(q[0] >> shift), static_cast<std::uint32_t>(q[1] >> shift),
                        static_cast<std::uint32_t>(q[2] >> shift));
 }
 
 /// Multipole of the dipoles of one cell of level `bits`. \pre at least one, in canonical order, all in the cell
-Multipole multipole_of(std::span<const Dipole> dipoles, int bits);
+[[nodiscard]] Multipole multipole_of(std::span<const Dipole> dipoles, int bits);
 /// Multipole of a cell of level `bits` from those of its children. \pre at least one, ascending keys
-Multipole merge_multipoles(std::span<const Multipole> children, int bits);
+[[nodiscard]] Multipole merge_multipoles(std::span<const Multipole> children, int bits);
 
 /// The cells of some levels of the octree. Immutable once built; thread-safe.
 class MultipoleTree {
@@ -66,12 +66,14 @@ class MultipoleTree {
     /// Per cell, and the end: index into the level below, or the dipoles.
     std::vector<std::uint32_t> first_child;
   };
-  int leaf_bits() const { return leaf_bits_; }
-  int top_bits() const { return leaf_bits_ + static_cast<int>(levels_.size()) - 1; }
-  const Level& level(int bits) const { return levels_[static_cast<std::size_t>(bits - leaf_bits_)]; }
-  std::span<const Dipole> dipoles() const { return dipoles_; }
+  [[nodiscard]] int leaf_bits() const { return leaf_bits_; }
+  [[nodiscard]] int top_bits() const { return leaf_bits_ + static_cast<int>(levels_.size()) - 1; }
+  [[nodiscard]] const Level& level(int bits) const {
+    return levels_[static_cast<std::size_t>(bits - leaf_bits_)];
+  }
+  [[nodiscard]] std::span<const Dipole> dipoles() const { return dipoles_; }
   /// Memory of the cells, dipoles included.
-  std::uint64_t bytes() const;
+  [[nodiscard]] std::uint64_t bytes() const;
 
  private:
   void attach_dipoles();

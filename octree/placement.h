@@ -13,15 +13,15 @@ struct Placement {
   std::array<double, 9> matrix = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   Double3 shift = {0, 0, 0};
 
-  Double3 apply(const Double3& p) const { return apply_linear(p) + shift; }
+  [[nodiscard]] Double3 apply(const Double3& p) const { return apply_linear(p) + shift; }
   /// M p, without the shift.
-  Double3 apply_linear(const Double3& p) const {
+  [[nodiscard]] Double3 apply_linear(const Double3& p) const {
     const auto& m = matrix;
     return {m[0] * p[0] + m[1] * p[1] + m[2] * p[2], m[3] * p[0] + m[4] * p[1] + m[5] * p[2],
             m[6] * p[0] + m[7] * p[1] + m[8] * p[2]};
   }
   /// This after `first`.
-  Placement after(const Placement& first) const {
+  [[nodiscard]] Placement after(const Placement& first) const {
     Placement out;
     for (std::size_t i = 0; i < 3; ++i)
       for (std::size_t j = 0; j < 3; ++j)
@@ -35,7 +35,7 @@ struct Placement {
     return dot(Double3{m[0], m[1], m[2]}, cross(Double3{m[3], m[4], m[5]}, Double3{m[6], m[7], m[8]}));
   }
   /// \pre determinant() is not zero
-  Placement inverse() const {
+  [[nodiscard]] Placement inverse() const {
     const auto& m = matrix;
     const Double3 a = {m[0], m[1], m[2]}, b = {m[3], m[4], m[5]}, c = {m[6], m[7], m[8]};
     const double d = determinant();
@@ -46,17 +46,17 @@ struct Placement {
     return out;
   }
   /// The same map about `centre` instead of the origin.
-  Placement about(const Double3& centre) const {
+  [[nodiscard]] Placement about(const Double3& centre) const {
     Placement out = *this;
     out.shift = shift + centre - apply_linear(centre);
     return out;
   }
-  bool is_identity() const { return *this == Placement{}; }
+  [[nodiscard]] bool is_identity() const { return *this == Placement{}; }
   bool operator==(const Placement&) const = default;
 };
 
 /// By `degrees` about an axis through the origin, as a right-handed screw. \pre unit axis
-inline Placement rotation(const Double3& axis, double degrees) {
+[[nodiscard]] inline Placement rotation(const Double3& axis, double degrees) {
   const SinCos t = sin_cos(degrees * (kPi / 180.0));
   Placement out;
   for (std::size_t i = 0; i < 3; ++i)

@@ -38,8 +38,8 @@ enum PointFlag : std::uint16_t {
 
 /// Unit vector to 16+16 bit octahedral code and back; error below 1e-4 rad. Exact on every machine
 /// (only + - * / sqrt). A zero or non-finite vector gives kNoNormal.
-std::uint32_t encode_normal(float x, float y, float z);
-Float3 decode_normal(std::uint32_t code);
+[[nodiscard]] std::uint32_t encode_normal(float x, float y, float z);
+[[nodiscard]] Float3 decode_normal(std::uint32_t code);
 /// The same bits as encode_normal, decode_normal for `count` codes, several at a time.
 void encode_normals(const float* nx, const float* ny, const float* nz, std::size_t count,
                     std::uint32_t* codes);
@@ -55,7 +55,7 @@ struct PointBlock {
   std::vector<std::uint32_t> rgba;    ///< empty if the scan has no colour
   std::vector<std::uint16_t> sensor;  ///< empty unless asked for
   std::vector<std::uint16_t> flags;   ///< bits of PointFlag; empty unless asked for
-  std::size_t size() const { return x.size(); }
+  [[nodiscard]] std::size_t size() const { return x.size(); }
 };
 
 }  // namespace tessera

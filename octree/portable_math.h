@@ -13,7 +13,7 @@ namespace tessera {
 inline constexpr double kPi = 3.14159265358979323846;
 
 /// exp(-t), nearly: within 0.013 of it, zero from t = 16.
-inline float bell(float t) {
+[[nodiscard]] inline float bell(float t) {
   float u = 1.0F - t * 0.0625F;
   u = u > 0.0F ? u : 0.0F;
   u *= u;
@@ -23,18 +23,19 @@ inline float bell(float t) {
 }
 
 /// 64 well mixed bits of a counter (the finaliser of Steele, Lea, Flood 2014, "SplitMix").
-constexpr std::uint64_t mix(std::uint64_t v) {
+[[nodiscard]] constexpr std::uint64_t mix(std::uint64_t v) {
   v += 0x9e3779b97f4a7c15ULL;
   v = (v ^ v >> 30) * 0xbf58476d1ce4e5b9ULL;
   v = (v ^ v >> 27) * 0x94d049bb133111ebULL;
   return v ^ v >> 31;
 }
 /// Random bits named by (seed, stream, index): no state, so any thread may draw any of them at any time.
-constexpr std::uint64_t random_bits(std::uint64_t seed, std::uint64_t stream, std::uint64_t index) {
+[[nodiscard]] constexpr std::uint64_t random_bits(std::uint64_t seed, std::uint64_t stream,
+                                                  std::uint64_t index) {
   return mix(mix(seed * 0xd1342543de82ef95ULL + stream) ^ mix(index));
 }
 /// [0, 1), 53 bits.
-constexpr double to_unit(std::uint64_t bits) {
+[[nodiscard]] constexpr double to_unit(std::uint64_t bits) {
   return static_cast<double>(bits >> 11) * 0x1p-53;
 }
 
@@ -42,7 +43,7 @@ struct SinCos {
   double sin, cos;
 };
 /// Sine and cosine of an angle in radians, |angle| < 1e6; error below 1e-15 (+ 1e-16 |angle|).
-inline SinCos sin_cos(double angle) {
+[[nodiscard]] inline SinCos sin_cos(double angle) {
   const double quarter = std::floor(angle * (2.0 / kPi) + 0.5);
   // pi/2 in two parts: the first has few bits, so that its product with `quarter` is exact.
   const double r = (angle - quarter * 1.57079632673412561417) - quarter * 6.07710050650619224932e-11;
@@ -75,12 +76,12 @@ inline SinCos sin_cos(double angle) {
   }
 }
 
-inline double cosine_of_degrees(double degrees) {
+[[nodiscard]] inline double cosine_of_degrees(double degrees) {
   return sin_cos(degrees * (kPi / 180.0)).cos;
 }
 
 /// Natural logarithm of a positive normal number; error below 1e-15 relative to max(1, |result|).
-inline double natural_log(double v) {
+[[nodiscard]] inline double natural_log(double v) {
   std::uint64_t bits = std::bit_cast<std::uint64_t>(v);
   std::int64_t exponent = static_cast<std::int64_t>(bits >> 52) - 1023;
   bits = (bits & 0x000fffffffffffffULL) | 0x3ff0000000000000ULL;
@@ -98,7 +99,7 @@ inline double natural_log(double v) {
 
 /// Angle between two vectors in [0, pi], also accurate where they are nearly parallel; error below 1e-14.
 /// \pre both are unit vectors
-inline double angle_between(const Double3& a, const Double3& b) {
+[[nodiscard]] inline double angle_between(const Double3& a, const Double3& b) {
   const double across = norm(a - b), along = norm(a + b);  // tan(angle / 2) = across / along
   const bool steep = across > along;
   double t = steep ? along / across : across / along;
@@ -112,7 +113,7 @@ inline double angle_between(const Double3& a, const Double3& b) {
 }
 
 /// Standard normal variate from 64 + 64 random bits (Box and Muller 1958), |result| < 8.6.
-inline double gaussian(std::uint64_t a, std::uint64_t b) {
+[[nodiscard]] inline double gaussian(std::uint64_t a, std::uint64_t b) {
   const double u = to_unit(a) + 0x1p-54;  // never 0
   return std::sqrt(-2.0 * natural_log(u)) * sin_cos(2.0 * kPi * to_unit(b)).cos;
 }

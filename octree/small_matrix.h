@@ -17,14 +17,14 @@ template <std::size_t kSize>
 struct SmallMatrix {
   std::array<double, kSize * kSize> entries;
 
-  static SmallMatrix zero() { return {{}}; }
+  [[nodiscard]] static SmallMatrix zero() { return {{}}; }
   double& operator()(std::size_t row, std::size_t column) { return entries[row * kSize + column]; }
   double operator()(std::size_t row, std::size_t column) const { return entries[row * kSize + column]; }
 };
 using Matrix3 = SmallMatrix<3>;
 
 /// The row as a vector.
-inline Double3 row(const Matrix3& m, std::size_t i) {
+[[nodiscard]] inline Double3 row(const Matrix3& m, std::size_t i) {
   return {m(i, 0), m(i, 1), m(i, 2)};
 }
 
@@ -88,7 +88,7 @@ struct Cramer3 {
   double c00 = yy * zz - yz * yz, c01 = xz * yz - xy * zz, c02 = xy * yz - xz * yy;
   double determinant = xx * c00 + xy * c01 + xz * c02;
 
-  Double3 solve(const Double3& b) const {
+  [[nodiscard]] Double3 solve(const Double3& b) const {
     const double c11 = xx * zz - xz * xz, c12 = xy * xz - xx * yz, c22 = xx * yy - xy * xy;
     return {(c00 * b[0] + c01 * b[1] + c02 * b[2]) / determinant,
             (c01 * b[0] + c11 * b[1] + c12 * b[2]) / determinant,
@@ -158,7 +158,7 @@ struct MinEigen3 {
 /// Newton's method on the characteristic polynomial from below its least root; the vector is the longest cross product
 /// of two rows. Source: Smith, "Eigenvalues of a Symmetric 3 x 3 Matrix", 1961 (scaled characteristic polynomial).
 /// \param m  xx, xy, xz, yy, yz, zz
-inline MinEigen3 min_eigen3(const std::array<double, 6>& m) {
+[[nodiscard]] inline MinEigen3 min_eigen3(const std::array<double, 6>& m) {
   constexpr int kNewtonSteps =
       40;  // five do but where the smaller two are equal: there each halves the error
   constexpr double kEnough = 4e-16;  // of a step, in units of the spread

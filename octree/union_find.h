@@ -38,7 +38,7 @@ class DisjointSets {
       parent_[i] = j;
     }
   }
-  std::size_t size() const { return parent_.size(); }
+  [[nodiscard]] std::size_t size() const { return parent_.size(); }
   /// The root of every member: parents come before their children, so one ascending sweep does.
   const std::vector<Index>& roots() {
     for (Index& p : parent_) p = parent_[p];

@@ -48,40 +48,41 @@ constexpr Vector3<T> operator/(const std::array<T, 3>& a, std::type_identity_t<T
   return {a[0] / s, a[1] / s, a[2] / s};
 }
 template <Coordinate T>
-constexpr T dot(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+[[nodiscard]] constexpr T dot(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 template <Coordinate T>
-constexpr Vector3<T> cross(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+[[nodiscard]] constexpr Vector3<T> cross(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 template <std::floating_point T>
-T norm(const std::array<T, 3>& a) {
+[[nodiscard]] T norm(const std::array<T, 3>& a) {
   return std::sqrt(dot(a, a));
 }
 /// \pre a is not zero
 template <std::floating_point T>
-Vector3<T> unit(const std::array<T, 3>& a) {
+[[nodiscard]] Vector3<T> unit(const std::array<T, 3>& a) {
   return a * (T{1} / norm(a));
 }
 /// Zero stays zero.
 template <std::floating_point T>
-Vector3<T> unit_or_zero(const std::array<T, 3>& a) {
+[[nodiscard]] Vector3<T> unit_or_zero(const std::array<T, 3>& a) {
   const T length = norm(a);
   return length > T{0} ? a * (T{1} / length) : Vector3<T>{};
 }
 template <std::floating_point T>
-T squared_distance(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+[[nodiscard]] T squared_distance(const std::array<T, 3>& a, const std::array<T, 3>& b) {
   const Vector3<T> d = a - b;
   return dot(d, d);
 }
 /// Twice the area of the triangle (a, b, c), along its normal.
 template <std::floating_point T>
-Vector3<T> triangle_normal(const std::array<T, 3>& a, const std::array<T, 3>& b, const std::array<T, 3>& c) {
+[[nodiscard]] Vector3<T> triangle_normal(const std::array<T, 3>& a, const std::array<T, 3>& b,
+                                         const std::array<T, 3>& c) {
   return cross(b - a, c - a);
 }
 /// Any unit vector at right angles to the unit vector `n`; continuous except where its smallest component changes.
-inline Double3 any_orthogonal(const Double3& n) {
+[[nodiscard]] inline Double3 any_orthogonal(const Double3& n) {
   const double ax = std::fabs(n[0]), ay = std::fabs(n[1]), az = std::fabs(n[2]);
   const Double3 axis = ax <= ay && ax <= az ? Double3{1, 0, 0}
                        : ay <= az           ? Double3{0, 1, 0}
@@ -89,10 +90,10 @@ inline Double3 any_orthogonal(const Double3& n) {
   return unit(cross(n, axis));
 }
 
-constexpr Double3 wide(const Float3& a) {
+[[nodiscard]] constexpr Double3 wide(const Float3& a) {
   return {static_cast<double>(a[0]), static_cast<double>(a[1]), static_cast<double>(a[2])};
 }
-constexpr Float3 narrow(const Double3& a) {
+[[nodiscard]] constexpr Float3 narrow(const Double3& a) {
   return {static_cast<float>(a[0]), static_cast<float>(a[1]), static_cast<float>(a[2])};
 }
 

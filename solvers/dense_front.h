@@ -28,7 +28,7 @@ struct DenseFront {
 std::ptrdiff_t eliminate(DenseFront& front, std::span<const double> smallest, std::vector<double>& packed);
 
 /// Bytes that `packed` takes for a front of that size.
-std::size_t eliminate_bytes(std::size_t size);
+[[nodiscard]] std::size_t eliminate_bytes(std::size_t size);
 
 /// LU of the eliminated rows and columns, L below the diagonal with units on it; the rest becomes its Schur complement. Where a
 /// diagonal entry is small beside those below it, of the rows that are eliminated the one with the largest comes first.
@@ -38,7 +38,7 @@ std::size_t eliminate_bytes(std::size_t size);
 /// \returns the first column whose pivot does not, -1 when there is none
 std::ptrdiff_t eliminate_lu(DenseFront& front, std::span<const double> smallest,
                             std::span<std::int32_t> swapped, std::vector<double>& packed);
-std::size_t eliminate_lu_bytes(std::size_t size);
+[[nodiscard]] std::size_t eliminate_lu_bytes(std::size_t size);
 
 /// The eliminated columns of a front, each from its diagonal down, one after the other.
 struct FrontColumns {
@@ -46,7 +46,7 @@ struct FrontColumns {
   std::size_t size = 0;
   std::size_t eliminated = 0;
 };
-constexpr std::size_t trapezoid_entries(std::size_t size, std::size_t columns) {
+[[nodiscard]] constexpr std::size_t trapezoid_entries(std::size_t size, std::size_t columns) {
   return columns * size - columns * (columns - (columns > 0)) / 2;
 }
 

@@ -17,7 +17,7 @@ class EnvelopeCholesky {
   explicit EnvelopeCholesky(const SparseMatrix& a);
 
   /// Entries inside the envelope: factoring takes 8 bytes each and the sum of their rows' squares in time.
-  std::uint64_t envelope() const { return first_.back(); }
+  [[nodiscard]] std::uint64_t envelope() const { return first_.back(); }
   /// \pre the matrix of the constructor. Returns false if it is not positive definite in double
   /// precision; then solve() must not be called.
   bool factor(const SparseMatrix& a);

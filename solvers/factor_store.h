@@ -12,7 +12,7 @@ class FactorStore {
  public:
   virtual ~FactorStore() = default;
   /// Of all numbers in it.
-  virtual std::uint64_t size() const = 0;
+  [[nodiscard]] virtual std::uint64_t size() const = 0;
   /// So many will be appended, at most.
   virtual void reserve(std::uint64_t size) = 0;
   virtual void append(std::span<const double> values) = 0;
@@ -22,7 +22,7 @@ class FactorStore {
 
 class MemoryFactorStore final : public FactorStore {
  public:
-  std::uint64_t size() const override { return values_.size(); }
+  [[nodiscard]] std::uint64_t size() const override { return values_.size(); }
   void reserve(std::uint64_t size) override { values_.reserve(size); }
   void append(std::span<const double> values) override {
     values_.insert(values_.end(), values.begin(), values.end());

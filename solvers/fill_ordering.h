@@ -13,6 +13,6 @@ namespace tessera {
 /// \param ordering  kMinimumDegree: by AMD; kNestedDissection: by METIS \pre symmetric pattern
 /// \returns the unknowns in the order of elimination
 /// \throws ResourceError  out of memory or of 32-bit indices
-std::vector<std::int32_t> fill_ordering(const SparseMatrix& a, Ordering ordering);
+[[nodiscard]] std::vector<std::int32_t> fill_ordering(const SparseMatrix& a, Ordering ordering);
 
 }  // namespace tessera

@@ -12,12 +12,12 @@
 namespace tessera {
 
 /// Right-hand sides as dense_front.h wants them: few in columns, many in rows of a multiple of kWideSolve.
-constexpr std::size_t sweep_width(int width) {
+[[nodiscard]] constexpr std::size_t sweep_width(int width) {
   const auto w = static_cast<std::size_t>(width), wide = static_cast<std::size_t>(kWideSolve);
   return width < kWideSolve ? w : (w + wide - 1) / wide * wide;
 }
 
-inline std::uint64_t sweep_bytes(const FrontTree& tree, int width) {
+[[nodiscard]] inline std::uint64_t sweep_bytes(const FrontTree& tree, int width) {
   return sizeof(double) * sweep_width(width) * (tree.unknowns() + tree.largest());
 }
 

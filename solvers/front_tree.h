@@ -19,29 +19,37 @@ class FrontTree {
   /// \throws ResourceError out of memory or of 32-bit indices
   FrontTree(const SparseMatrix& a, Ordering ordering);
 
-  std::size_t count() const { return fronts_.size(); }  ///< children before parents
-  std::size_t unknowns() const { return unknown_.size(); }
-  std::size_t size(std::size_t front) const { return rows_start_[front + 1] - rows_start_[front]; }
-  std::size_t eliminated(std::size_t front) const { return fronts_[front].eliminated; }
-  std::size_t contribution(std::size_t front) const { return size(front) - eliminated(front); }
+  [[nodiscard]] std::size_t count() const { return fronts_.size(); }  ///< children before parents
+  [[nodiscard]] std::size_t unknowns() const { return unknown_.size(); }
+  [[nodiscard]] std::size_t size(std::size_t front) const {
+    return rows_start_[front + 1] - rows_start_[front];
+  }
+  [[nodiscard]] std::size_t eliminated(std::size_t front) const { return fronts_[front].eliminated; }
+  [[nodiscard]] std::size_t contribution(std::size_t front) const { return size(front) - eliminated(front); }
   /// Fronts before it whose rest it takes, the last on the stack.
-  std::size_t children(std::size_t front) const { return fronts_[front].children; }
+  [[nodiscard]] std::size_t children(std::size_t front) const { return fronts_[front].children; }
   /// Places in the order of elimination, ascending; the first ones are eliminated.
-  std::span<const std::int32_t> rows(std::size_t front) const {
+  [[nodiscard]] std::span<const std::int32_t> rows(std::size_t front) const {
     return std::span(rows_).subspan(rows_start_[front], size(front));
   }
-  std::int32_t unknown(std::int32_t slot) const { return unknown_[static_cast<std::size_t>(slot)]; }
-  std::int32_t slot(std::int32_t unknown) const { return slot_[static_cast<std::size_t>(unknown)]; }
+  [[nodiscard]] std::int32_t unknown(std::int32_t slot) const {
+    return unknown_[static_cast<std::size_t>(slot)];
+  }
+  [[nodiscard]] std::int32_t slot(std::int32_t unknown) const {
+    return slot_[static_cast<std::size_t>(unknown)];
+  }
 
   /// Where a front's columns begin in a store of all columns, each from its diagonal down; of count(): the end.
-  std::uint64_t first(std::size_t front) const { return first_[front]; }
-  double flops() const { return flops_; }                           ///< of a Cholesky factor
-  std::size_t largest() const { return largest_; }                  ///< rows of a front
-  std::size_t largest_columns() const { return largest_columns_; }  ///< entries of first() of a front
+  [[nodiscard]] std::uint64_t first(std::size_t front) const { return first_[front]; }
+  double flops() const { return flops_; }                         ///< of a Cholesky factor
+  [[nodiscard]] std::size_t largest() const { return largest_; }  ///< rows of a front
+  [[nodiscard]] std::size_t largest_columns() const {
+    return largest_columns_;
+  }  ///< entries of first() of a front
   /// Most numbers that wait on the stack at a time: lower triangles, or whole squares.
-  std::size_t stack_of_triangles() const { return triangles_; }
-  std::size_t stack_of_squares() const { return squares_; }
-  std::uint64_t bytes() const;
+  [[nodiscard]] std::size_t stack_of_triangles() const { return triangles_; }
+  [[nodiscard]] std::size_t stack_of_squares() const { return squares_; }
+  [[nodiscard]] std::uint64_t bytes() const;
 
   /// b in the order of elimination, and back. Both n x width, interleaved; `to` has `stride` numbers a row.
   void to_order(std::span<const double> b, int width, std::span<double> to, std::size_t stride) const;

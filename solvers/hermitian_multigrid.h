@@ -27,7 +27,7 @@ class HermitianMultigrid {
   /// \pre both n x n, A + iK positive definite
   HermitianMultigrid(const SparseMatrix& a, const SparseMatrix& skew, std::span<const Double3> positions);
   /// kSolved, kNotFinite, kSingular or kTooLarge; solve() only after kSolved.
-  const FactorReport& report() const { return report_; }
+  [[nodiscard]] const FactorReport& report() const { return report_; }
   /// Improves z from its current value until |b - (A + iK) z| <= tolerance |b|. Vectors are n x 2: real and
   /// imaginary parts interleaved.
   SolveReport solve(std::span<const double> b, std::span<double> z, double tolerance, int max_iterations);

@@ -24,7 +24,7 @@ struct IntrinsicMesh {
 };
 
 /// \pre indices below the number of positions, positions of faces finite. \cost about linear
-IntrinsicMesh intrinsic_delaunay(const TriangleSpan& mesh);
+[[nodiscard]] IntrinsicMesh intrinsic_delaunay(const TriangleSpan& mesh);
 
 /// Area by the stable form of Heron's formula (Kahan); 0 where the triangle inequality fails.
 double triangle_area(const std::array<double, 3>& length);

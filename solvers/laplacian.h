@@ -61,6 +61,6 @@ struct Laplacian {
 /// finite;
 ///                     no faces with positive area at all (but for kUniform)
 /// \throws ResourceError  at 2^31 entries or more
-Laplacian laplacian(const TriangleSpan& mesh, const LaplacianOptions& options = {});
+[[nodiscard]] Laplacian laplacian(const TriangleSpan& mesh, const LaplacianOptions& options = {});
 
 }  // namespace tessera

@@ -100,10 +100,10 @@ class LinearSolver {
   virtual SolveReport solve(std::span<const double> b, std::span<double> x, int width) = 0;
 };
 
-std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& options = {});
+[[nodiscard]] std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& options = {});
 
-const char* name(SolverKind kind);
-const char* name(Ordering ordering);
-const char* name(SolveStatus status);
+[[nodiscard]] const char* name(SolverKind kind);
+[[nodiscard]] const char* name(Ordering ordering);
+[[nodiscard]] const char* name(SolveStatus status);
 
 }  // namespace tessera

@@ -19,15 +19,15 @@ class MultifrontalCholesky {
   /// \throws ResourceError when CHOLMOD runs out of memory or of indices
   explicit MultifrontalCholesky(const SparseMatrix& a, Ordering ordering = Ordering::kMinimumDegree);
 
-  std::uint64_t entries() const {
+  [[nodiscard]] std::uint64_t entries() const {
     return tree_.first(tree_.count());
   }                                               ///< of the factor, 8 bytes each in the store
   double flops() const { return tree_.flops(); }  ///< of factor()
   /// Held now: ordering and fronts.
-  std::uint64_t bytes() const { return tree_.bytes(); }
+  [[nodiscard]] std::uint64_t bytes() const { return tree_.bytes(); }
   /// Held beside these and the store by factor(), and by solve() for so many columns.
-  std::uint64_t factor_bytes() const;
-  std::uint64_t solve_bytes(int width) const;
+  [[nodiscard]] std::uint64_t factor_bytes() const;
+  [[nodiscard]] std::uint64_t solve_bytes(int width) const;
 
   /// Appends entries() numbers. Returns the unknown whose pivot is not positive, or is what rounding leaves of zero; -1
   /// when the matrix is positive definite. \pre the pattern of the constructor; the store is empty

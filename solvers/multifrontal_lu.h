@@ -20,12 +20,16 @@ class MultifrontalLu {
   /// \throws ResourceError when CHOLMOD runs out of memory or of indices
   explicit MultifrontalLu(const SparseMatrix& a, Ordering ordering = Ordering::kMinimumDegree);
 
-  std::uint64_t entries() const { return 2 * tree_.first(tree_.count()); }  ///< of both factors, 8 bytes each
-  double flops() const { return 2.0 * tree_.flops(); }                      ///< of factor()
-  std::uint64_t bytes() const { return tree_.bytes() + sizeof(std::int32_t) * tree_.unknowns(); }
+  [[nodiscard]] std::uint64_t entries() const {
+    return 2 * tree_.first(tree_.count());
+  }                                                     ///< of both factors, 8 bytes each
+  double flops() const { return 2.0 * tree_.flops(); }  ///< of factor()
+  [[nodiscard]] std::uint64_t bytes() const {
+    return tree_.bytes() + sizeof(std::int32_t) * tree_.unknowns();
+  }
   /// Held beside these and the store by factor(), and by solve() for so many columns.
-  std::uint64_t factor_bytes() const;
-  std::uint64_t solve_bytes(int width) const;
+  [[nodiscard]] std::uint64_t factor_bytes() const;
+  [[nodiscard]] std::uint64_t solve_bytes(int width) const;
 
   /// Appends entries() numbers. Returns the unknown whose pivot is what rounding leaves of zero; -1 when there is none.
   /// \pre the pattern of the constructor; the store is empty

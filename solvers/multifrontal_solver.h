@@ -14,7 +14,7 @@ namespace tessera {
 std::unique_ptr<LinearSolver> make_multifrontal_solver(const SolverOptions& options, FactorStore& store);
 
 /// kFronts, kLu. The factor lies in memory and counts.
-std::unique_ptr<LinearSolver> make_fronts_solver(const SolverOptions& options);
-std::unique_ptr<LinearSolver> make_lu_solver(const SolverOptions& options);
+[[nodiscard]] std::unique_ptr<LinearSolver> make_fronts_solver(const SolverOptions& options);
+[[nodiscard]] std::unique_ptr<LinearSolver> make_lu_solver(const SolverOptions& options);
 
 }  // namespace tessera

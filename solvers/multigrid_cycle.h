@@ -44,7 +44,7 @@ inline void subtract_skew(const MultigridLevel& level, std::int32_t i, std::int3
 }
 
 template <int kWidth>
-inline Columns<kWidth> load(const double* b, std::int32_t i) {
+[[nodiscard]] inline Columns<kWidth> load(const double* b, std::int32_t i) {
   Columns<kWidth> s;
   for (int c = 0; c < kWidth; ++c) s[c] = b[static_cast<std::size_t>(i) * kWidth + c];
   return s;
@@ -130,7 +130,7 @@ void add_prolonged(const MultigridLevel& level, const std::vector<double>& coars
 
 /// Dot products of the columns.
 template <int kWidth>
-Columns<kWidth> dots(std::span<const double> u, std::span<const double> v) {
+[[nodiscard]] Columns<kWidth> dots(std::span<const double> u, std::span<const double> v) {
   Columns<kWidth> s{};
   for (std::size_t i = 0; i < u.size(); i += kWidth)
     for (int c = 0; c < kWidth; ++c) s[c] += u[i + c] * v[i + c];

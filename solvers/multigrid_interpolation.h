@@ -24,7 +24,7 @@ struct Clusters {
 };
 
 /// The cluster's own value everywhere.
-SparseMatrix constant_interpolation(const Clusters& clusters);
+[[nodiscard]] SparseMatrix constant_interpolation(const Clusters& clusters);
 
 /// Barycentric weights of the closest point in a triangle of mutually touching seeds, one of them the own
 /// one; exact for linear functions on a flat mesh, about 2.7 entries a row. Source: Wiersma, Nasikun,
@@ -32,8 +32,9 @@ SparseMatrix constant_interpolation(const Clusters& clusters);
 /// \param touching  graph of the clusters
 /// \param fine  position of each unknown
 /// \param coarse  of each seed
-SparseMatrix linear_interpolation(const Clusters& clusters, const NodeGraph& touching,
-                                  std::span<const Double3> fine, std::span<const Double3> coarse);
+[[nodiscard]] SparseMatrix linear_interpolation(const Clusters& clusters, const NodeGraph& touching,
+                                                std::span<const Double3> fine,
+                                                std::span<const Double3> coarse);
 
 /// Moving least squares with linear functions over the seeds within two steps (Lancaster and Salkauskas
 /// 1981): the shape functions have continuous derivatives, as the energy of a plate wants them. Hats have

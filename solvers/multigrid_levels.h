@@ -48,11 +48,11 @@ struct MultigridLevelsOptions {
 struct MultigridLevels {
   std::vector<MultigridLevel> levels;  ///< finest first
   std::size_t checked_out = 0;         ///< rows whose smooth interpolation failed its check and is linear
-  std::uint64_t bytes() const;         ///< without the caller's matrix
-  std::size_t entries() const;         ///< of all matrices and prolongations but the caller's matrix
+  [[nodiscard]] std::uint64_t bytes() const;  ///< without the caller's matrix
+  [[nodiscard]] std::size_t entries() const;  ///< of all matrices and prolongations but the caller's matrix
 };
 
 /// \pre a is symmetric with a positive diagonal and lives, unmoved, as long as the result
-MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOptions& options);
+[[nodiscard]] MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOptions& options);
 
 }  // namespace tessera

@@ -9,6 +9,6 @@
 namespace tessera {
 
 /// kMultigrid.
-std::unique_ptr<LinearSolver> make_multigrid_solver(const SolverOptions& options);
+[[nodiscard]] std::unique_ptr<LinearSolver> make_multigrid_solver(const SolverOptions& options);
 
 }  // namespace tessera

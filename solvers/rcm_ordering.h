@@ -9,6 +9,6 @@
 namespace tessera {
 
 /// \return order[k] = the row that comes k-th. \pre symmetric pattern
-std::vector<std::int32_t> reverse_cuthill_mckee(const SparseMatrix& a);
+[[nodiscard]] std::vector<std::int32_t> reverse_cuthill_mckee(const SparseMatrix& a);
 
 }  // namespace tessera

@@ -20,8 +20,8 @@ struct SparseMatrix {
   std::vector<std::int32_t> column;  ///< one per entry
   std::vector<double> value;         ///< one per entry
 
-  std::size_t entries() const { return column.size(); }
-  std::uint64_t bytes() const {
+  [[nodiscard]] std::size_t entries() const { return column.size(); }
+  [[nodiscard]] std::uint64_t bytes() const {
     return start.capacity() * sizeof(std::int32_t) + column.capacity() * sizeof(std::int32_t) +
            value.capacity() * sizeof(double);
   }
@@ -34,32 +34,33 @@ double entry(const SparseMatrix& a, std::int32_t row, std::int32_t column);
 void multiply(const SparseMatrix& a, std::span<const double> x, std::span<double> y, int width = 1);
 
 /// Transpose.
-SparseMatrix transpose(const SparseMatrix& a);
+[[nodiscard]] SparseMatrix transpose(const SparseMatrix& a);
 
 /// a diag(middle) b, or a b without `middle` (Gustavson 1978). Entries that cancel stay stored.
 /// \throws ResourceError  when the product has 2^31 entries or more
-SparseMatrix product(const SparseMatrix& a, const SparseMatrix& b, std::span<const double> middle = {});
+[[nodiscard]] SparseMatrix product(const SparseMatrix& a, const SparseMatrix& b,
+                                   std::span<const double> middle = {});
 
 /// alpha a + beta b, on the union of both patterns. \pre same shape
-SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b);
+[[nodiscard]] SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b);
 
 /// n x n with `d` on its diagonal.
-SparseMatrix diagonal_matrix(std::span<const double> d);
+[[nodiscard]] SparseMatrix diagonal_matrix(std::span<const double> d);
 
 /// Rows `rows` of a, in that order, and of these the columns j with new_column[j] >= 0, renamed to
 /// new_column[j].
 /// \pre new_column is ascending where it is not negative
-SparseMatrix select(const SparseMatrix& a, std::span<const std::int32_t> rows,
-                    std::span<const std::int32_t> new_column, std::int32_t columns);
+[[nodiscard]] SparseMatrix select(const SparseMatrix& a, std::span<const std::int32_t> rows,
+                                  std::span<const std::int32_t> new_column, std::int32_t columns);
 
 /// Whether all values are finite numbers.
-bool all_finite(std::span<const double> values);
+[[nodiscard]] bool all_finite(std::span<const double> values);
 
 /// |b - a x| / |b| in the 2-norm, the largest over the columns; a column with b = 0 counts |a x|.
 double relative_residual(const SparseMatrix& a, std::span<const double> x, std::span<const double> b,
                          int width);
 
 /// A + iK on complex vectors as a real matrix of twice the size; real and imaginary parts take turns.
-SparseMatrix real_form(const SparseMatrix& a, const SparseMatrix& skew);
+[[nodiscard]] SparseMatrix real_form(const SparseMatrix& a, const SparseMatrix& skew);
 
 }  // namespace tessera

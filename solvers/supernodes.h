@@ -20,7 +20,7 @@ struct EliminationTree {
 };
 
 /// \param order  of elimination: unknowns \pre symmetric pattern
-EliminationTree elimination_tree(const SparseMatrix& a, std::span<const std::int32_t> order);
+[[nodiscard]] EliminationTree elimination_tree(const SparseMatrix& a, std::span<const std::int32_t> order);
 
 /// Children before parents, each subtree without a gap, the child with the longest column last: the same factor, and a stack of
 /// what waits that stays low. Renames the columns of the tree, and returns the new order of unknowns.
@@ -35,7 +35,7 @@ struct Supernodes {
 };
 
 /// \pre `order` and `tree` come from postorder()
-Supernodes find_supernodes(const SparseMatrix& a, std::span<const std::int32_t> order,
-                           const EliminationTree& tree);
+[[nodiscard]] Supernodes find_supernodes(const SparseMatrix& a, std::span<const std::int32_t> order,
+                                         const EliminationTree& tree);
 
 }  // namespace tessera

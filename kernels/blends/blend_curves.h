@@ -30,7 +30,7 @@ struct BandVertex {
   double across = 0.0;  ///< as CurvatureTensor
 };
 /// Whether a vertex with these curvatures belongs to a band.
-bool is_in_band(double across, double minimum, const BandOptions& options);
+[[nodiscard]] bool is_in_band(double across, double minimum, const BandOptions& options);
 
 struct BlendCurve {
   /// In even steps, not quite on the surface; a closed one does not repeat the first.
@@ -46,15 +46,15 @@ struct BlendCurve {
 /// \param links  edges of the mesh between two of them, as indices, any order
 /// \param step   of the tracks, > 0
 /// \post  open ends stay clear of other tracks; ascending keys; a pure function of the arguments, links as a set
-std::vector<BlendCurve> trace_bands(std::span<const BandVertex> band,
-                                    std::span<const std::pair<std::uint32_t, std::uint32_t>> links,
-                                    const BandOptions& options, double step);
+[[nodiscard]] std::vector<BlendCurve> trace_bands(
+    std::span<const BandVertex> band, std::span<const std::pair<std::uint32_t, std::uint32_t>> links,
+    const BandOptions& options, double step);
 
 /// A track by hand: a smooth curve through picked points in even steps. The surface is found later.
 /// \param points  two at least, all different \throws InputError
-BlendCurve curve_through(std::span<const Double3> points, bool closed, double step);
+[[nodiscard]] BlendCurve curve_through(std::span<const Double3> points, bool closed, double step);
 
-constexpr std::uint64_t trace_bands_bytes(std::uint64_t vertices, std::uint64_t links) {
+[[nodiscard]] constexpr std::uint64_t trace_bands_bytes(std::uint64_t vertices, std::uint64_t links) {
   return vertices * 200 + links * 16;
 }
 

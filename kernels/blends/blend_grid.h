@@ -20,16 +20,16 @@ struct BlendGrid {
   std::size_t first_whole = 0;          ///< ribs from here to as far from the end have the edit in full
   bool sharp = false;
 
-  std::size_t at(std::size_t rib, std::size_t row) const { return rib * rows + row; }
+  [[nodiscard]] std::size_t at(std::size_t rib, std::size_t row) const { return rib * rows + row; }
   /// Outward, if x grows to the right as one looks along the spine with the surface's outside up.
-  std::vector<std::array<std::uint32_t, 3>> faces() const;
+  [[nodiscard]] std::vector<std::array<std::uint32_t, 3>> faces() const;
   double radius_of_arcs() const;  ///< measured on the nodes where the edit is full; 0 without an arc
 };
 
 /// \param near     vertices beside the fishbone, by rib
 /// \param follows  the surface where it is not quite arc and flanks
-BlendGrid make_blend_grid(const Fishbone& bone, const std::vector<RibVertex>& near,
-                          const BlendOptions& options, double spacing, bool follows);
+[[nodiscard]] BlendGrid make_blend_grid(const Fishbone& bone, const std::vector<RibVertex>& near,
+                                        const BlendOptions& options, double spacing, bool follows);
 
 /// How far from the corner of the flanks an edit needs them: beyond the arc that is there.
 double flank_beyond(const Fishbone& bone, const BlendOptions& options, double spacing);

@@ -13,11 +13,12 @@
 namespace tessera {
 
 /// Whether a triangle meets the rectangle [left, width] x [-height, height]: no axis separates them.
-bool meets_rectangle(const std::array<Double2, 3>& t, double left, double width, double height);
+[[nodiscard]] bool meets_rectangle(const std::array<Double2, 3>& t, double left, double width, double height);
 
 inline constexpr std::uint32_t kNoFaceAcross = 0xffffffffu;
 /// The face on the other side of edge k of face f, or kNoFaceAcross.
-std::uint32_t face_across(const MeshBlock& block, const FaceCorners& corners, std::size_t f, std::size_t k);
+[[nodiscard]] std::uint32_t face_across(const MeshBlock& block, const FaceCorners& corners, std::size_t f,
+                                        std::size_t k);
 
 /// Of the removed faces (per face of the block, 0: stays) the largest piece that hangs together; faces that it surrounds go
 /// with it.
@@ -28,7 +29,8 @@ void keep_largest_piece(const MeshBlock& block, const FaceCorners& corners,
 /// not hang together; empty: nowhere.
 /// \param open      per face: bits of edges that need no other side
 /// \param vertices  above all corners
-std::vector<std::uint32_t> loose_vertices(std::span<const std::array<std::uint32_t, 3>> faces,
-                                          std::span<const std::uint8_t> open, std::size_t vertices);
+[[nodiscard]] std::vector<std::uint32_t> loose_vertices(std::span<const std::array<std::uint32_t, 3>> faces,
+                                                        std::span<const std::uint8_t> open,
+                                                        std::size_t vertices);
 
 }  // namespace tessera

@@ -24,11 +24,12 @@ struct CurvatureTensor {
 /// \param radius  > 0, scan units; faces are reached from the vertex within the ball, so other sheets have no say
 /// \post  a function of the faces within the ball alone, whatever else is in the block
 /// \cost  about 3 us a vertex at four edges
-std::vector<CurvatureTensor> curvature_tensors(const MeshBlock& block,
-                                               const std::vector<std::uint8_t>& wanted, double radius);
+[[nodiscard]] std::vector<CurvatureTensor> curvature_tensors(const MeshBlock& block,
+                                                             const std::vector<std::uint8_t>& wanted,
+                                                             double radius);
 
 /// Upper bound of what it allocates.
-constexpr std::uint64_t curvature_tensors_bytes(std::uint64_t vertices, std::uint64_t faces) {
+[[nodiscard]] constexpr std::uint64_t curvature_tensors_bytes(std::uint64_t vertices, std::uint64_t faces) {
   return vertices * (sizeof(CurvatureTensor) + 12 + 24) + faces * (24 + 8 + 24 + 4 + 84 + 12 + 12 + 48);
 }
 

@@ -31,7 +31,7 @@ struct Fishbone {
   double rms = 0.0;           ///< of the distances of vertices to their profiles
 
   /// As from rib to rib, at a fraction.
-  RibProfile profile_at(double rib) const;
+  [[nodiscard]] RibProfile profile_at(double rib) const;
   /// Keeps ribs first, first + 1, ... of them, `count` below all: then it is open. \pre count >= 3
   void keep(std::size_t first, std::size_t count);
   double mean_radius() const;     ///< >= 0
@@ -50,8 +50,9 @@ struct FishboneOptions {
 
 /// Vertices near a fishbone with their places, by rib, then by vertex.
 /// \param position, normal  of the mesh; \param radius  beside the arc  \param off  of the profile, at the most
-std::vector<RibVertex> locate_vertices(const Fishbone& bone, std::span<const Double3> position,
-                                       std::span<const Double3> normal, double radius, double off);
+[[nodiscard]] std::vector<RibVertex> locate_vertices(const Fishbone& bone, std::span<const Double3> position,
+                                                     std::span<const Double3> normal, double radius,
+                                                     double off);
 
 /// \param position, normal  of the vertices of the mesh near the track; normals unit or zero
 FishboneOutcome fit_fishbone(std::span<const Double3> position, std::span<const Double3> normal,

@@ -31,7 +31,7 @@ struct NormalJumps {
 /// Of the edges between two of the faces whose middles lie on the arc of the fishbone, but for a twelfth at its sides
 /// and a quarter of a rib at its ends: there the grid meets what it is stitched to.
 /// \param faces  indices below position.size()
-NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position,
-                         std::span<const std::array<std::uint32_t, 3>> faces);
+[[nodiscard]] NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position,
+                                       std::span<const std::array<std::uint32_t, 3>> faces);
 
 }  // namespace tessera

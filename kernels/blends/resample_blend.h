@@ -52,7 +52,7 @@ enum class BlendOutcome : std::uint8_t {
   kBeyondTolerance,  ///< somewhere it would be farther from what it was
   kNoBetter,         ///< its normals vary no more than those of the grid would
 };
-std::string_view sentence_of(BlendOutcome outcome);
+[[nodiscard]] std::string_view sentence_of(BlendOutcome outcome);
 
 struct BlendReport {
   BlendOutcome outcome = BlendOutcome::kTooShort;
@@ -81,10 +81,10 @@ double blend_halo(const BlendCurve& curve, const BlendOptions& options, double e
 /// \param edge   mean edge of the mesh, > 0
 /// \post  where the blend is changed: without the removed faces and with the added ones the block is a manifold where it
 ///        was one, its borders are the same, and no vertex that was there moves
-ResampledBlend resample_blend(const MeshBlock& block, const BlendCurve& curve, const BlendOptions& options,
-                              double edge);
+[[nodiscard]] ResampledBlend resample_blend(const MeshBlock& block, const BlendCurve& curve,
+                                            const BlendOptions& options, double edge);
 
 /// Upper bound of what it allocates.
-std::uint64_t resample_blend_bytes(std::uint64_t vertices, std::uint64_t faces);
+[[nodiscard]] std::uint64_t resample_blend_bytes(std::uint64_t vertices, std::uint64_t faces);
 
 }  // namespace tessera

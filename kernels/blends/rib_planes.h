@@ -33,15 +33,15 @@ class RibPlanes {
   /// \param planes  in even steps, three at least; those of a closed spine do not repeat the first
   RibPlanes(std::vector<RibPlane> planes, bool closed);
 
-  std::size_t size() const { return planes_.size(); }
-  bool closed() const { return closed_; }
+  [[nodiscard]] std::size_t size() const { return planes_.size(); }
+  [[nodiscard]] bool closed() const { return closed_; }
   double spacing() const { return spacing_; }  ///< in the mean
   double length() const { return spacing_ * static_cast<double>(closed_ ? size() : size() - 1); }
   const RibPlane& operator[](std::size_t rib) const { return planes_[rib]; }
-  Double3 at(std::size_t rib, double x, double y) const;
+  [[nodiscard]] Double3 at(std::size_t rib, double x, double y) const;
   /// \param near  a rib near it
   /// \returns nothing where planes cross around the point
-  std::optional<RibPosition> locate(const Double3& p, std::size_t near) const;
+  [[nodiscard]] std::optional<RibPosition> locate(const Double3& p, std::size_t near) const;
 
  private:
   double height(std::size_t rib, const Double3& p) const {
@@ -57,8 +57,8 @@ class RibPlanes {
 /// \param up       per point, not along the spine: out of the surface
 /// \param ribs     so many, three at least; 0 = as many as there are points
 /// \param smooths  times that points and their ups are low-passed first; ends of an open spine stay on their line
-RibPlanes planes_across(std::vector<Double3> spine, std::vector<Double3> up, bool closed, std::size_t ribs,
-                        int smooths);
+[[nodiscard]] RibPlanes planes_across(std::vector<Double3> spine, std::vector<Double3> up, bool closed,
+                                      std::size_t ribs, int smooths);
 
 /// Low-pass filter of a polyline: `times` averages with the neighbours, straight lines stay.
 void smooth_line(std::vector<Double3>& line, bool closed, int times);
@@ -72,14 +72,14 @@ struct RibRun {
   std::size_t first = 0, count = 0;
 };
 /// The longest one that is sound, the first of equal ones. \param sound  per rib
-RibRun longest_run(std::span<const std::uint8_t> sound, bool closed);
+[[nodiscard]] RibRun longest_run(std::span<const std::uint8_t> sound, bool closed);
 
 /// Ends of ribs, on the surface: one a rib on each side.
 struct RibEnds {
   std::vector<Double3> left, right;
 };
 /// Whether an end lies on the wrong side of a neighbour's plane, or nearer to it than `minimum` (> 0, scan units).
-bool ribs_cross(const RibPlanes& planes, const RibEnds& ends, double minimum);
+[[nodiscard]] bool ribs_cross(const RibPlanes& planes, const RibEnds& ends, double minimum);
 /// Low-pass filters the trajectories of the ends, as often as it takes, and tilts every plane to go through its ends and
 /// its origin. \returns false if ribs still cross after as much as makes sense
 bool straighten_ribs(RibPlanes& planes, const RibEnds& ends, double minimum);

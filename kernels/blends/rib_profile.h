@@ -23,19 +23,19 @@ struct RibProfile {
   double radius = 0.0;  ///< of the arc, with the sign of the blend
 
   double arc_angle() const;  ///< of the arc, radians, >= 0
-  Double2 centre() const;
-  Double2 corner() const;  ///< where the flanks would meet
-  Double2 middle() const;  ///< of the arc
+  [[nodiscard]] Double2 centre() const;
+  [[nodiscard]] Double2 corner() const;  ///< where the flanks would meet
+  [[nodiscard]] Double2 middle() const;  ///< of the arc
   double middle_angle() const { return 0.5 * (angle[0] + angle[1]); }
   double arc_length() const;
   double tangent_length() const;  ///< from the corner to where a flank begins
   /// Point on the arc, 0 to 1 from flank to flank.
-  Double2 on_arc(double share) const;
+  [[nodiscard]] Double2 on_arc(double share) const;
   /// Point on flank `side` so far from the corner.
-  Double2 on_flank(std::size_t side, double from_corner) const;
+  [[nodiscard]] Double2 on_flank(std::size_t side, double from_corner) const;
   /// Unit, out of the surface, at these points.
-  Double2 arc_normal(double share) const;
-  Double2 flank_normal(std::size_t side) const;
+  [[nodiscard]] Double2 arc_normal(double share) const;
+  [[nodiscard]] Double2 flank_normal(std::size_t side) const;
 };
 
 enum class RibZone { kLeft, kArc, kRight };
@@ -45,7 +45,7 @@ struct ProfilePosition {
   double run = 0.0;       ///< arc length of its foot from the middle of the arc
   double distance = 0.0;  ///< above 0 outside
 };
-ProfilePosition profile_position(const RibProfile& profile, const Double2& p);
+[[nodiscard]] ProfilePosition profile_position(const RibProfile& profile, const Double2& p);
 
 struct ProfileFit {
   RibProfile profile;
@@ -56,9 +56,9 @@ struct ProfileFit {
 /// Least squares over all five numbers of a profile, by steps of Levenberg and Marquardt.
 /// \param start   where to begin; the sign of a blend stays
 /// \post  exact points give the exact profile, up to rounding
-ProfileFit fit_profile(std::span<const Double2> points, const RibProfile& start, bool convex);
+[[nodiscard]] ProfileFit fit_profile(std::span<const Double2> points, const RibProfile& start, bool convex);
 
 /// To begin with: lines through the points left and right of the band, the arc that fits its width.
-ProfileFit guess_profile(std::span<const Double2> points, double half_width, bool convex);
+[[nodiscard]] ProfileFit guess_profile(std::span<const Double2> points, double half_width, bool convex);
 
 }  // namespace tessera

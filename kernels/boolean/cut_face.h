@@ -19,7 +19,7 @@ namespace tessera {
 /// \param inner     other points of the face, in it or on its edges, all at different positions
 /// \param segments  between corners and inner points; they meet in points alone, and no point lies within one
 /// \cost about n log n for points as cuts have them; the result does not depend on the order of inner points and segments
-std::vector<std::array<std::uint32_t, 3>> triangulate_cut_face(
+[[nodiscard]] std::vector<std::array<std::uint32_t, 3>> triangulate_cut_face(
     const PointTable& points, const std::array<std::uint32_t, 3>& corner,
     std::span<const std::uint32_t> inner, std::span<const std::pair<std::uint32_t, std::uint32_t>> segments);
 

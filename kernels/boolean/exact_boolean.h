@@ -35,19 +35,19 @@ struct BooleanResult {
 
 /// Vertices at one position become one, vertices without faces and faces of fewer than three vertices go, and both are in an order
 /// that depends on positions alone.
-SolidMesh canonical_solid(const SolidMesh& mesh);
+[[nodiscard]] SolidMesh canonical_solid(const SolidMesh& mesh);
 
 /// What keeps a canonical mesh from being a solid, in a few words; none if it is one: closed, nothing without area, no faces
 /// that meet beyond what they share, outer surfaces outward, cavities inward, nothing in itself twice.
 /// \cost block_contacts' and about 1 us a face
-std::optional<std::string> solid_fault(const SolidMesh& mesh);
+[[nodiscard]] std::optional<std::string> solid_fault(const SolidMesh& mesh);
 
 /// \pre both canonical, and solids
-BooleanResult exact_boolean(const SolidMesh& first, const SolidMesh& second, BooleanJoin join);
+[[nodiscard]] BooleanResult exact_boolean(const SolidMesh& first, const SolidMesh& second, BooleanJoin join);
 
 /// Upper bound of what solid_fault() and exact_boolean() allocate, by the faces of both, beside what cuts take (400 bytes a
 /// face of the cut).
-constexpr std::uint64_t exact_boolean_bytes(std::uint64_t faces) {
+[[nodiscard]] constexpr std::uint64_t exact_boolean_bytes(std::uint64_t faces) {
   return faces * 420 + (std::uint64_t{8} << 20);
 }
 

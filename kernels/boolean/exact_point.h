@@ -30,14 +30,15 @@ class ExactGrid {
   ExactGrid() = default;
   /// \pre finite
   explicit ExactGrid(std::span<const Double3> points);
-  ExactPoint point(const Double3& p) const;
+  [[nodiscard]] ExactPoint point(const Double3& p) const;
   /// The nearest double on each axis.
-  Double3 rounded(const ExactPoint& p) const;
+  [[nodiscard]] Double3 rounded(const ExactPoint& p) const;
   /// Where the line through p and q passes the plane through a, b, c. \pre p and q lie on both sides of it
-  ExactPoint on_plane(const Double3& p, const Double3& q, const Double3& a, const Double3& b,
-                      const Double3& c) const;
+  [[nodiscard]] ExactPoint on_plane(const Double3& p, const Double3& q, const Double3& a, const Double3& b,
+                                    const Double3& c) const;
   /// Where the line through p and q passes that through a and b. \pre they pass each other in one point
-  ExactPoint on_line(const Double3& p, const Double3& q, const Double3& a, const Double3& b) const;
+  [[nodiscard]] ExactPoint on_line(const Double3& p, const Double3& q, const Double3& a,
+                                   const Double3& b) const;
 
  private:
   BigInt steps(double x) const;
@@ -51,19 +52,22 @@ class PointTable {
  public:
   PointTable() = default;
   explicit PointTable(std::vector<Double3> given);
-  const ExactGrid& grid() const { return grid_; }
+  [[nodiscard]] const ExactGrid& grid() const { return grid_; }
   std::uint32_t add(ExactPoint made);
-  std::size_t size() const { return near_.size(); }
-  std::size_t given() const { return given_; }
-  bool is_given(std::uint32_t i) const { return i < given_; }
+  [[nodiscard]] std::size_t size() const { return near_.size(); }
+  [[nodiscard]] std::size_t given() const { return given_; }
+  [[nodiscard]] bool is_given(std::uint32_t i) const { return i < given_; }
   /// The point itself where it is given, else the nearest doubles.
-  const Double3& near(std::uint32_t i) const { return near_[i]; }
-  ExactPoint exact(std::uint32_t i) const { return is_given(i) ? grid_.point(near_[i]) : made_[i - given_]; }
+  [[nodiscard]] const Double3& near(std::uint32_t i) const { return near_[i]; }
+  [[nodiscard]] ExactPoint exact(std::uint32_t i) const {
+    return is_given(i) ? grid_.point(near_[i]) : made_[i - given_];
+  }
 
   /// Of twice the area of a, b, c along axes u and v, as orient2d_sign() tells it.
-  int orient2d(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::size_t u, std::size_t v) const;
+  [[nodiscard]] int orient2d(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::size_t u,
+                             std::size_t v) const;
   /// As orient3d_sign() tells it.
-  int orient3d(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) const;
+  [[nodiscard]] int orient3d(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) const;
   /// The middle of three points, as a new one.
   std::uint32_t add_middle(std::uint32_t a, std::uint32_t b, std::uint32_t c);
 

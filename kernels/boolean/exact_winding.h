@@ -22,7 +22,7 @@ class ExactWinding {
   /// 1 inside of a solid, 0 outside. \param point  a number that is on no face that counts
   /// \param counts  of faces, whether they do; together they are closed
   int at(std::uint32_t point, const std::function<bool(std::uint32_t)>& counts) const;
-  int at(std::uint32_t point) const {
+  [[nodiscard]] int at(std::uint32_t point) const {
     return at(point, [](std::uint32_t) { return true; });
   }
 

@@ -31,13 +31,13 @@ struct Carrier {
   std::uint32_t second = 0;  ///< upper end of the edge
 
   auto operator<=>(const Carrier&) const = default;
-  static Carrier vertex(std::uint32_t v) { return {Kind::kVertex, v, 0}; }
-  static Carrier edge(std::uint32_t v, std::uint32_t w) {
+  [[nodiscard]] static Carrier vertex(std::uint32_t v) { return {Kind::kVertex, v, 0}; }
+  [[nodiscard]] static Carrier edge(std::uint32_t v, std::uint32_t w) {
     return {Kind::kEdge, v < w ? v : w, v < w ? w : v};
   }
-  static Carrier face(std::uint32_t f) { return {Kind::kFace, f, 0}; }
+  [[nodiscard]] static Carrier face(std::uint32_t f) { return {Kind::kFace, f, 0}; }
   /// Whether it belongs to the face or its sides.
-  bool within(std::uint32_t f, const std::array<std::uint32_t, 3>& corner) const {
+  [[nodiscard]] bool within(std::uint32_t f, const std::array<std::uint32_t, 3>& corner) const {
     const auto has = [&](std::uint32_t v) { return v == corner[0] || v == corner[1] || v == corner[2]; };
     return kind == Kind::kFace ? first == f : kind == Kind::kEdge ? has(first) && has(second) : has(first);
   }
@@ -69,6 +69,6 @@ struct MeshCuts {
 
 /// \pre  both closed, no face without area, neither meets itself (face_contact.h) beyond what faces share
 /// \cost a tree over faces near the other mesh, and about 10 us a pair that meets
-MeshCuts find_mesh_cuts(const SolidMesh& first, const SolidMesh& second);
+[[nodiscard]] MeshCuts find_mesh_cuts(const SolidMesh& first, const SolidMesh& second);
 
 }  // namespace tessera

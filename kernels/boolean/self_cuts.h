@@ -24,12 +24,13 @@ struct SelfCuts {
 /// \param pairs  of faces that meet (face_contact.h), first below second, each once
 /// \pre  the faces of pairs have an area
 /// \cost about 20 us a pair, and the square of the segments of a face
-SelfCuts find_self_cuts(const SolidMesh& mesh, std::span<const PointPair> pairs);
+[[nodiscard]] SelfCuts find_self_cuts(const SolidMesh& mesh, std::span<const PointPair> pairs);
 
 /// Whether a point in the plane of a face lies on it or its sides. \param u, v  axes along which the face has an area
-bool lies_on_face(const PointTable& points, const std::array<std::uint32_t, 3>& face, std::uint32_t point,
-                  std::size_t u, std::size_t v);
+[[nodiscard]] bool lies_on_face(const PointTable& points, const std::array<std::uint32_t, 3>& face,
+                                std::uint32_t point, std::size_t u, std::size_t v);
 /// Two axes along which a face has an area, such that it turns counter-clockwise.
-std::array<std::size_t, 2> flat_axes(const PointTable& points, const std::array<std::uint32_t, 3>& face);
+[[nodiscard]] std::array<std::size_t, 2> flat_axes(const PointTable& points,
+                                                   const std::array<std::uint32_t, 3>& face);
 
 }  // namespace tessera

@@ -42,10 +42,10 @@ struct SelfUnion {
 /// \post without a fault: no faces meet beyond what they share, but in copies of a vertex or edge where the result touches itself; each
 ///       edge of a part that changed has two faces, each vertex one fan. Nothing is changed where nothing meets
 /// \cost block_contacts' and about 1 us a face, 50 us a pair
-SelfUnion unite_self(const SolidMesh& mesh, PositionStep step);
+[[nodiscard]] SelfUnion unite_self(const SolidMesh& mesh, PositionStep step);
 
 /// Upper bound of what it allocates. \param pairs  of faces that meet
-constexpr std::uint64_t self_union_bytes(std::uint64_t faces, std::uint64_t pairs) {
+[[nodiscard]] constexpr std::uint64_t self_union_bytes(std::uint64_t faces, std::uint64_t pairs) {
   return faces * 520 + pairs * 8192 + (std::uint64_t{8} << 20);
 }
 

@@ -25,8 +25,8 @@ class SolidFans {
   /// \pre half of them start there
   void join_around(std::span<const std::uint32_t> half, std::uint32_t low);
   /// Whether as many half-edges start at `low` as end there.
-  bool is_balanced(std::span<const std::uint32_t> half, std::uint32_t low) const;
-  std::uint32_t start(std::uint32_t half) const { return faces_[half / 3][half % 3]; }
+  [[nodiscard]] bool is_balanced(std::span<const std::uint32_t> half, std::uint32_t low) const;
+  [[nodiscard]] std::uint32_t start(std::uint32_t half) const { return faces_[half / 3][half % 3]; }
   /// The vertex of a corner: its first one, 3 f + k.
   std::uint32_t vertex_of(std::uint32_t corner) { return vertex_of_.find(corner); }
 

@@ -37,7 +37,7 @@ namespace tessera {
 inline constexpr double kMinTarget = 1e-3;  ///< of the tolerance: below it nobody asks for a tight bound
 inline constexpr int kDeviationBins = 32;   ///< of width tolerance / 32; then up to reach, then beyond
 
-constexpr double certificate_rounding(double largest_coordinate) {
+[[nodiscard]] constexpr double certificate_rounding(double largest_coordinate) {
   return 0x1p-42 * largest_coordinate;
 }
 

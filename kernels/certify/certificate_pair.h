@@ -22,8 +22,8 @@ struct DeviationPair {
 /// \param origin  subtracted from all positions: near them
 /// \post  as certify_deviation(a against b) and (b against a), with the same tightness
 /// \cost  0.2 to 0.4 us per face where one surface has far fewer faces; about 200 bytes per face
-DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const Box3* core,
-                           const Double3& origin, const CertificateOptions& options);
+[[nodiscard]] DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const Box3* core,
+                                         const Double3& origin, const CertificateOptions& options);
 
 struct RasterProof {
   bool proven = false;         ///< both surfaces stay within the tolerance of each other
@@ -37,7 +37,7 @@ struct RasterProof {
 /// \post  where it is proven, certify_pair() finds both within the tolerance too: all that is taken for settled is so by
 ///   2^-11 of it, and search that narrow ends
 /// \cost  about 0.5 us per face, and that of the search; raster_filter_bytes() of both
-RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const Box3& core,
-                            const Double3& origin, const CertificateOptions& options);
+[[nodiscard]] RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const Box3& core,
+                                          const Double3& origin, const CertificateOptions& options);
 
 }  // namespace tessera

@@ -21,8 +21,8 @@ struct ConvexPiece {
   int cuts = 0;
   std::uint32_t hint = ClosestFaces::kNone;  ///< slot of a triangle that may be near
 
-  Double3 at(int i) const { return {x[i], y[i], z[i]}; }
-  Double3 centroid() const { return at(corners); }
+  [[nodiscard]] Double3 at(int i) const { return {x[i], y[i], z[i]}; }
+  [[nodiscard]] Double3 centroid() const { return at(corners); }
   void add(const Double3& p) {
     x[corners] = p[0], y[corners] = p[1], z[corners] = p[2];
     ++corners;

@@ -22,10 +22,11 @@ struct SurfaceSamples {
 
 /// \param core  only what lies in this box, or nullptr
 /// \return `count` points; none where nothing of the surface in the core has an area (of segments, a length)
-SurfaceSamples spread_samples(const SurfaceFaces& surface, const Box3* core, std::size_t count);
+[[nodiscard]] SurfaceSamples spread_samples(const SurfaceFaces& surface, const Box3* core, std::size_t count);
 
 /// How many points the report of these two surfaces is made of, at most options.samples.
-std::size_t samples_of(const CertificateOptions& options, std::size_t faces, std::size_t other_faces);
+[[nodiscard]] std::size_t samples_of(const CertificateOptions& options, std::size_t faces,
+                                     std::size_t other_faces);
 
 /// Fills what the report tells of means: samples, square integral and histogram; and the largest distance found, where a
 /// point is farther. \pre  report.area is known

@@ -18,7 +18,7 @@ using Across = std::array<std::uint32_t, 3>;
 /// Per face and edge (corner i to the next) the edge 4 f + i that it is paired with, in the opposite
 /// direction. Where more than two faces meet any pairing will do: it only says which edges cancel in the
 /// boundary of a chain.
-inline std::vector<Across> pair_edges(const SurfaceFaces& s) {
+[[nodiscard]] inline std::vector<Across> pair_edges(const SurfaceFaces& s) {
   const std::size_t m = s.faces.size();
   std::vector<Across> across(m, {kNoPair, kNoPair, kNoPair});
   std::vector<std::uint32_t> head(s.position.size(), kNoPair);
@@ -50,7 +50,7 @@ struct Flat {
   double x, y;
 };
 /// Twice the area of a, b, c.
-inline double orient2d(const Flat& a, const Flat& b, const Flat& c) {
+[[nodiscard]] inline double orient2d(const Flat& a, const Flat& b, const Flat& c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
@@ -92,7 +92,7 @@ struct Outline {
 };
 
 /// Of the part of a face that lies in a box. \param p  its corners, relative to the origin
-inline double area_in_box(const Double3* p, const Box3& box, const Double3& origin) {
+[[nodiscard]] inline double area_in_box(const Double3* p, const Box3& box, const Double3& origin) {
   std::array<Double3, 9> polygon = {p[0], p[1], p[2]}, clipped;
   std::size_t corners = 3;
   for (std::size_t k = 0; k < 3; ++k)

@@ -51,8 +51,8 @@ struct OverlayProof {
 /// \param fine_too  else OverlaySide `fine` is left empty, which saves a fifth of the time
 /// \post  a pure function of the arguments; no bound above options.tolerance
 /// \cost  about 0.15 us per fine face; 80 bytes per fine face, 32 per fine vertex, 160 per coarse face
-OverlayProof prove_by_overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core,
-                              double margin, const Double3& origin, const CertificateOptions& options,
-                              bool fine_too = true);
+[[nodiscard]] OverlayProof prove_by_overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine,
+                                            const Box3* core, double margin, const Double3& origin,
+                                            const CertificateOptions& options, bool fine_too = true);
 
 }  // namespace tessera

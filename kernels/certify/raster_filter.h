@@ -53,6 +53,6 @@ std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3
                                          RasterFilterReport* report = nullptr);
 
 /// Bytes that raster_doubts() takes at most, for `faces` of both surfaces together.
-std::uint64_t raster_filter_bytes(std::uint64_t faces);
+[[nodiscard]] std::uint64_t raster_filter_bytes(std::uint64_t faces);
 
 }  // namespace tessera

@@ -20,10 +20,11 @@ struct NormalRule {
 /// or lie on a line, or where nothing is left without z. A normal across the direction has its first component that is not
 /// zero positive.
 /// \param cells  with moments  \param near  of them, all that hold points of the ball  \param radius  > 0
-std::optional<Double3> ball_normal(const PointCells& cells, const NearCells& near, const Double3& p,
-                                   double radius, const NormalRule& rule);
+[[nodiscard]] std::optional<Double3> ball_normal(const PointCells& cells, const NearCells& near,
+                                                 const Double3& p, double radius, const NormalRule& rule);
 
 /// The normal as the rule has it. \param normal  unit, either side
-std::optional<Double3> ruled_normal(const Double3& normal, const Double3& p, const NormalRule& rule);
+[[nodiscard]] std::optional<Double3> ruled_normal(const Double3& normal, const Double3& p,
+                                                  const NormalRule& rule);
 
 }  // namespace tessera

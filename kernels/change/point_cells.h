@@ -37,25 +37,25 @@ class PointCells {
   PointCells(std::span<const Double3> points, double size, bool moments);
 
   double size() const { return size_; }
-  std::size_t count() const { return x_.size(); }
-  bool empty() const { return x_.empty(); }
-  std::span<const double> x() const { return x_; }
-  std::span<const double> y() const { return y_; }
-  std::span<const double> z() const { return z_; }
-  Double3 position(std::size_t i) const { return {x_[i], y_[i], z_[i]}; }
+  [[nodiscard]] std::size_t count() const { return x_.size(); }
+  [[nodiscard]] bool empty() const { return x_.empty(); }
+  [[nodiscard]] std::span<const double> x() const { return x_; }
+  [[nodiscard]] std::span<const double> y() const { return y_; }
+  [[nodiscard]] std::span<const double> z() const { return z_; }
+  [[nodiscard]] Double3 position(std::size_t i) const { return {x_[i], y_[i], z_[i]}; }
   /// Of a point in cells, its index among those that came.
-  std::size_t source(std::size_t i) const { return source_[i]; }
-  std::span<const PointCell> cells() const { return cells_; }
-  const CellMoments& moments(std::size_t cell) const { return moments_[cell]; }
+  [[nodiscard]] std::size_t source(std::size_t i) const { return source_[i]; }
+  [[nodiscard]] std::span<const PointCell> cells() const { return cells_; }
+  [[nodiscard]] const CellMoments& moments(std::size_t cell) const { return moments_[cell]; }
 
   /// The cell along an axis that holds a coordinate.
-  std::int32_t cell_of(double coordinate) const;
+  [[nodiscard]] std::int32_t cell_of(double coordinate) const;
   /// What of a range of cells along x (0) or y (1) has columns; empty where the first is above the last.
-  std::array<std::int32_t, 2> columns_within(std::size_t axis,
-                                             const std::array<std::int32_t, 2>& range) const {
+  [[nodiscard]] std::array<std::int32_t, 2> columns_within(std::size_t axis,
+                                                           const std::array<std::int32_t, 2>& range) const {
     return {std::max(range[0], first_[axis]), std::min(range[1], first_[axis] + columns_[axis] - 1)};
   }
-  bool is_empty(std::int32_t x, std::int32_t y) const {
+  [[nodiscard]] bool is_empty(std::int32_t x, std::int32_t y) const {
     const std::size_t column = column_of(x, y);
     return column_begin_[column] == column_begin_[column + 1];
   }
@@ -69,7 +69,7 @@ class PointCells {
   }
 
   /// Memory of one with so many points and columns, while it is made.
-  static std::uint64_t bytes(std::uint64_t points, std::uint64_t columns, bool moments);
+  [[nodiscard]] static std::uint64_t bytes(std::uint64_t points, std::uint64_t columns, bool moments);
 
  private:
   std::size_t column_of(std::int32_t x, std::int32_t y) const {

@@ -22,9 +22,9 @@ double plane_area_in_cube(const Double3& point, const Double3& normal, double ed
 /// cells^2 per point of the block, 0 without normal.
 /// \pre canonical order; a voxel's points are all there or the caller does not use its weights
 /// \post a pure function of the voxel's points
-std::vector<float> area_weights(const PointBlock& points);
+[[nodiscard]] std::vector<float> area_weights(const PointBlock& points);
 
 /// The points that have an area, with it, in the same order.
-std::vector<Dipole> make_dipoles(const PointBlock& points);
+[[nodiscard]] std::vector<Dipole> make_dipoles(const PointBlock& points);
 
 }  // namespace tessera

@@ -64,10 +64,10 @@ inline constexpr float kMaxClosingLimit = 56.0f;
 /// Cells of the block from which closing starts: for every pair of cells that share a crossed face, one of
 /// them local, the other not. A pair belongs to the block that holds its upper cell; its lower one may lie
 /// just below the block. Global coordinates, ascending by Morton code, no repeats.
-std::vector<Int3> boundary_cells(const DirectedField& field);
+[[nodiscard]] std::vector<Int3> boundary_cells(const DirectedField& field);
 
 /// Signs of the leaves of one brick of the block. \param brick  within the block
-std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& brick);
+[[nodiscard]] std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& brick);
 
 /// Values of the closing field; asked only where a sign is wanted that is not known.
 using SignSource = std::function<void(std::span<const Int3> queries, std::span<float> value)>;
@@ -95,10 +95,10 @@ std::uint64_t take_back_unfinished(std::map<std::uint64_t, std::vector<ClosingLe
 /// \param near_points  data around the brick, for the limit: quanta; complete within the limit or empty
 /// \param fixed  signs that stand, of leaves that hold nodes [0, 64] of the brick
 /// \pre  `field` holds what nodes [0, 64] of the brick need
-GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
-                        std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
-                        const SignSource& field, std::span<const Int3> near_points,
-                        const ClosingOptions& options, std::span<const FixedSigns> fixed = {});
+[[nodiscard]] GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
+                                      std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
+                                      const SignSource& field, std::span<const Int3> near_points,
+                                      const ClosingOptions& options, std::span<const FixedSigns> fixed = {});
 
 /// Adds closing cells to the band of a block: values of the closing field at their nodes and roots on their
 /// edges.

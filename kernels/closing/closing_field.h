@@ -24,7 +24,7 @@ class ClosingField {
   ClosingField(const MultipoleTree& tree, float radius, float noise = 0.0f)
       : winding_(tree), quadric_(tree, kCoreRadii * radius), noisy_(noisiness(noise)) {}
 
-  const WindingField& winding() const { return winding_; }
+  [[nodiscard]] const WindingField& winding() const { return winding_; }
 
   /// Signed distance, cells, positive outside; at most kFarthest in size.
   /// \param level  of the winding number that counts as the surface

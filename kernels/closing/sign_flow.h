@@ -28,7 +28,7 @@ struct NodeSigns {
   LeafWords original{};  ///< what `inside` was before the flow
   LeafWords free{};      ///< the sign may change
 
-  std::uint64_t forced(std::size_t z) const { return (inside[z] ^ original[z]) & free[z]; }
+  [[nodiscard]] std::uint64_t forced(std::size_t z) const { return (inside[z] ^ original[z]) & free[z]; }
 };
 
 /// By Morton code of (node >> 3): leaves of one brick lie in a row.
@@ -40,7 +40,7 @@ using ClosingMap = std::map<std::uint64_t, std::vector<ClosingLeaf>>;
 inline constexpr int kFlowRounds = 6;
 
 /// The leaves within one of those that hold closing cells, nothing known of their nodes.
-SignMap flow_region(const ClosingMap& cells);
+[[nodiscard]] SignMap flow_region(const ClosingMap& cells);
 
 /// Adds signs of the closing field.
 void add_field_signs(std::span<const BandSigns> signs, SignMap& map);
@@ -49,23 +49,23 @@ void enter_local_signs(std::span<const BandSigns> signs, SignMap& region);
 void enter_field_signs(const SignMap& signs, SignMap& region);
 
 /// The leaves of one brick with the signs of unknown nodes taken from around them, and with the nodes that are free.
-SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const Int3& brick);
+[[nodiscard]] SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const Int3& brick);
 
 /// The local nodes among the free ones of prepared leaves, quanta, in the order of fix_local().
-std::vector<Int3> loose_nodes(const SignChange& leaves);
+[[nodiscard]] std::vector<Int3> loose_nodes(const SignChange& leaves);
 /// Takes those from the free ones whose sign the winding number is sure of, too: what scans show stays, however thin.
 /// \param winding  at the loose nodes
 void fix_local(std::span<const float> winding, float level, SignChange& leaves);
 
 /// The leaves of one brick after one round.
-SignChange flow_signs(const SignMap& region, const Int3& brick);
+[[nodiscard]] SignChange flow_signs(const SignMap& region, const Int3& brick);
 
 /// What grow_closing() need not ask for in a brick.
-std::vector<FixedSigns> fixed_around(const SignMap& signs, const Int3& brick);
+[[nodiscard]] std::vector<FixedSigns> fixed_around(const SignMap& signs, const Int3& brick);
 /// Cells with a forced node, for closing to start from.
-std::vector<Int3> forced_cells(const SignMap& signs);
+[[nodiscard]] std::vector<Int3> forced_cells(const SignMap& signs);
 /// The leaves of one brick with forced nodes or beside them, with values and without cells, ascending.
-std::vector<ClosingLeaf> flow_values(const SignMap& signs, const Int3& brick);
+[[nodiscard]] std::vector<ClosingLeaf> flow_values(const SignMap& signs, const Int3& brick);
 /// Enters what flow_values() found for a brick into its closing cells. \returns how many nodes are forced
 std::uint64_t add_flow_values(std::vector<ClosingLeaf> values, std::vector<ClosingLeaf>& cells);
 

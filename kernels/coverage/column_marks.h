@@ -24,18 +24,18 @@ struct ColumnMask {
 struct ColumnCounts {
   std::uint64_t key = 0;
   std::array<std::uint64_t, 3> plane{};
-  std::uint64_t enough() const { return plane[2]; }  ///< columns with kEnoughInColumn
+  [[nodiscard]] std::uint64_t enough() const { return plane[2]; }  ///< columns with kEnoughInColumn
   bool operator==(const ColumnCounts&) const = default;
 };
 
 /// Column (u, v) of a block, and the key of the block that holds it. \pre below 2^31
-constexpr std::uint64_t column_block_key(std::uint32_t u, std::uint32_t v) {
+[[nodiscard]] constexpr std::uint64_t column_block_key(std::uint32_t u, std::uint32_t v) {
   return std::uint64_t{v / kColumnBlock} << 32 | u / kColumnBlock;
 }
-constexpr std::uint32_t block_u(std::uint64_t key) {
+[[nodiscard]] constexpr std::uint32_t block_u(std::uint64_t key) {
   return static_cast<std::uint32_t>(key) * kColumnBlock;
 }
-constexpr std::uint32_t block_v(std::uint64_t key) {
+[[nodiscard]] constexpr std::uint32_t block_v(std::uint64_t key) {
   return static_cast<std::uint32_t>(key >> 32) * kColumnBlock;
 }
 
@@ -71,7 +71,7 @@ class ColumnCover {
     std::int32_t column_u = 0, column_v = 0;
   };
   /// \param u, v  edges of columns, finite, below 2^31
-  static Corner corner(double u, double v);
+  [[nodiscard]] static Corner corner(double u, double v);
   /// What lies at negative coordinates covers nothing.
   void add(std::span<const Corner> corners, std::span<const std::array<std::uint32_t, 3>> faces,
            std::vector<ColumnMask>& out);

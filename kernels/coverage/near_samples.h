@@ -19,7 +19,7 @@ class NearSamples {
   /// Faces over positions.
   void add(std::span<const Double3> position, std::span<const std::array<std::uint32_t, 3>> faces);
   /// Per sample: 1 if a face came near it.
-  std::span<const std::uint8_t> near() const { return near_; }
+  [[nodiscard]] std::span<const std::uint8_t> near() const { return near_; }
 
  private:
   /// Cells that a box touches, clamped to those that there are.

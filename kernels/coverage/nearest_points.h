@@ -53,6 +53,6 @@ double spacing_by_neighbour(double square, int neighbour);
 /// Whether a point lies on a surface beyond doubt: its twelve neighbours lie within kConfirmingReach spacings, around it, not
 /// in a line, and within half a spacing of their plane of least squares, of which they are a flat share.
 /// \param at  its kConfirmingPoints nearest points, ascending distance \param spacing  > 0
-bool confirmed(const Float3& p, std::span<const Float3, kConfirmingPoints> at, double spacing);
+[[nodiscard]] bool confirmed(const Float3& p, std::span<const Float3, kConfirmingPoints> at, double spacing);
 
 }  // namespace tessera

@@ -10,7 +10,7 @@ inline constexpr double kAutoTolerance = -1.0;
 
 /// Scan units. \param cell  the lattice's, or the edge of a mesh (root mean square)
 /// \param noise  standard deviation along the normal
-inline double auto_tolerance(double cell, double noise) {
+[[nodiscard]] inline double auto_tolerance(double cell, double noise) {
   constexpr double kShare = 0.2;
   return std::max(kShare * cell, noise);
 }

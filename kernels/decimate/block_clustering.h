@@ -27,8 +27,8 @@ struct ClusterGrid {
   int tag = 1;        ///< 1..kMaxClusterTag, unlike any grid's that made the input
 
   /// Key of the vertex that stands for the cell of a point.
-  std::uint64_t key(const Double3& p) const;
-  Double3 center(std::uint64_t key) const;
+  [[nodiscard]] std::uint64_t key(const Double3& p) const;
+  [[nodiscard]] Double3 center(std::uint64_t key) const;
 };
 
 struct ClusteredBlock {
@@ -41,7 +41,7 @@ struct ClusteredBlock {
 /// \param near  canonical, without faces of no area if possible; holds every face with a corner in a cell that a core face
 /// has a corner in \param core  per face: 1 where it belongs to this block \param floats  positions are to be floats
 /// \post a pure function of the faces around: blocks that share vertices agree on them, and no face comes in two blocks
-ClusteredBlock cluster_block(const MeshBlock& near, std::span<const std::uint8_t> core,
-                             const ClusterGrid& grid, bool floats);
+[[nodiscard]] ClusteredBlock cluster_block(const MeshBlock& near, std::span<const std::uint8_t> core,
+                                           const ClusterGrid& grid, bool floats);
 
 }  // namespace tessera

@@ -29,7 +29,7 @@ struct ClusterVertex {
 
   /// Where the quadric is smallest; the mean of the corners where that is farther than `cell` from the mean.
   /// \pre some corner was added \return relative to the origin
-  Double3 position(double cell) const {
+  [[nodiscard]] Double3 position(double cell) const {
     constexpr double kMeanWeight = 1e-4;
     const Double3 mean = sum * (1.0 / weight);
     Double3 best{};
@@ -41,7 +41,7 @@ struct ClusterVertex {
     return quadric_minimum(q, best) && norm(best - mean) <= cell ? best : mean;
   }
   /// Mean of the colours, opaque.
-  std::uint32_t rgba() const {
+  [[nodiscard]] std::uint32_t rgba() const {
     std::uint32_t out = 0xff000000u;
     if (colour_weight > 0.0)
       for (std::size_t c = 0; c < 3; ++c)

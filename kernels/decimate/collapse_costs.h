@@ -14,12 +14,12 @@
 namespace tessera {
 
 /// What a halfedge collapse costs by quadrics: the error of q, which goes to `to`, and of what is there already.
-inline double endpoint_cost(const Quadric& q, const CollapseVertex& to) {
+[[nodiscard]] inline double endpoint_cost(const Quadric& q, const CollapseVertex& to) {
   const double error = q(to.at[0], to.at[1], to.at[2]);
   return (error > 0.0 ? error : 0.0) + to.error;
 }
 /// In a plane all costs are 0 but for rounding: there short edges go first.
-inline double tie_cost(double squared_edge) {
+[[nodiscard]] inline double tie_cost(double squared_edge) {
   return 1e-8 * squared_edge * squared_edge;
 }
 
@@ -63,9 +63,9 @@ class CollapseCosts {
   StarLanes::Cheapest cheapest(const CandidateStar& s, double none);
 
   /// Whether both ends of an edge may go to its best position: they are free inside the surface, and complete.
-  bool may_move(std::uint32_t u, std::uint32_t v) const;
+  [[nodiscard]] bool may_move(std::uint32_t u, std::uint32_t v) const;
   /// The minimum of both quadrics as the file will hold it, or the middle of the edge where it is not well determined or far off.
-  Double3 best_position(std::uint32_t u, std::uint32_t v) const;
+  [[nodiscard]] Double3 best_position(std::uint32_t u, std::uint32_t v) const;
 
   /// What u stood for goes to v. Before the collapse, and after v has moved.
   void merge(std::uint32_t u, std::uint32_t v);

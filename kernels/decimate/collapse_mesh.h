@@ -23,15 +23,15 @@ namespace tessera {
 inline constexpr std::uint32_t kNoCorner = 0xffffffffu;
 inline constexpr std::size_t kMaxRing = 62;  ///< a vertex with more neighbours is never removed
 
-constexpr std::uint32_t next_corner(std::uint32_t c) {
+[[nodiscard]] constexpr std::uint32_t next_corner(std::uint32_t c) {
   return (c & 3u) == 2u ? c - 2 : c + 1;
 }
-constexpr std::uint32_t prev_corner(std::uint32_t c) {
+[[nodiscard]] constexpr std::uint32_t prev_corner(std::uint32_t c) {
   return (c & 3u) == 0u ? c + 2 : c - 1;
 }
 
 /// Whether indices of vertices and of corners, which are 4 face + 0, 1 or 2, fit into 32 bits beside kNoCorner.
-constexpr bool fits_collapse_mesh(std::size_t vertices, std::size_t faces) {
+[[nodiscard]] constexpr bool fits_collapse_mesh(std::size_t vertices, std::size_t faces) {
   return vertices < kNoCorner && faces <= kNoCorner / 4;
 }
 
@@ -63,9 +63,9 @@ struct Star {
   bool closed = false;
   std::array<std::uint32_t, kMaxRing + 2> ring;    ///< w_i; whole registers of eight
   std::array<std::uint32_t, kMaxRing + 1> corner;  ///< corner of the centre in f_i
-  std::size_t ring_size() const { return closed ? faces : faces + 1; }
+  [[nodiscard]] std::size_t ring_size() const { return closed ? faces : faces + 1; }
   /// The place after i in the ring.
-  std::size_t following(std::size_t i) const { return i + 1 < ring_size() ? i + 1 : 0; }
+  [[nodiscard]] std::size_t following(std::size_t i) const { return i + 1 < ring_size() ? i + 1 : 0; }
 };
 
 struct alignas(32) CollapseFace {
@@ -91,23 +91,25 @@ class CollapseMesh {
   /// \throws InputError  an edge with more than two faces, or two in the same direction
   CollapseMesh(const MeshBlock& block, const Double3& origin, Order order = Order::kByPosition);
 
-  std::size_t vertices() const { return vertices_.size(); }
-  std::uint32_t vertex(std::uint32_t c) const { return faces_[c >> 2].vertex[c & 3u]; }
-  std::uint32_t opposite(std::uint32_t c) const { return faces_[c >> 2].opposite[c & 3u]; }
-  const CollapseFace& face(std::size_t f) const { return faces_[f]; }
+  [[nodiscard]] std::size_t vertices() const { return vertices_.size(); }
+  [[nodiscard]] std::uint32_t vertex(std::uint32_t c) const { return faces_[c >> 2].vertex[c & 3u]; }
+  [[nodiscard]] std::uint32_t opposite(std::uint32_t c) const { return faces_[c >> 2].opposite[c & 3u]; }
+  [[nodiscard]] const CollapseFace& face(std::size_t f) const { return faces_[f]; }
   CollapseFace& face(std::size_t f) { return faces_[f]; }
-  std::span<const CollapseFace> faces() const { return faces_; }
-  const CollapseVertex& node(std::uint32_t v) const { return vertices_[v]; }
+  [[nodiscard]] std::span<const CollapseFace> faces() const { return faces_; }
+  [[nodiscard]] const CollapseVertex& node(std::uint32_t v) const { return vertices_[v]; }
   CollapseVertex& node(std::uint32_t v) { return vertices_[v]; }
-  const Double3& at(std::uint32_t v) const { return vertices_[v].at; }
-  std::uint8_t state(std::uint32_t v) const { return state_[v]; }
+  [[nodiscard]] const Double3& at(std::uint32_t v) const { return vertices_[v].at; }
+  [[nodiscard]] std::uint8_t state(std::uint32_t v) const { return state_[v]; }
   void add_state(std::uint32_t v, unsigned bits) { state_[v] = static_cast<std::uint8_t>(state_[v] | bits); }
   void drop_state(std::uint32_t v, unsigned bits) {
     state_[v] = static_cast<std::uint8_t>(state_[v] & ~bits);
   }
   /// A corner of the vertex, the first of its fan where that is open.
-  std::uint32_t corner(std::uint32_t v) const { return corner_[v]; }
-  std::uint32_t block_vertex(std::uint32_t v) const { return block_vertex_[v]; }  ///< its index in the block
+  [[nodiscard]] std::uint32_t corner(std::uint32_t v) const { return corner_[v]; }
+  [[nodiscard]] std::uint32_t block_vertex(std::uint32_t v) const {
+    return block_vertex_[v];
+  }  ///< its index in the block
 
   /// \return false if the vertex has more than kMaxRing faces
   bool gather(std::uint32_t u, Star& star) const;
@@ -126,9 +128,13 @@ class CollapseMesh {
   }
 
   // The edge opposite a corner.
-  bool border_edge(std::uint32_t c) const { return (faces_[c >> 2].state & (kStateBorder << (c & 3u))) != 0; }
-  bool crease_edge(std::uint32_t c) const { return (faces_[c >> 2].state & (kStateCrease << (c & 3u))) != 0; }
-  bool done(std::size_t f) const { return (faces_[f].state & kStateDone) != 0; }
+  [[nodiscard]] bool border_edge(std::uint32_t c) const {
+    return (faces_[c >> 2].state & (kStateBorder << (c & 3u))) != 0;
+  }
+  [[nodiscard]] bool crease_edge(std::uint32_t c) const {
+    return (faces_[c >> 2].state & (kStateCrease << (c & 3u))) != 0;
+  }
+  [[nodiscard]] bool done(std::size_t f) const { return (faces_[f].state & kStateDone) != 0; }
   void mark_done(std::size_t f) { faces_[f].state |= kStateDone; }
   void unsettle(std::size_t f) { faces_[f].state &= ~unsigned{kStateDone}; }
   void mark_crease(std::uint32_t c) { faces_[c >> 2].state |= kStateCrease << (c & 3u); }

@@ -12,7 +12,7 @@ namespace tessera {
 
 /// Eight classes to a factor of two, from 2^-200 on (everything below, and 0, is class 0).
 /// \pre cost is not a NaN
-inline std::uint32_t cost_class(double cost, std::size_t classes) {
+[[nodiscard]] inline std::uint32_t cost_class(double cost, std::size_t classes) {
   if (!(cost > 0x1p-200)) return 0;
   const std::uint64_t bits = std::bit_cast<std::uint64_t>(cost) >> 49;  // 11 bits of exponent, 3 of mantissa
   const std::uint64_t lowest = std::bit_cast<std::uint64_t>(0x1p-200) >> 49;
@@ -29,7 +29,7 @@ class CostQueue {
     head_.fill(kNone);
     tail_.fill(kNone);
   }
-  bool contains(std::uint32_t item) const { return queued_[item] != 0; }
+  [[nodiscard]] bool contains(std::uint32_t item) const { return queued_[item] != 0; }
   /// \pre !contains(item)
   void push(std::uint32_t item, std::uint32_t cost) {
     next_[item] = kNone;

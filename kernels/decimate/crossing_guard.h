@@ -15,7 +15,7 @@
 namespace tessera {
 
 /// Pairs of faces of a mesh as it is that meet so.
-std::size_t count_contacts(const CollapseMesh& mesh);
+[[nodiscard]] std::size_t count_contacts(const CollapseMesh& mesh);
 
 class CrossingGuard {
  public:
@@ -50,7 +50,7 @@ class CrossingGuard {
   bool meets(std::uint32_t face);
 
   /// Faces whose boxes met those of edits, in all: what it costs. Some thirty an edit, thousands among needles.
-  std::uint64_t looked_at() const { return looked_at_; }
+  [[nodiscard]] std::uint64_t looked_at() const { return looked_at_; }
 
  private:
   class Outline;

@@ -102,11 +102,11 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
 
 /// Upper bound of what decimate() allocates above its arguments; reference_faces = 0 where the block is its own.
 /// 184 bytes per face of the block, 112 per face of the reference.
-std::size_t decimate_bytes(std::size_t block_faces, std::size_t reference_faces);
+[[nodiscard]] std::size_t decimate_bytes(std::size_t block_faces, std::size_t reference_faces);
 
 /// The cost class up to which collapses must be done to come from `faces` down to `target_faces`, from the
 /// sum of the histograms of an unlimited run over all blocks.
-std::uint32_t cost_class_for(const std::array<std::uint64_t, kCostClasses>& histogram, std::uint64_t faces,
-                             std::uint64_t target_faces);
+[[nodiscard]] std::uint32_t cost_class_for(const std::array<std::uint64_t, kCostClasses>& histogram,
+                                           std::uint64_t faces, std::uint64_t target_faces);
 
 }  // namespace tessera

@@ -35,7 +35,7 @@ class Decimator {
 
   void run(DecimateReport& report);
   /// Whether there may be more pairs of faces that meet than there were. \pre run()
-  bool may_meet();
+  [[nodiscard]] bool may_meet();
 
  private:
   /// A collapse that is legal, or why it is not.

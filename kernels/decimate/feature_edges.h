@@ -22,6 +22,6 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector
 /// Per vertex whether a sharp edge ends there: one that turns by more than the limit and, unless it turns by
 /// more than 60 degrees too, goes on at both ends with at most 45 degrees of bend. Noise is sharp too, but
 /// does not go on. Empty where the angle is 0.
-std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double feature_angle_deg);
+[[nodiscard]] std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double feature_angle_deg);
 
 }  // namespace tessera

@@ -43,11 +43,13 @@ struct LinkPolygon {
       16) std::array<float, 12> frame{};  ///< columns: what x, y and z add to the coordinates in the plane
   float radius = 0.0f;                    ///< largest coordinate
 
-  std::size_t following(std::size_t i) const { return i + 1 < size ? i + 1 : first; }
-  std::size_t sector_before(std::size_t spoke) const { return spoke == first ? size - 1 : spoke - 1; }
-  float rounding() const { return 16.0f * 0x1p-24f * radius; }
-  Float3 corner(std::size_t j) const { return {x[j], y[j], z[j]}; }
-  Float3 edge(std::size_t j) const { return {edge_x[j], edge_y[j], edge_z[j]}; }
+  [[nodiscard]] std::size_t following(std::size_t i) const { return i + 1 < size ? i + 1 : first; }
+  [[nodiscard]] std::size_t sector_before(std::size_t spoke) const {
+    return spoke == first ? size - 1 : spoke - 1;
+  }
+  [[nodiscard]] float rounding() const { return 16.0f * 0x1p-24f * radius; }
+  [[nodiscard]] Float3 corner(std::size_t j) const { return {x[j], y[j], z[j]}; }
+  [[nodiscard]] Float3 edge(std::size_t j) const { return {edge_x[j], edge_y[j], edge_z[j]}; }
 };
 
 /// \param inner_centre  loop.at[0] is no part of the link but the centre of a closed fan
@@ -55,7 +57,7 @@ struct LinkPolygon {
 bool make_polygon(const LinkLoop& loop, bool inner_centre, LinkPolygon& polygon);
 
 /// The sector that a point with these sides lies in, as its bit; 0 outside.
-inline std::uint64_t sector_bits(const LinkPolygon& g, const PolygonPoint& p) {
+[[nodiscard]] inline std::uint64_t sector_bits(const LinkPolygon& g, const PolygonPoint& p) {
   return p.spokes & ~(p.spokes >> 1 | (p.spokes >> g.first & 1u) << (g.size - 1)) & p.link & g.sectors;
 }
 
@@ -80,29 +82,31 @@ inline void classify(const LinkPolygon& g, PolygonPoint& p) {
 }
 
 /// Whether the triangle is turned over, beyond rounding.
-bool is_folded(const LinkPolygon& polygon, const PolygonTriangle& p);
+[[nodiscard]] bool is_folded(const LinkPolygon& polygon, const PolygonTriangle& p);
 
 /// Whether the segment, with both ends outside, meets the inside of the polygon.
-bool meets_polygon(const LinkPolygon& polygon, const PolygonPoint& a, const PolygonPoint& b);
+[[nodiscard]] bool meets_polygon(const LinkPolygon& polygon, const PolygonPoint& a, const PolygonPoint& b);
 
 /// The largest deviation of the segment where it crosses spokes and link edges, with `own` added; 0 where it crosses none.
-float crossing_deviation(const LinkPolygon& polygon, const PolygonPoint& a, const PolygonPoint& b, float own);
+[[nodiscard]] float crossing_deviation(const LinkPolygon& polygon, const PolygonPoint& a,
+                                       const PolygonPoint& b, float own);
 
 /// The largest deviation of the corners of the fan over or under the triangle, and their bits.
 struct CornerDeviation {
   float deviation = 0.0f;
   std::uint64_t corners = 0;
 };
-CornerDeviation corner_deviation(const LinkPolygon& polygon, const PolygonTriangle& p);
+[[nodiscard]] CornerDeviation corner_deviation(const LinkPolygon& polygon, const PolygonTriangle& p);
 
 /// Bits of the sectors over or under the triangle, drawn in a little, so that one that it only touches does not count.
-std::uint64_t overlapped_sectors(const LinkPolygon& polygon, const PolygonTriangle& p);
+[[nodiscard]] std::uint64_t overlapped_sectors(const LinkPolygon& polygon, const PolygonTriangle& p);
 
 /// From p, outside, to the nearest of the link edges `lines` (bits) beside which it lies; negative where there is none.
-float distance_beyond_lines(const LinkPolygon& polygon, std::uint64_t lines, const PolygonPoint& p);
+[[nodiscard]] float distance_beyond_lines(const LinkPolygon& polygon, std::uint64_t lines,
+                                          const PolygonPoint& p);
 
 /// From p to the nearest of the link edges `lines` and of the corners `ends`, or `far` where none is nearer.
-float distance_to_lines(const LinkPolygon& polygon, std::uint64_t lines, std::uint64_t ends,
-                        const PolygonPoint& p, float far2);
+[[nodiscard]] float distance_to_lines(const LinkPolygon& polygon, std::uint64_t lines, std::uint64_t ends,
+                                      const PolygonPoint& p, float far2);
 
 }  // namespace tessera

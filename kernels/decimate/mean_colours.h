@@ -15,6 +15,7 @@ namespace tessera {
 /// \return per vertex of `coarse`; its own colour where nothing was given
 /// \pre both have colours. Right for the vertices whose star, the fine faces within `radius` of it and the coarse faces within
 /// twice that are there
-std::vector<std::uint32_t> mean_colours(const MeshBlock& coarse, const MeshBlock& fine, double radius);
+[[nodiscard]] std::vector<std::uint32_t> mean_colours(const MeshBlock& coarse, const MeshBlock& fine,
+                                                      double radius);
 
 }  // namespace tessera

@@ -33,7 +33,7 @@ struct Quadric {
 };
 
 /// \param normal  unit length
-inline Quadric plane_quadric(const Double3& normal, const Double3& point, double weight) {
+[[nodiscard]] inline Quadric plane_quadric(const Double3& normal, const Double3& point, double weight) {
   const double d = dot(normal, point);
   const Double3 w = normal * weight;
   return {w[0] * normal[0], w[0] * normal[1], w[0] * normal[2], w[1] * normal[1], w[1] * normal[2],
@@ -43,8 +43,9 @@ inline Quadric plane_quadric(const Double3& normal, const Double3& point, double
 /// Expected squared distance to a plane whose point and normal are off by independent normal variates.
 /// \param position_variance  per coordinate, squared scan units
 /// \param normal_variance    per coordinate, no unit
-inline Quadric uncertain_plane_quadric(const Double3& normal, const Double3& point, double weight,
-                                       double position_variance, double normal_variance) {
+[[nodiscard]] inline Quadric uncertain_plane_quadric(const Double3& normal, const Double3& point,
+                                                     double weight, double position_variance,
+                                                     double normal_variance) {
   Quadric q = plane_quadric(normal, point, weight);
   const double wn = weight * normal_variance;
   q.xx += wn, q.yy += wn, q.zz += wn;

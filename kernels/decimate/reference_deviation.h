@@ -31,7 +31,7 @@ class ReferenceDeviation {
   /// \param normals  for queries with a min_cosine
   explicit ReferenceDeviation(const CollapseMesh& reference, bool normals = false)
       : mesh_(reference, normals) {}
-  const ReferenceMesh& mesh() const { return mesh_; }
+  [[nodiscard]] const ReferenceMesh& mesh() const { return mesh_; }
 
   struct Query {
     Double3 origin{};        ///< of the loop: position of the vertex that takes over
@@ -60,7 +60,7 @@ class ReferenceDeviation {
   /// \return kBeyond where the deviation exceeds the limit, kFolded where the reference is no graph over the polygon
   Result measure(const LinkLoop& loop, const Query& query);
 
-  std::uint64_t walked() const { return walked_; }  ///< triangles looked at so far
+  [[nodiscard]] std::uint64_t walked() const { return walked_; }  ///< triangles looked at so far
 
  private:
   struct Walk;

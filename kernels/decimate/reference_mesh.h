@@ -16,7 +16,7 @@ struct ReferenceMesh {
     std::uint32_t
         lines;  ///< edges as in CollapseFace::state, and in the upper bits the bound, rounded up to what they hold
     static constexpr std::uint32_t kLineBits = 0xffu;
-    float bound() const { return std::bit_cast<float>(lines & ~kLineBits); }
+    [[nodiscard]] float bound() const { return std::bit_cast<float>(lines & ~kLineBits); }
   };
   struct alignas(32) Vertex {
     Double3 at{};
@@ -27,15 +27,15 @@ struct ReferenceMesh {
   /// \param heights  set max_height
   explicit ReferenceMesh(const CollapseMesh& mesh, bool heights = false);
 
-  const Face& face_of(std::uint32_t c) const { return faces[c >> 2]; }
-  std::uint32_t vertex(std::uint32_t c) const { return face_of(c).vertex[c & 3u]; }
-  std::uint32_t opposite(std::uint32_t c) const { return face_of(c).opposite[c & 3u]; }
+  [[nodiscard]] const Face& face_of(std::uint32_t c) const { return faces[c >> 2]; }
+  [[nodiscard]] std::uint32_t vertex(std::uint32_t c) const { return face_of(c).vertex[c & 3u]; }
+  [[nodiscard]] std::uint32_t opposite(std::uint32_t c) const { return face_of(c).opposite[c & 3u]; }
   /// The edge opposite the corner.
-  bool is_line(std::uint32_t c) const {
+  [[nodiscard]] bool is_line(std::uint32_t c) const {
     return (face_of(c).lines >> (c & 3u) & (kStateBorder | kStateCrease)) != 0;
   }
   /// The corner of the next face around the same vertex, counter-clockwise; kNoCorner where the fan ends.
-  std::uint32_t next_in_fan(std::uint32_t c) const {
+  [[nodiscard]] std::uint32_t next_in_fan(std::uint32_t c) const {
     const std::uint32_t o = opposite(next_corner(c));
     return o == kNoCorner ? o : next_corner(o);
   }
@@ -56,6 +56,6 @@ bool line_deviation(const ReferenceMesh& mesh, std::uint32_t u, std::uint32_t v,
 bool gather_fan(const ReferenceMesh& mesh, std::uint32_t start, std::vector<std::uint32_t>& fan);
 
 /// The first corner of the fan of v on whose clockwise side a line runs; kNoCorner where none follows its first corner.
-std::uint32_t corner_behind_line(const ReferenceMesh& mesh, std::uint32_t v);
+[[nodiscard]] std::uint32_t corner_behind_line(const ReferenceMesh& mesh, std::uint32_t v);
 
 }  // namespace tessera

@@ -37,7 +37,7 @@ class StarLanes {
   /// \param q  quadric of the centre, which lies at `from`
   void costs(const Quadric& q, const Double3& from, std::array<double, 8>& cost) const;
   /// The cheapest of them, the first of the ring among equals.
-  Cheapest cheapest(const Quadric& q, const Double3& from) const;
+  [[nodiscard]] Cheapest cheapest(const Quadric& q, const Double3& from) const;
 
   /// Is the collapse of the centre into ring vertex `at` neither a fold nor thin?
   /// \param[out] deviation  where it is kGood: every point of the star before or after lies within it of the other

@@ -22,7 +22,7 @@ class ToleranceCheck {
                  std::vector<std::uint32_t> reference_vertex, const DecimateOptions& options);
 
   /// Whether every new face must be held against the normals of the reference.
-  bool asks_normals() const { return min_cosine_ > -1.0; }
+  [[nodiscard]] bool asks_normals() const { return min_cosine_ > -1.0; }
 
   // Of the collapse of u into star.ring[at], over the link in `sides`.
 

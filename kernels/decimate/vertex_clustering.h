@@ -16,7 +16,7 @@ namespace tessera {
 
 /// Cell of an infinite grid with a corner at zero; up to 2^20 cells from there to each side, farther counts as there.
 /// \param p  finite \param cell  edge, > 0
-std::uint64_t cluster_key(const Double3& p, double cell);
+[[nodiscard]] std::uint64_t cluster_key(const Double3& p, double cell);
 
 /// Finds the edge of cell at which a stream of vertices occupies about as many cells as allowed.
 class ClusterSize {
@@ -54,9 +54,9 @@ class VertexClustering {
   /// \return false once more than max_faces would stay, or 5/8 as many cells are touched: take a larger cell and begin anew
   bool add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba);
   /// \post a pure function of cell and faces in their order; cells are numbered as they come
-  ClusteredMesh finish() const;
+  [[nodiscard]] ClusteredMesh finish() const;
   /// Upper bound of what it holds.
-  static std::size_t bytes(std::size_t max_faces) { return 288 * max_faces; }
+  [[nodiscard]] static std::size_t bytes(std::size_t max_faces) { return 288 * max_faces; }
 
  private:
   struct Cluster {

@@ -55,8 +55,8 @@ class BoundaryModel {
   /// in extended precision, until corrections vanish: constants and affine maps come out to rounding, which the squared
   /// and cubed condition of orders 2 and 3 would not give.
   void solve(std::span<double> values, int width);
-  const std::vector<std::int32_t>& free_vertices() const;  ///< ascending
-  const BoundaryModelReport& report() const;
+  [[nodiscard]] const std::vector<std::int32_t>& free_vertices() const;  ///< ascending
+  [[nodiscard]] const BoundaryModelReport& report() const;
   /// sum over the columns of f' (-1)^k L (M^-1 L)^(k-1) f over the rows that the model has: what it minimises.
   double energy(std::span<const double> values, int width) const;
 

@@ -21,14 +21,14 @@ struct CoarseLayer {
   std::vector<std::array<double, 3>> weight;
 
   /// Values of the fine vertices at the coarse ones.
-  std::vector<Double3> at(std::span<const Double3> fine) const;
+  [[nodiscard]] std::vector<Double3> at(std::span<const Double3> fine) const;
 };
 
 /// Remeshes the faces that touch a free vertex; creases stay. Faces at edges that are no manifold's are left out.
 /// \param wanted_faces  about so many result
 /// \return without faces where nothing is left to remesh
-CoarseLayer coarse_layer(std::span<const Double3> surface,
-                         std::span<const std::array<std::uint32_t, 3>> faces,
-                         std::span<const std::uint8_t> free, std::size_t wanted_faces);
+[[nodiscard]] CoarseLayer coarse_layer(std::span<const Double3> surface,
+                                       std::span<const std::array<std::uint32_t, 3>> faces,
+                                       std::span<const std::uint8_t> free, std::size_t wanted_faces);
 
 }  // namespace tessera

@@ -56,6 +56,6 @@ std::vector<Double3> displacement_volumes(const PosedLayer& layer, std::span<con
                                           DisplacementVolumeReport& report);
 
 /// Upper bound of what displacement_volumes() allocates for a surface of so many faces, beside its levels.
-std::uint64_t displacement_volume_bytes(std::uint64_t faces);
+[[nodiscard]] std::uint64_t displacement_volume_bytes(std::uint64_t faces);
 
 }  // namespace tessera

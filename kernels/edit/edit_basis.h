@@ -22,7 +22,7 @@ namespace tessera {
 inline constexpr std::int32_t kTargetVertex = -3, kSupportVertex = -2, kFixedVertex = -1;
 
 /// 1 for vertices of the support.
-std::vector<std::uint8_t> support_flags(std::span<const std::int32_t> role);
+[[nodiscard]] std::vector<std::uint8_t> support_flags(std::span<const std::int32_t> role);
 
 /// What becomes of pieces of the support that touch neither what is fixed nor a handle.
 enum class LoosePieces : std::uint8_t {
@@ -49,8 +49,8 @@ struct EditBasis {
   std::vector<double> columns;
   std::vector<float> rotation_columns;  ///< of the active vertices (vertex_rotations.h)
   std::vector<Double3> target;          ///< as EditRegions has it
-  std::size_t first_handle() const { return target.empty() ? 3 : 6; }
-  std::size_t width() const { return first_handle() + 4 * centre.size(); }
+  [[nodiscard]] std::size_t first_handle() const { return target.empty() ? 3 : 6; }
+  [[nodiscard]] std::size_t width() const { return first_handle() + 4 * centre.size(); }
 };
 
 struct EditBasisReport {
@@ -68,21 +68,21 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
                      const BoundaryModelOptions& options, EditBasisReport& report);
 
 /// The smooth base at rest.
-std::vector<Double3> rest_base(const EditBasis& basis, std::span<const Double3> position);
+[[nodiscard]] std::vector<Double3> rest_base(const EditBasis& basis, std::span<const Double3> position);
 
 /// The smooth base when handle h moves by pose[h]: support from the columns, handles by their maps, targets where they shall
 /// be, what is fixed where it is.
-std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3> position,
-                                 std::span<const Placement> pose);
+[[nodiscard]] std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3> position,
+                                               std::span<const Placement> pose);
 
 /// Per active vertex, how the base around it turns (vertex_rotations.h).
-std::vector<Rotation> pose_rotations(const EditBasis& basis, std::span<const Placement> pose);
+[[nodiscard]] std::vector<Rotation> pose_rotations(const EditBasis& basis, std::span<const Placement> pose);
 
 /// Where the base goes: smooth base and turned details. Vertices that are fixed keep their bits; at the identity all do.
 /// \param rotation  per active vertex: pose_rotations()
 /// \param rest, posed  rest_base() and smooth_base()
-std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
-                                std::span<const Rotation> rotation, std::span<const Double3> rest,
-                                std::span<const Double3> posed);
+[[nodiscard]] std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
+                                              std::span<const Rotation> rotation,
+                                              std::span<const Double3> rest, std::span<const Double3> posed);
 
 }  // namespace tessera

@@ -50,18 +50,19 @@ struct EditSurface {
 /// Regions in order, later ones take from earlier ones; what no region takes is fixed.
 /// \param order  of the energy: the highest smoothness is order - 1
 /// \throws InputError naming a region that takes no vertex, or is painted on a surface without colours
-EditRegions resolve_regions(std::span<const EditRegion> regions, const EditSurface& surface, int order);
+[[nodiscard]] EditRegions resolve_regions(std::span<const EditRegion> regions, const EditSurface& surface,
+                                          int order);
 
 /// 1 for the vertices of all faces that are reached from the faces nearest to some points without crossing an edge that turns by
 /// more degrees, or at which not two faces meet.
-std::vector<std::uint8_t> crease_patch(std::span<const Double3> position,
-                                       std::span<const std::array<std::uint32_t, 3>> faces,
-                                       std::span<const Double3> sources, double crease_deg);
+[[nodiscard]] std::vector<std::uint8_t> crease_patch(std::span<const Double3> position,
+                                                     std::span<const std::array<std::uint32_t, 3>> faces,
+                                                     std::span<const Double3> sources, double crease_deg);
 
 /// Distance along the surface from the vertices nearest to some points: shortest paths over edges and over the unfolded
 /// diagonals of neighbouring faces, at most a tenth too long on even meshes. Infinite where nothing leads.
-std::vector<double> surface_distance(std::span<const Double3> position,
-                                     std::span<const std::array<std::uint32_t, 3>> faces,
-                                     std::span<const Double3> sources);
+[[nodiscard]] std::vector<double> surface_distance(std::span<const Double3> position,
+                                                   std::span<const std::array<std::uint32_t, 3>> faces,
+                                                   std::span<const Double3> sources);
 
 }  // namespace tessera

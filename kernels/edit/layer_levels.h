@@ -20,11 +20,12 @@ struct LayerLevel {
 
 /// \param coarse_faces  of the coarsest copy; others have four times as many as the one below
 /// \return finest first; empty where nothing is left to remesh
-std::vector<LayerLevel> layer_levels(std::span<const Double3> surface,
-                                     std::span<const std::array<std::uint32_t, 3>> faces,
-                                     std::span<const std::uint8_t> free, std::size_t coarse_faces = 1000);
+[[nodiscard]] std::vector<LayerLevel> layer_levels(std::span<const Double3> surface,
+                                                   std::span<const std::array<std::uint32_t, 3>> faces,
+                                                   std::span<const std::uint8_t> free,
+                                                   std::size_t coarse_faces = 1000);
 
 /// Upper bound of what layer_levels() allocates for a surface of so many faces.
-std::uint64_t layer_levels_bytes(std::uint64_t faces);
+[[nodiscard]] std::uint64_t layer_levels_bytes(std::uint64_t faces);
 
 }  // namespace tessera

@@ -36,7 +36,7 @@ class LayerRelaxation {
   LayerRelaxation& operator=(const LayerRelaxation&) = delete;
 
   /// Those with a free vertex.
-  std::size_t prisms() const;
+  [[nodiscard]] std::size_t prisms() const;
   /// Volumes and edges are to be those at rest with all heights times `share`.
   void aim(double share);
   /// Moves the free vertices to these positions; the others stay where they are.
@@ -56,7 +56,7 @@ class LayerRelaxation {
   void scale_heights(int rings);
   /// Sum of what volumes are off by, and sum of all, as shares of what is aimed at.
   void measure(double& off, double& whole) const;
-  std::vector<Double3> surface() const;
+  [[nodiscard]] std::vector<Double3> surface() const;
 
  private:
   struct Impl;

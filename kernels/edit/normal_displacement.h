@@ -42,12 +42,12 @@ class BaseState {
   using Faces = std::span<const std::array<std::uint32_t, 3>>;
   /// Both must outlive it. Normals are the sum of those of the faces around, weighted by their angles.
   BaseState(std::span<const Double3> position, Faces faces);
-  std::span<const Double3> position() const { return position_; }
-  Faces faces() const { return faces_; }
-  std::span<const Double3> normal() const { return normal_; }
+  [[nodiscard]] std::span<const Double3> position() const { return position_; }
+  [[nodiscard]] Faces faces() const { return faces_; }
+  [[nodiscard]] std::span<const Double3> normal() const { return normal_; }
   /// The point on the surface and the unit normal there; the face's where corners' cancel, zero without any.
   Double3 at(std::uint32_t face, double u, double v, Double3& normal) const;
-  Double3 decode(const NormalDisplacement& d, const TangentRest* rest) const;
+  [[nodiscard]] Double3 decode(const NormalDisplacement& d, const TangentRest* rest) const;
 
  private:
   std::span<const Double3> position_;
@@ -63,7 +63,7 @@ class DisplacementEncoder {
   /// \param diagonal  of the fine surface: decode() gives p back within 1e-6 of it
   NormalDisplacement encode(const Double3& p, double diagonal, TangentRest& rest) const;
   /// Upper bound of what it holds.
-  static constexpr std::uint64_t bytes(std::uint64_t faces) {
+  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t faces) {
     return faces * (2 * ClosestFaces::bytes_per_face() + 12 + 48);
   }
 

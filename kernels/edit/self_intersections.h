@@ -24,12 +24,12 @@ inline constexpr int kNearRings = 6;
 /// double precision. What only touches or lies in one plane does not cross.
 /// \param watched  one flag a face: of two faces that cross at least one bears it; empty: all do
 /// \cost  O(m log m), about 0.5 us a face
-SelfIntersections self_intersections(std::span<const Double3> position,
-                                     std::span<const std::array<std::uint32_t, 3>> faces,
-                                     std::span<const std::uint8_t> watched);
+[[nodiscard]] SelfIntersections self_intersections(std::span<const Double3> position,
+                                                   std::span<const std::array<std::uint32_t, 3>> faces,
+                                                   std::span<const std::uint8_t> watched);
 
 /// Upper bound of what it allocates.
-constexpr std::uint64_t self_intersections_bytes(std::uint64_t faces) {
+[[nodiscard]] constexpr std::uint64_t self_intersections_bytes(std::uint64_t faces) {
   return faces * 170;
 }
 

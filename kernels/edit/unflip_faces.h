@@ -24,7 +24,8 @@ struct RotatedBase {
 
 /// Ascending: those with a free vertex whose normal is turned by nearly a right angle (84 degrees) and more against how the
 /// surface turns around them (fitted_rotations()). Faces without area do not turn.
-std::vector<std::uint32_t> flipped_faces(const RotatedBase& base, std::span<const Double3> posed);
+[[nodiscard]] std::vector<std::uint32_t> flipped_faces(const RotatedBase& base,
+                                                       std::span<const Double3> posed);
 
 /// Faces that were turned over, and that are.
 struct UnflipReport {
@@ -41,7 +42,7 @@ std::size_t yield_to(const RotatedBase& base, std::span<const Double3> other, st
                      std::vector<Double3>& posed);
 
 /// Upper bound of what they allocate.
-constexpr std::uint64_t unflip_bytes(std::uint64_t vertices, std::uint64_t faces) {
+[[nodiscard]] constexpr std::uint64_t unflip_bytes(std::uint64_t vertices, std::uint64_t faces) {
   return 360 * vertices + 190 * faces;
 }
 

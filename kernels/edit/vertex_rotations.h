@@ -17,7 +17,7 @@ namespace tessera {
 using Rotation = std::array<double, 9>;
 inline constexpr Rotation kIdentityRotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
-inline Double3 rotated(const Rotation& r, const Double3& p) {
+[[nodiscard]] inline Double3 rotated(const Rotation& r, const Double3& p) {
   return {r[0] * p[0] + r[1] * p[1] + r[2] * p[2], r[3] * p[0] + r[4] * p[1] + r[5] * p[2],
           r[6] * p[0] + r[7] * p[1] + r[8] * p[2]};
 }
@@ -34,12 +34,13 @@ struct SolutionColumns {
 /// \param rest    n, the smooth base
 /// \param active  ascending
 /// \return by four vertices, rotation_width() numbers of each beside each other; the last ones are filled up with zeros
-std::vector<float> rotation_columns(std::span<const Double3> rest,
-                                    std::span<const std::array<std::uint32_t, 3>> faces,
-                                    std::span<const std::int32_t> active, const SolutionColumns& columns);
+[[nodiscard]] std::vector<float> rotation_columns(std::span<const Double3> rest,
+                                                  std::span<const std::array<std::uint32_t, 3>> faces,
+                                                  std::span<const std::int32_t> active,
+                                                  const SolutionColumns& columns);
 
 /// Numbers a vertex: the mean projection onto tangent planes, by 6; the gradient that targets add, by 9; 12 of each handle.
-constexpr std::size_t rotation_width(bool targets, std::size_t handles) {
+[[nodiscard]] constexpr std::size_t rotation_width(bool targets, std::size_t handles) {
   return 6 + (targets ? 9 : 0) + 12 * handles;
 }
 
@@ -49,12 +50,13 @@ using FrameMotion = std::array<Double3, 4>;
 /// Per active vertex the rotation nearest to the mean gradient (Higham 1986; where that is about to turn over, Horn 1987). Exactly
 /// kIdentityRotation where nothing changes.
 /// \param columns  of rotation_columns() \param count  active vertices
-std::vector<Rotation> vertex_rotations(std::span<const float> columns, std::size_t count, bool targets,
-                                       std::span<const FrameMotion> motion);
+[[nodiscard]] std::vector<Rotation> vertex_rotations(std::span<const float> columns, std::size_t count,
+                                                     bool targets, std::span<const FrameMotion> motion);
 
 /// Per vertex the rotation that takes edges within three rings from `before` to `after`, in the sense of least squares: how
 /// the surface turns, whatever turned it (Kabsch 1976).
-std::vector<Rotation> fitted_rotations(std::span<const Double3> before, std::span<const Double3> after,
-                                       std::span<const std::array<std::uint32_t, 3>> faces);
+[[nodiscard]] std::vector<Rotation> fitted_rotations(std::span<const Double3> before,
+                                                     std::span<const Double3> after,
+                                                     std::span<const std::array<std::uint32_t, 3>> faces);
 
 }  // namespace tessera

@@ -43,12 +43,12 @@ struct LeafMasks {
   std::array<LeafWords, 3> border{};  ///< of these: not all four cells are valid
   std::array<std::array<std::uint32_t, 8>, 3> first_vertex{};
   std::array<std::array<std::uint32_t, 8>, 3> first_split{};
-  bool own() const {
+  [[nodiscard]] bool own() const {
     for (int c : at)
       if (c < 0 || c >= kBrickLeaves) return false;
     return true;
   }
-  std::uint32_t cell_rank(int x, int y, int z) const {
+  [[nodiscard]] std::uint32_t cell_rank(int x, int y, int z) const {
     const auto w = static_cast<std::size_t>(z);
     const std::uint64_t below = (std::uint64_t{1} << (x + 8 * y)) - 1;
     return first_cell[w] + static_cast<std::uint32_t>(std::popcount(active[w] & below));
@@ -64,28 +64,28 @@ class BrickBand {
 
   /// Leaf that holds node or cell leaf coordinates (i, j, k), each within [-1, 8]; null if the band is not
   /// there.
-  const LeafMasks* at(int i, int j, int k) const {
+  [[nodiscard]] const LeafMasks* at(int i, int j, int k) const {
     const std::int16_t index = index_[slot(i, j, k)];
     return index < 0 ? nullptr : &masks_[static_cast<std::size_t>(index)];
   }
   /// Own leaves in Morton order, then those of the halo and of the max faces.
-  const std::vector<LeafMasks>& leaves() const { return masks_; }
+  [[nodiscard]] const std::vector<LeafMasks>& leaves() const { return masks_; }
   /// Words of a leaf's nodes seen from its cells: [z][dx + 2 dy] holds at (x, y) the node (x+dx, y+dy, z), z
   /// in 0..8.
   using CornerWords = std::array<std::array<std::uint64_t, 4>, 9>;
   CornerWords corner_words(const LeafMasks& m, LeafWords LeafMasks::*words) const;
 
   /// Cells of the brick of which some neighbour across a face takes no part.
-  LeafWords boundary_cells(const LeafMasks& m) const;
+  [[nodiscard]] LeafWords boundary_cells(const LeafMasks& m) const;
   /// Whether a cell of brick or halo takes part, each coordinate within [-1, 64].
-  bool takes_part(const Int3& cell) const {
+  [[nodiscard]] bool takes_part(const Int3& cell) const {
     const LeafMasks* m = at(cell[0] >> kLeafBits, cell[1] >> kLeafBits, cell[2] >> kLeafBits);
     return m && (m->cells[static_cast<std::size_t>(cell[2] & 7)] >> ((cell[0] & 7) + 8 * (cell[1] & 7)) & 1);
   }
 
-  std::uint32_t own_edge_vertices() const { return own_vertices_; }
-  std::uint32_t foreign_edge_vertices() const { return foreign_vertices_; }
-  std::uint32_t active_cells() const { return active_cells_; }
+  [[nodiscard]] std::uint32_t own_edge_vertices() const { return own_vertices_; }
+  [[nodiscard]] std::uint32_t foreign_edge_vertices() const { return foreign_vertices_; }
+  [[nodiscard]] std::uint32_t active_cells() const { return active_cells_; }
 
  private:
   static std::size_t slot(int i, int j, int k) {

@@ -23,21 +23,21 @@ namespace tessera {
 struct LevelSurroundings {
   std::array<int, 27> step{};  ///< by (dx + 1) + 3 (dy + 1) + 9 (dz + 1); its own is 0
 
-  bool has(int wanted) const {
+  [[nodiscard]] bool has(int wanted) const {
     for (const int s : step)
       if (s == wanted) return true;
     return false;
   }
-  bool uniform() const { return !has(-1) && !has(1); }
+  [[nodiscard]] bool uniform() const { return !has(-1) && !has(1); }
   /// Least and largest step of the bricks that touch a box all along it.
   /// \param low   relative to the brick, in units of which it has `edge`
   /// \param size  of the box, 0 where it is flat; no box passes a face of the brick
   struct Range {
     int minimum, maximum;
   };
-  Range touching(const Int3& low, const Int3& size, int edge) const;
+  [[nodiscard]] Range touching(const Int3& low, const Int3& size, int edge) const;
   /// Of bricks from first to last along each axis, 0 before this one, 1 beside it, 2 beyond.
-  Range among(const std::array<std::array<std::size_t, 2>, 3>& bricks) const;
+  [[nodiscard]] Range among(const std::array<std::array<std::size_t, 2>, 3>& bricks) const;
 };
 
 /// Fields of a brick on its level and on those of the bricks around it, each over a block that begins one leaf before
@@ -55,17 +55,17 @@ inline constexpr int kLevelMargin = kLeafCells;  ///< where the brick begins in 
 inline constexpr int kOwnLevelCells = kBrickCells + 2 * kLevelMargin;
 inline constexpr int kFinerLevelCells = 2 * kBrickCells + 2 * kLevelMargin;
 inline constexpr int kCoarserLevelCells = kBrickCells / 2 + 2 * kLevelMargin;
-bool wanted_own(const LevelSurroundings& around, const Int3& node);
-bool wanted_finer(const LevelSurroundings& around, const Int3& node);
-bool wanted_coarser(const LevelSurroundings& around, const Int3& node);
+[[nodiscard]] bool wanted_own(const LevelSurroundings& around, const Int3& node);
+[[nodiscard]] bool wanted_finer(const LevelSurroundings& around, const Int3& node);
+[[nodiscard]] bool wanted_coarser(const LevelSurroundings& around, const Int3& node);
 /// Whether a box of nodes, both ends among them, may hold such nodes.
-bool may_want_finer(const LevelSurroundings& around, const Int3& low, const Int3& high);
-bool may_want_coarser(const LevelSurroundings& around, const Int3& low, const Int3& high);
+[[nodiscard]] bool may_want_finer(const LevelSurroundings& around, const Int3& low, const Int3& high);
+[[nodiscard]] bool may_want_coarser(const LevelSurroundings& around, const Int3& low, const Int3& high);
 
 /// The field of the brick and its halo for its extraction (nodes [-1, 65], origin at the brick) where levels meet: nodes that
 /// finer bricks touch have their values, split edges are gone, cells that take part in coarser bricks around are closing ones, cells
 /// with split edges and those are quiet (BandLeaf::quiet). Vertices on edges that two levels share do not move onto borders.
-DirectedField mix_levels(const LevelFields& fields, const LevelSurroundings& around);
+[[nodiscard]] DirectedField mix_levels(const LevelFields& fields, const LevelSurroundings& around);
 
 /// Cells of two levels where they meet: what the coarser of the two sees.
 class LevelPair {
@@ -83,16 +83,16 @@ class LevelPair {
     bool small = false;
   };
   /// \param at  in cells of the small lattice, even where the node is one of the big one
-  Node node(const Int3& at) const;
-  bool is_split(const Int3& low, const Int3& size) const {
+  [[nodiscard]] Node node(const Int3& at) const;
+  [[nodiscard]] bool is_split(const Int3& low, const Int3& size) const {
     return around_.touching(low, size, edge_).minimum <= small_step_;
   }
   /// Whether any edge of the cell is split.
-  bool is_transition(const Int3& cell) const;
+  [[nodiscard]] bool is_transition(const Int3& cell) const;
   /// Whether a cell with split edges takes part: all of its nodes are valid, and if it has a vertex, one lies well
   /// within the border.
   /// \param cell  min corner, in cells of the small lattice
-  bool takes_part(const Int3& cell) const;
+  [[nodiscard]] bool takes_part(const Int3& cell) const;
 
  private:
   const DirectedField& big_;
@@ -102,8 +102,8 @@ class LevelPair {
 };
 
 /// What a field says of a node. \param node  relative to the brick
-LevelPair::Node node_of(const DirectedField& field, const Int3& node);
+[[nodiscard]] LevelPair::Node node_of(const DirectedField& field, const Int3& node);
 /// Whether a cell of a field takes part: all of its nodes are valid and it is not beyond the border.
-bool whole_cell(const DirectedField& field, const Int3& cell);
+[[nodiscard]] bool whole_cell(const DirectedField& field, const Int3& cell);
 
 }  // namespace tessera

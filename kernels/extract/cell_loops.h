@@ -27,30 +27,30 @@ struct CellLoops {
 };
 
 /// Faces of the pattern with four crossings, as a mask of face bits.
-std::uint8_t ambiguous_faces(unsigned pattern);
+[[nodiscard]] std::uint8_t ambiguous_faces(unsigned pattern);
 
 /// Loops of a pattern without ambiguous faces, from a table.
-const CellLoops& unambiguous_loops(unsigned pattern);
+[[nodiscard]] const CellLoops& unambiguous_loops(unsigned pattern);
 
 /// Loops of any pattern.
 /// \param joined  mask of the ambiguous faces on which the two inside corners are joined
-CellLoops trace_loops(unsigned pattern, unsigned joined);
+[[nodiscard]] CellLoops trace_loops(unsigned pattern, unsigned joined);
 
 /// Asymptotic decider: mask of those ambiguous faces whose inside corners are joined, from the corners'
 /// values. The same decision from both cells of a face; ties separate the inside.
-std::uint8_t joined_faces(unsigned pattern, const std::array<float, 8>& value);
+[[nodiscard]] std::uint8_t joined_faces(unsigned pattern, const std::array<float, 8>& value);
 
 /// The face that holds both edges, 255 if none. Two different edges share at most one.
-std::uint8_t common_face(int edge_a, int edge_b);
+[[nodiscard]] std::uint8_t common_face(int edge_a, int edge_b);
 
 /// The edge opposite to `edge` across the cell along `axis` (the same lattice edge seen from the next cell).
-constexpr int mirrored_edge(int edge, int axis) {
+[[nodiscard]] constexpr int mirrored_edge(int edge, int axis) {
   const int along = edge >> 2;
   return edge ^ (axis == (along + 1) % 3 ? 1 : axis == (along + 2) % 3 ? 2 : 0);
 }
 
 /// Offset of the edge's node from the cell's, along `axis`.
-constexpr int edge_offset(int edge, int axis) {
+[[nodiscard]] constexpr int edge_offset(int edge, int axis) {
   const int along = edge >> 2;
   return axis == (along + 1) % 3 ? edge & 1 : axis == (along + 2) % 3 ? edge >> 1 & 1 : 0;
 }

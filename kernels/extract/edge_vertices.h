@@ -24,12 +24,12 @@ struct TracedLoop {
   LoopSamples samples;  ///< size, edges, points
   std::array<std::uint32_t, kCellEdges> vertex, root;
 
-  std::size_t size() const { return static_cast<std::size_t>(samples.size); }
-  std::size_t after(std::size_t i) const { return i + 1 == size() ? 0 : i + 1; }
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(samples.size); }
+  [[nodiscard]] std::size_t after(std::size_t i) const { return i + 1 == size() ? 0 : i + 1; }
 };
 /// Middle of the points, relative to the cell.
-Float3 mean_point(const TracedLoop& loop);
-std::uint32_t mean_colour(const DirectedField& field, const TracedLoop& loop);
+[[nodiscard]] Float3 mean_point(const TracedLoop& loop);
+[[nodiscard]] std::uint32_t mean_colour(const DirectedField& field, const TracedLoop& loop);
 
 /// Numbers of the vertices and roots around a leaf, so that its cells find theirs by a load.
 class LeafEdges {
@@ -37,17 +37,17 @@ class LeafEdges {
   void collect(const BrickBand& band, const LeafMasks& leaf);
 
   /// Whether vertices of the leaf may move onto a border.
-  bool moving() const { return moving_; }
+  [[nodiscard]] bool moving() const { return moving_; }
   /// Of an edge of a cell, kNone where no cell around it is valid. \param cell  relative to the brick, of the leaf
-  std::uint32_t vertex(const Int3& cell, int edge) const {
+  [[nodiscard]] std::uint32_t vertex(const Int3& cell, int edge) const {
     const std::uint32_t v = vertex_[slot(cell, edge)];
     if (v == kNone || (v & (kForeignVertex | kSplitVertex)) != kSplitVertex) return v;
     return pairs_[v & ~kSplitVertex][edge >> 1 & 1 ? 0 : 1];  // offset 1 along v: cell A or B
   }
-  std::uint32_t root(const Int3& cell, int edge) const { return root_[slot(cell, edge)]; }
+  [[nodiscard]] std::uint32_t root(const Int3& cell, int edge) const { return root_[slot(cell, edge)]; }
   /// \param edge  `size` edges of the cell
-  TracedLoop loop(const DirectedField& field, const Int3& cell, int number, const std::uint8_t* edge,
-                  std::size_t size) const;
+  [[nodiscard]] TracedLoop loop(const DirectedField& field, const Int3& cell, int number,
+                                const std::uint8_t* edge, std::size_t size) const;
 
   static constexpr std::uint32_t kNone = 0xffffffffu;
 

@@ -48,7 +48,7 @@ class FeatureLoops {
   FeatureLoop* find(const BrickBand& band, const Int3& cell, int edge);
   std::vector<FeatureLoop>& all() { return loops_; }
   /// \param s  within [0, size]: the one behind the last is the first
-  const FeatureLoop::Corner& corner(const FeatureLoop& loop, std::size_t s) const {
+  [[nodiscard]] const FeatureLoop::Corner& corner(const FeatureLoop& loop, std::size_t s) const {
     return corners_[loop.first + (s == loop.size ? 0 : s)];
   }
 

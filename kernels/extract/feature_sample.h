@@ -20,7 +20,7 @@ inline constexpr std::array<Float3, kCellEdges> kEdgeBase = [] {
 }();
 
 /// A root on an edge of a cell, where its vertex stands.
-inline Float3 point_in_cell(int edge, const EdgeRoot& root) {
+[[nodiscard]] inline Float3 point_in_cell(int edge, const EdgeRoot& root) {
   Float3 p = kEdgeBase[static_cast<std::size_t>(edge)];
   p[static_cast<std::size_t>(edge >> 2)] = root.t;
   return p + root.slide_offset();
@@ -46,7 +46,7 @@ struct FeatureThresholds {
 };
 
 /// Angles in degrees, within (0, 180) and (0, 90). Exact on every machine: no libm.
-FeatureThresholds feature_thresholds(double feature_angle_deg, double corner_angle_deg);
+[[nodiscard]] FeatureThresholds feature_thresholds(double feature_angle_deg, double corner_angle_deg);
 
 enum class FeatureKind { kNone, kCrease, kCorner, kRejected };
 
@@ -60,9 +60,9 @@ struct FeatureSample {
 /// Cone test, classification, least-squares sample and its clamp.
 /// \post kind crease or corner: every triangle (point i, point i+1, position) has an area above zero, also in
 ///       brick coordinates rounded to float, and is not turned against its normals
-FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& thresholds);
+[[nodiscard]] FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& thresholds);
 
 /// True when the triangle's smallest height is too close to zero to survive rounding to float.
-bool is_sliver(const Float3& a, const Float3& b, const Float3& c);
+[[nodiscard]] bool is_sliver(const Float3& a, const Float3& b, const Float3& c);
 
 }  // namespace tessera

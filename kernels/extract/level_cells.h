@@ -31,18 +31,20 @@ class LevelCells {
 
   /// Loops of two points join what lies beyond both: they have no faces.
   /// \param cell  of the brick; it has a split edge (LevelPair::is_transition) and takes part
-  std::vector<LevelLoop> trace(const Int3& cell, const BrickBand& band) const;
-  int step_of(const Int3& cell) const { return around_.touching(cell, {1, 1, 1}, kBrickCells).minimum; }
+  [[nodiscard]] std::vector<LevelLoop> trace(const Int3& cell, const BrickBand& band) const;
+  [[nodiscard]] int step_of(const Int3& cell) const {
+    return around_.touching(cell, {1, 1, 1}, kBrickCells).minimum;
+  }
 
-  const EdgeRoot& finer_root(const Int3& node, int axis) const;
+  [[nodiscard]] const EdgeRoot& finer_root(const Int3& node, int axis) const;
   /// Global coordinates of a node of the finer lattice.
-  Int3 finer_node(const Int3& node) const;
+  [[nodiscard]] Int3 finer_node(const Int3& node) const;
   struct Name {
     int type;     ///< as VertexKey has it
     bool border;  ///< not all four cells around take part
   };
   /// Name of a finer vertex for a cell of the brick that has it.
-  Name finer_name(const Int3& node, int axis, const Int3& cell, const BrickBand& band) const;
+  [[nodiscard]] Name finer_name(const Int3& node, int axis, const Int3& cell, const BrickBand& band) const;
 
  private:
   struct Face;
@@ -68,7 +70,7 @@ class LevelCells {
 /// chord, and where a shared face is four squares, points of the loop lie in a line.
 /// \param point  of the loop, cells
 /// \return corners as positions in the loop; empty: every triangulation has such a chord, use a centre
-std::vector<std::array<std::size_t, 3>> triangulate_level_loop(const LevelLoop& loop,
-                                                               const std::vector<Float3>& point);
+[[nodiscard]] std::vector<std::array<std::size_t, 3>> triangulate_level_loop(
+    const LevelLoop& loop, const std::vector<Float3>& point);
 
 }  // namespace tessera

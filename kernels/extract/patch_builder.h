@@ -11,13 +11,13 @@
 namespace tessera {
 
 /// Coordinates of a node or cell relative to the brick that owns it: there sums round as they do for the owner.
-inline Float3 in_owner(const Int3& at) {
+[[nodiscard]] inline Float3 in_owner(const Int3& at) {
   return {static_cast<float>(at[0] & (kBrickCells - 1)), static_cast<float>(at[1] & (kBrickCells - 1)),
           static_cast<float>(at[2] & (kBrickCells - 1))};
 }
 
 /// Whether the brick owns a cell, given relative to it.
-inline bool inside_brick(const Int3& cell) {
+[[nodiscard]] inline bool inside_brick(const Int3& cell) {
   for (int c : cell)
     if (c < 0 || c >= kBrickCells) return false;
   return true;
@@ -31,7 +31,7 @@ class ColourMean {
     ++count_;
     for (std::size_t channel = 0; channel < 4; ++channel) sum_[channel] += rgba >> 8 * channel & 0xff;
   }
-  std::uint32_t value() const {
+  [[nodiscard]] std::uint32_t value() const {
     std::uint32_t mean = 0;
     for (std::size_t channel = 0; count_ && channel < 4; ++channel)
       mean |= (sum_[channel] + count_ / 2) / count_ << 8 * channel;
@@ -61,10 +61,10 @@ class PatchBuilder {
   PatchBuilder(const Int3& corner, int level, bool names, bool finer);
 
   /// Name of a vertex at a node or cell relative to the brick (patch.h).
-  VertexKey key(const Int3& at, int type) const;
+  [[nodiscard]] VertexKey key(const Int3& at, int type) const;
   /// The same at a node of the next finer lattice, global.
-  VertexKey finer_key(const Int3& node, int type) const;
-  bool names() const { return names_; }
+  [[nodiscard]] VertexKey finer_key(const Int3& node, int type) const;
+  [[nodiscard]] bool names() const { return names_; }
 
   /// The first vertices, to be given by set_own() and set_foreign().
   void start(std::size_t own, std::size_t foreign);
@@ -95,7 +95,7 @@ class PatchBuilder {
     patch_.border.resize(patch_.faces.size(), 0);
     patch_.border.back() = static_cast<std::uint8_t>(border);
   }
-  std::size_t faces() const { return patch_.faces.size(); }
+  [[nodiscard]] std::size_t faces() const { return patch_.faces.size(); }
   /// Faces from this one on are made up.
   void mark_synthetic(std::size_t first) {
     if (first == patch_.faces.size()) return;

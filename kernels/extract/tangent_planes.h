@@ -26,12 +26,13 @@ struct PlaneIntersection {
 
 /// Pseudo-inverse by eigenvectors of the normal equations; only + - * / sqrt.
 /// \param rank  singular values kept: 2 for a crease, 3 for a corner; those near zero are always dropped
-PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& anchor, int rank);
+[[nodiscard]] PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& anchor,
+                                                 int rank);
 
 /// The same for a crease of known direction (unit, the cross product of two of the normals, `any` one of
 /// these): cheaper, and good for a first guess.
-Double3 intersect_crease(const TangentPlanes& planes, const Double3& anchor, const Double3& direction,
-                         std::size_t any);
+[[nodiscard]] Double3 intersect_crease(const TangentPlanes& planes, const Double3& anchor,
+                                       const Double3& direction, std::size_t any);
 
 /// Replaces the normals of the planes whose sheet is `sheet` by the mean of their own and that of the sheet
 /// at x, which a linear fit of the sheet's normals predicts: on a quadric, the plane through a root with this

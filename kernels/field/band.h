@@ -30,10 +30,10 @@ struct BandNodes {
 using NodeFilter = std::function<std::array<std::uint64_t, 8>(const Int3& leaf)>;
 
 /// Nodes of a leaf that lie within [-1, cells + 1] of the block.
-std::array<std::uint64_t, 8> nodes_in_block(const Int3& leaf, const Int3& cells);
+[[nodiscard]] std::array<std::uint64_t, 8> nodes_in_block(const Int3& leaf, const Int3& cells);
 
 /// Nodes of the band within [-1, cells + 1] of the block, by leaf in table order; leaves without any are left
 /// out. \param wanted  no others: what it says of a leaf is kept; empty = all
-std::vector<BandNodes> choose_band(const PointLeaves& leaves, const NodeFilter& wanted = {});
+[[nodiscard]] std::vector<BandNodes> choose_band(const PointLeaves& leaves, const NodeFilter& wanted = {});
 
 }  // namespace tessera

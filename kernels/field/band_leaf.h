@@ -31,7 +31,7 @@ using VdbLeaf = openvdb::tree::LeafNode<float, kLeafBits>;
 inline constexpr float kBandBackground = 3.0f;  ///< value of nodes without one, cells: beyond any in the band
 
 /// Words along z of words along x, and the other way round.
-inline LeafWords swap_x_and_z(LeafWords words) {
+[[nodiscard]] inline LeafWords swap_x_and_z(LeafWords words) {
   constexpr std::array<std::uint64_t, 3> kLow = {0x5555555555555555ULL, 0x3333333333333333ULL,
                                                  0x0f0f0f0f0f0f0f0fULL};
   for (std::size_t level = 0; level < kLow.size(); ++level) {
@@ -53,15 +53,15 @@ class BandLeaf {
   /// \param origin  see below
   BandLeaf(const Int3& block, const Int3& origin);
 
-  static constexpr std::size_t node(int i, int j, int k) {
+  [[nodiscard]] static constexpr std::size_t node(int i, int j, int k) {
     return static_cast<std::size_t>((i & 7) + 8 * (j & 7) + 64 * (k & 7));
   }
   /// Signed distance in cells, < 0 inside.
   float& value(std::size_t node) { return values_[vdb_offset(node)]; }
-  float value(std::size_t node) const { return values_[vdb_offset(node)]; }
+  [[nodiscard]] float value(std::size_t node) const { return values_[vdb_offset(node)]; }
 
   /// The field is defined here.
-  LeafWords valid() const {
+  [[nodiscard]] LeafWords valid() const {
     LeafWords words;
     for (std::size_t x = 0; x < words.size(); ++x) words[x] = mask_[x];
     return swap_x_and_z(words);
@@ -70,9 +70,11 @@ class BandLeaf {
     const LeafWords words = swap_x_and_z(nodes);
     for (std::size_t x = 0; x < words.size(); ++x) mask_[x] = words[x];
   }
-  bool is_valid(std::size_t node) const { return mask_[node & 7] >> (vdb_offset(node) & 63) & 1; }
+  [[nodiscard]] bool is_valid(std::size_t node) const {
+    return mask_[node & 7] >> (vdb_offset(node) & 63) & 1;
+  }
 
-  const VdbLeaf& vdb() const { return *vdb_; }
+  [[nodiscard]] const VdbLeaf& vdb() const { return *vdb_; }
   /// Hands the leaf over, to a tree for one; this may only be destroyed then.
   VdbLeaf* release() { return vdb_.release(); }
 

@@ -20,8 +20,8 @@ class VdbExport {
 
   /// Takes the leaves of a block. Blocks may overlap and come in any order: their nodes agree to the bit.
   void add(DirectedField&& field);
-  std::size_t node_count() const;
-  std::size_t bytes() const;
+  [[nodiscard]] std::size_t node_count() const;
+  [[nodiscard]] std::size_t bytes() const;
   /// Writes a .vdb file. \pre the stream is binary \post stream state says whether all was written
   void write(std::ostream& out) const;
 

@@ -18,7 +18,7 @@ namespace tessera {
 inline constexpr float kBodyRadius = 4.0f;
 
 /// The points of a block that have no normal, one of each cell: the first in canonical order.
-PointBlock volumetric_points(const PointBlock& points);
+[[nodiscard]] PointBlock volumetric_points(const PointBlock& points);
 
 /// Adds the leaves that strewn points reach to the band, without any nodes; it stays in table order.
 /// \param volumetric  index of volumetric_points

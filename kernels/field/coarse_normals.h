@@ -11,6 +11,6 @@ namespace tessera {
 /// normal; where the normals of a block disagree it is the one that differs most from the mean, and the length 1/2. Two
 /// faces that oppose each other (a thin wall) give a point each. Points without normal are ignored. Pure function of the block's points.
 /// \pre points in canonical order
-PointBlock average_normals(const PointBlock& points);
+[[nodiscard]] PointBlock average_normals(const PointBlock& points);
 
 }  // namespace tessera

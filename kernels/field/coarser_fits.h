@@ -21,7 +21,7 @@ struct BandFits {
   std::vector<Sheets> sheets;
 
   /// Of node (i, j, k), each within [-1, cells + 1]; null where the band is not.
-  const LeafFit* at(const Int3& node) const;
+  [[nodiscard]] const LeafFit* at(const Int3& node) const;
 };
 
 /// Appends the nodes of a leaf near the end of the surface.

@@ -14,8 +14,8 @@ struct SmoothFit {
 };
 
 /// Weighted sums of the samples' squared distances, to first order. \pre samples padded
-float squared_heights(const SmoothFit& fit, const LocalSamples& samples);
-float squared_heights(const Sheets& sheets, const LocalSamples& samples);
+[[nodiscard]] float squared_heights(const SmoothFit& fit, const LocalSamples& samples);
+[[nodiscard]] float squared_heights(const Sheets& sheets, const LocalSamples& samples);
 
 /// The sheets of noisy samples around a node, none unless they leave much less height than the smooth fit does. Of many
 /// samples a part must confirm it first.

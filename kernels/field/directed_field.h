@@ -25,7 +25,7 @@ struct EdgeRoot {
   bool slides = false;        ///< clamped beside a smooth stretch: the vertex stands on the tangent plane
 
   /// Where the vertex stands, from the root: there, unless it slides.
-  Float3 slide_offset() const { return slides ? normal * offset : Float3{0, 0, 0}; }
+  [[nodiscard]] Float3 slide_offset() const { return slides ? normal * offset : Float3{0, 0, 0}; }
 };
 
 /// How far a vertex moves from its lattice edge, along the surface onto the border.
@@ -47,10 +47,10 @@ struct DirectedField {
   std::vector<std::uint8_t> creased;
   std::vector<BorderMove> moves;  ///< ascending; of what BandLeaf::moving marks, the rest stays
 
-  Int3 leaf_dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
+  [[nodiscard]] Int3 leaf_dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
 
   /// Leaf that holds node (i,j,k), each coordinate within [-1, cells + 1]; null where the band is not.
-  const BandLeaf* leaf_at(int i, int j, int k) const {
+  [[nodiscard]] const BandLeaf* leaf_at(int i, int j, int k) const {
     const Int3 d = leaf_dims();
     const auto at = ((static_cast<std::size_t>((k >> 3) + 1) * static_cast<std::size_t>(d[1]) +
                       static_cast<std::size_t>((j >> 3) + 1)) *
@@ -61,17 +61,17 @@ struct DirectedField {
   }
 
   /// The next leaf along an axis; null where the field ends or the band is not.
-  const BandLeaf* leaf_after(const BandLeaf& leaf, std::size_t axis) const {
+  [[nodiscard]] const BandLeaf* leaf_after(const BandLeaf& leaf, std::size_t axis) const {
     Int3 after = leaf.origin;
     after[axis] += kLeafCells;
     return after[axis] <= cells[axis] ? leaf_at(after[0], after[1], after[2]) : nullptr;
   }
 
-  static constexpr int word(int k) { return k & 7; }
-  static constexpr int bit(int i, int j) { return (i & 7) + 8 * (j & 7); }
+  [[nodiscard]] static constexpr int word(int k) { return k & 7; }
+  [[nodiscard]] static constexpr int bit(int i, int j) { return (i & 7) + 8 * (j & 7); }
 
   /// Root on the edge from node (i,j,k) in +axis direction; null if the edge is not crossed.
-  const EdgeRoot* root_at(int i, int j, int k, int axis) const {
+  [[nodiscard]] const EdgeRoot* root_at(int i, int j, int k, int axis) const {
     const BandLeaf* leaf = leaf_at(i, j, k);
     if (!leaf) return nullptr;
     const auto a = static_cast<std::size_t>(axis);

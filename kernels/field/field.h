@@ -33,7 +33,7 @@ inline constexpr double kExactNoise = 0.03;
 
 /// What `evaluate_field` reaches beyond the block's core: the points handed in must be complete within it: the
 /// radius and the halo nodes, at least the 8 cells over which the closing of the band reaches a halo node.
-int field_halo_cells(const FieldOptions& options);
+[[nodiscard]] int field_halo_cells(const FieldOptions& options);
 
 /// Evaluates the band of a block.
 /// \param points  core and halo of the block, canonical order, oriented; points without normal are ignored, or bodies
@@ -43,11 +43,12 @@ int field_halo_cells(const FieldOptions& options);
 ///                nodes alone; empty = all
 /// \param coarser  of the same points on the lattice with cells of twice the edge, for places where samples are sparse: coarser_fits.h;
 ///                 null: none. Nodes are pure functions of what it saw, too
-DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options,
-                             const NodeFilter& wanted = {}, const CoarserFits* coarser = nullptr);
+[[nodiscard]] DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options,
+                                           const NodeFilter& wanted = {},
+                                           const CoarserFits* coarser = nullptr);
 
 /// The fits behind that, for a finer lattice.
-BandFits fit_field(const PointBlock& points, const FieldOptions& options, const NodeFilter& wanted,
-                   const CoarserFits* coarser);
+[[nodiscard]] BandFits fit_field(const PointBlock& points, const FieldOptions& options,
+                                 const NodeFilter& wanted, const CoarserFits* coarser);
 
 }  // namespace tessera

@@ -44,7 +44,7 @@ struct LeafBoundary {
   alignas(32) std::array<std::array<float, 512>, 3> inward{};
   std::array<std::uint64_t, 8> nodes{};  ///< where the rest holds
 
-  BoundaryNode at(std::size_t node) const {
+  [[nodiscard]] BoundaryNode at(std::size_t node) const {
     return {depth[node], {inward[0][node], inward[1][node], inward[2][node]}};
   }
 };
@@ -93,7 +93,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
 inline constexpr float kMaxRadius = 6.0f;
 
 /// 1.5 radii, at most kMaxRadius.
-float rough_radius(const NodeFitOptions& options);
+[[nodiscard]] float rough_radius(const NodeFitOptions& options);
 
 /// Fits the rough nodes (scratch.rough) anew with that radius and blends by roughness, so that silhouettes of single scans
 /// and scans that disagree come out smooth; no border moves.

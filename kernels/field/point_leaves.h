@@ -22,16 +22,16 @@ struct PointLeaves {
   std::vector<std::array<std::uint64_t, 8>> marks;  ///< nodes that are the nearest one of a point
 
   /// Marks of a leaf, null if it has none.
-  const std::array<std::uint64_t, 8>* marks_of(std::size_t leaf) const {
+  [[nodiscard]] const std::array<std::uint64_t, 8>* marks_of(std::size_t leaf) const {
     return mark_index[leaf] < 0 ? nullptr : &marks[static_cast<std::size_t>(mark_index[leaf])];
   }
-  std::size_t at(int i, int j, int k) const {
+  [[nodiscard]] std::size_t at(int i, int j, int k) const {
     return (static_cast<std::size_t>(k + 1) * static_cast<std::size_t>(dims[1]) +
             static_cast<std::size_t>(j + 1)) *
                static_cast<std::size_t>(dims[0]) +
            static_cast<std::size_t>(i + 1);
   }
-  bool holds(int i, int j, int k) const {
+  [[nodiscard]] bool holds(int i, int j, int k) const {
     return i >= -1 && j >= -1 && k >= -1 && i < dims[0] - 1 && j < dims[1] - 1 && k < dims[2] - 1;
   }
 };
@@ -40,6 +40,6 @@ struct PointLeaves {
 /// of the marks (the ranges keep the latter: whoever gathers skips them).
 /// \pre points in canonical order, at most 2^32 - 1 of them
 /// \param mark  fill the marks too
-PointLeaves index_leaves(const PointBlock& points, bool mark);
+[[nodiscard]] PointLeaves index_leaves(const PointBlock& points, bool mark);
 
 }  // namespace tessera

@@ -14,7 +14,7 @@ namespace tessera {
 /// \param value     signed distance of the node from the surface
 /// \param gradient  unit, outward
 /// \param thickness, within  cells
-bool is_surrounded(const LocalSamples& samples, float value, const Float3& gradient, float thickness,
-                   float within);
+[[nodiscard]] bool is_surrounded(const LocalSamples& samples, float value, const Float3& gradient,
+                                 float thickness, float within);
 
 }  // namespace tessera

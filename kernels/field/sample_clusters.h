@@ -31,12 +31,12 @@ struct Moments {
   // w, w p (3), w n (3), w p p (xx xy xz yy yz zz), w n p (row n, column p)
   std::array<float, 22> s{};
   int hits = 0;
-  float w() const { return s[0]; }
-  Float3 p() const { return {s[1], s[2], s[3]}; }
-  Float3 n() const { return {s[4], s[5], s[6]}; }
+  [[nodiscard]] float w() const { return s[0]; }
+  [[nodiscard]] Float3 p() const { return {s[1], s[2], s[3]}; }
+  [[nodiscard]] Float3 n() const { return {s[4], s[5], s[6]}; }
 };
 
-Moments merged(const Moments& a, const Moments& b);
+[[nodiscard]] Moments merged(const Moments& a, const Moments& b);
 
 /// Directions that start the clusters.
 struct NormalSeeds {
@@ -49,13 +49,13 @@ void make_unit(LocalSamples& samples);
 
 /// Picks normals far from each other, nearer samples first: of samples, or of mean normals around the node
 /// (see average_normals).
-NormalSeeds seed_normals(const LocalSamples& from, float cos_seed);
+[[nodiscard]] NormalSeeds seed_normals(const LocalSamples& from, float cos_seed);
 
 /// Labels the samples by their nearest direction: two Lloyd rounds from the seeds. \pre seeds.count > 1
 void cluster_normals(LocalSamples& samples, const NormalSeeds& seeds);
 
 /// Sums over the samples with a label.
-Moments sum_moments(const LocalSamples& samples, std::int32_t label);
+[[nodiscard]] Moments sum_moments(const LocalSamples& samples, std::int32_t label);
 
 /// Gives every sample the label map[label].
 void relabel(LocalSamples& samples, const std::array<std::int32_t, kMaxSheets>& map);

@@ -19,7 +19,7 @@ class FieldSampler {
   };
   virtual ~FieldSampler() = default;
   /// At a node (global), or at the point `t` cells behind it on its edge along `axis`.
-  virtual Sample at(const Int3& node, std::size_t axis, double t) const = 0;
+  [[nodiscard]] virtual Sample at(const Int3& node, std::size_t axis, double t) const = 0;
 };
 
 /// Nodes that are farther than `near` cells from the surface, or not there, are not valid; roots come by regula falsi.
@@ -31,7 +31,7 @@ DirectedField build_sampled_field(const Int3& corner, const Int3& cells, std::sp
                                   const std::function<void()>& pause = {});
 
 /// What the field of so many leaves takes at most.
-constexpr std::uint64_t sampled_field_bytes(std::uint64_t leaves) {
+[[nodiscard]] constexpr std::uint64_t sampled_field_bytes(std::uint64_t leaves) {
   return leaves * (4096 + 512 * 4 + 3 * 64 * sizeof(EdgeRoot));
 }
 

@@ -37,11 +37,11 @@ struct Sheets {
   float spread2 = 0.0f;         ///< their mean squared distance from the centroid
   float separation2 = 0.0f;     ///< least squared chord between two normals over their mean squared residual
 
-  SurfaceValue at(const Float3& p) const;
+  [[nodiscard]] SurfaceValue at(const Float3& p) const;
   /// The part of `direction` along all sheets that pass within `near` of p: at a crease along that, at a corner nothing.
-  Float3 along(const Float3& direction, const Float3& p, float near) const;
+  [[nodiscard]] Float3 along(const Float3& direction, const Float3& p, float near) const;
   /// How many sheets pass within `near` of p.
-  int passing(const Float3& p, float near) const;
+  [[nodiscard]] int passing(const Float3& p, float near) const;
 };
 
 struct SheetOptions {

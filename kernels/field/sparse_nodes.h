@@ -22,13 +22,13 @@ class SparseNodes {
   explicit SparseNodes(const PointBlock& points, const std::function<bool(const Int3&)>& requested = {});
 
   /// The block of the coarse lattice that holds all nodes of the fine one: corner and size in coarse cells, whole leaves.
-  const Int3& origin() const { return origin_; }
-  const Int3& cells() const { return cells_; }
-  bool any() const { return !depth_.empty(); }
+  [[nodiscard]] const Int3& origin() const { return origin_; }
+  [[nodiscard]] const Int3& cells() const { return cells_; }
+  [[nodiscard]] bool any() const { return !depth_.empty(); }
   /// How far within such a place a node lies, as border depths go (border.h), in fine cells, at most kDeep; kNowhere where
   /// there is no sample at all or they lie densely.
   /// \param node  relative to origin(), within [-1, cells() + 1]
-  float depth(const Int3& node) const {
+  [[nodiscard]] float depth(const Int3& node) const {
     const std::int32_t leaf =
         leaf_index_[index_of({node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits})];
     if (leaf < 0) return kNowhere;

@@ -20,10 +20,11 @@ struct BorderRetreat {
 };
 
 /// Corners of some faces at which the surface ends, ascending. \pre the block has all faces at them
-std::vector<std::uint32_t> border_vertices(const MeshBlock& block, std::span<const std::uint32_t> faces);
+[[nodiscard]] std::vector<std::uint32_t> border_vertices(const MeshBlock& block,
+                                                         std::span<const std::uint32_t> faces);
 
 /// Each vertex goes this share of the way to the middle of the faces around it. \param vertices  ascending
-BorderRetreat pulled_in(const MeshBlock& block, std::span<const std::uint32_t> vertices, double share,
-                        bool float_positions);
+[[nodiscard]] BorderRetreat pulled_in(const MeshBlock& block, std::span<const std::uint32_t> vertices,
+                                      double share, bool float_positions);
 
 }  // namespace tessera

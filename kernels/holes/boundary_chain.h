@@ -22,12 +22,12 @@ class BoundaryChain {
   /// \param use  gets the loop that it closes, if it has 3 to max_edges edges; without chords. Its smallest number comes first.
   void add(const BoundaryEdge& edge, const std::function<void(HoleBoundary&&)>& use);
 
-  std::uint64_t open_edges() const { return open_; }
+  [[nodiscard]] std::uint64_t open_edges() const { return open_; }
   /// Loops and paths that max_open cut short.
-  std::uint64_t given_up() const { return given_up_; }
+  [[nodiscard]] std::uint64_t given_up() const { return given_up_; }
 
   /// Upper bound of what it allocates.
-  static constexpr std::uint64_t bytes(std::uint64_t max_open) { return 256 * max_open; }
+  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t max_open) { return 256 * max_open; }
 
  private:
   /// A half-open run of edges: every vertex with the third vertex of the face at the edge out of it.

@@ -19,7 +19,7 @@ struct EdgeRecord {
   auto operator<=>(const EdgeRecord&) const = default;
 };
 /// The face runs from a to b to c.
-EdgeRecord edge_record(std::uint64_t a, std::uint64_t b, std::uint64_t c);
+[[nodiscard]] EdgeRecord edge_record(std::uint64_t a, std::uint64_t b, std::uint64_t c);
 
 /// A boundary edge, directed as a face that fills the hole would run: against the face of the mesh.
 struct BoundaryEdge {
@@ -67,7 +67,8 @@ LoopCounts for_each_boundary_loop(const BoundaryMatcher& boundaries, std::uint64
 
 /// The same where only a part of the mesh is known: loops of at most `maximum` edges whose smallest number lies in [first, last).
 /// Records must leave out every edge of which some face is unknown: a path ends there.
-std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& boundaries, std::uint64_t first,
-                                               std::uint64_t last, std::uint64_t maximum);
+[[nodiscard]] std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& boundaries,
+                                                             std::uint64_t first, std::uint64_t last,
+                                                             std::uint64_t maximum);
 
 }  // namespace tessera

@@ -47,10 +47,10 @@ struct CrossingMend {
 /// \post mended: no added face meets another one of the result but in copies of a vertex, none of the removed ones is left; each vertex has one fan of faces
 ///   as before; a pure function of the faces that it looks at, whatever else is in the block
 /// \cost a search of the faces near by a filling; 200 bytes a face of the block, and hole_bytes(max_loop)
-CrossingMend mend_crossing(const MeshBlock& block, std::span<const std::uint32_t> crossing,
-                           const ContactCell& whole, const CrossingMendOptions& options);
+[[nodiscard]] CrossingMend mend_crossing(const MeshBlock& block, std::span<const std::uint32_t> crossing,
+                                         const ContactCell& whole, const CrossingMendOptions& options);
 
 /// Upper bound of what it allocates.
-std::uint64_t crossing_mend_bytes(std::uint64_t faces, const CrossingMendOptions& options);
+[[nodiscard]] std::uint64_t crossing_mend_bytes(std::uint64_t faces, const CrossingMendOptions& options);
 
 }  // namespace tessera

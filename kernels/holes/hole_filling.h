@@ -31,11 +31,11 @@ struct HoleLoop {
 
 inline constexpr std::uint32_t kMaxHoleEdges = 1000;  ///< the triangulation takes the cube of it in time
 /// New vertices of the filling of n edges, at most; larger holes get longer edges inside.
-constexpr std::uint64_t max_hole_vertices(std::uint64_t n) {
+[[nodiscard]] constexpr std::uint64_t max_hole_vertices(std::uint64_t n) {
   return n * n / 6 < 12'000 ? n * n / 6 : 12'000;
 }
 /// The most that fill_hole() allocates: the triangulation's table, or the system of the fairing.
-constexpr std::uint64_t hole_bytes(std::uint64_t n, std::uint64_t max_vertices = 12'000) {
+[[nodiscard]] constexpr std::uint64_t hole_bytes(std::uint64_t n, std::uint64_t max_vertices = 12'000) {
   return 64 * n * n + 5000 * std::min(max_hole_vertices(n), max_vertices) + (1u << 20);
 }
 
@@ -78,6 +78,6 @@ struct HoleLimits {
 
 /// \pre 3 <= n <= kMaxHoleEdges, no two neighbours of the loop at one place
 /// \post filled: the faces together are a disk bounded by the loop; no inner edge is in `taken`
-HoleFilling fill_hole(const HoleLoop& loop, const HoleLimits& limits = {});
+[[nodiscard]] HoleFilling fill_hole(const HoleLoop& loop, const HoleLimits& limits = {});
 
 }  // namespace tessera

@@ -28,10 +28,10 @@ class HoleMesh {
   /// `rounds` times: every inner vertex to the mean of its neighbours, all at once, then flips.
   void relax(int rounds);
 
-  std::uint32_t boundary() const { return boundary_; }
-  const std::vector<Triangle>& triangles() const { return triangles_; }
+  [[nodiscard]] std::uint32_t boundary() const { return boundary_; }
+  [[nodiscard]] const std::vector<Triangle>& triangles() const { return triangles_; }
   std::vector<Double3>& positions() { return position_; }  ///< the loop's first
-  const std::vector<std::uint32_t>& colours() const { return rgba_; }
+  [[nodiscard]] const std::vector<std::uint32_t>& colours() const { return rgba_; }
 
  private:
   std::uint32_t side_of(std::uint32_t triangle, std::uint32_t neighbour) const;

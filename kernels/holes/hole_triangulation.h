@@ -20,11 +20,11 @@ struct HoleTriangulation {
 
 /// Whether a triangle is more than a line: rims have edges in line, and vertices at one place where two pieces of the
 /// mesh touch.
-bool has_area(const Double3& a, const Double3& b, const Double3& c);
+[[nodiscard]] bool has_area(const Double3& a, const Double3& b, const Double3& c);
 
 /// Unit normals of the mesh's faces along the loop, averaged along it over two edges to each side: single
 /// faces at a border are slivers too often. Zero where there is none.
-std::vector<Double3> boundary_normals(const HoleLoop& loop);
+[[nodiscard]] std::vector<Double3> boundary_normals(const HoleLoop& loop);
 
 enum class TriangulationGoal : std::uint8_t {
   kLeastDihedral,  ///< then least area
@@ -32,7 +32,8 @@ enum class TriangulationGoal : std::uint8_t {
 };
 
 /// Ties go to the lower vertex. \cost time O(n^3), memory 44 n^2 bytes
-HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& boundary_normal,
-                                   TriangulationGoal goal = TriangulationGoal::kLeastDihedral);
+[[nodiscard]] HoleTriangulation triangulate_hole(const HoleLoop& loop,
+                                                 const std::vector<Double3>& boundary_normal,
+                                                 TriangulationGoal goal = TriangulationGoal::kLeastDihedral);
 
 }  // namespace tessera

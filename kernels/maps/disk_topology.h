@@ -18,15 +18,15 @@ struct SurfaceTopology {
   std::size_t irregular_edges = 0;  ///< more than two faces, or two that run along it in the same direction
   std::size_t irregular_vertices = 0;  ///< more than one fan of faces
 
-  bool is_disk() const {
+  [[nodiscard]] bool is_disk() const {
     return euler == 1 && loops.size() == 1 && components == 1 && irregular_edges == 0 &&
            irregular_vertices == 0;
   }
   /// "Euler characteristic 2, 0 borders, 1 piece": what is_disk() looks at.
-  std::string describe() const;
+  [[nodiscard]] std::string describe() const;
 };
 
 /// \throws InputError for a face that names an unknown vertex or one vertex twice
-SurfaceTopology surface_topology(const TriangleSpan& mesh);
+[[nodiscard]] SurfaceTopology surface_topology(const TriangleSpan& mesh);
 
 }  // namespace tessera

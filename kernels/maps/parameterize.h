@@ -59,13 +59,14 @@ struct Parameterization {
 };
 
 /// The least that parameterize() takes beside the mesh, in bytes: by multigrid, and the coordinates.
-std::uint64_t parameterize_bytes(std::uint64_t vertices, ParameterMethod method);
+[[nodiscard]] std::uint64_t parameterize_bytes(std::uint64_t vertices, ParameterMethod method);
 
 /// \param mesh  a disk (disk_topology.h)
 /// \throws InputError     not a disk (says what it is), a vertex that is not finite, a face without an area
 /// \throws ResourceError  less memory than parameterize_bytes(), or multigrid does not converge
-Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOptions& options);
+[[nodiscard]] Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOptions& options);
 
-ParameterDistortion measure_distortion(const TriangleSpan& mesh, const std::vector<Double2>& uv);
+[[nodiscard]] ParameterDistortion measure_distortion(const TriangleSpan& mesh,
+                                                     const std::vector<Double2>& uv);
 
 }  // namespace tessera

@@ -17,7 +17,7 @@ struct BlendBlock {
   Int3 cells{};      ///< multiples of 64
 
   /// A node, or a point of the edge behind it, relative to the origin.
-  Double3 at(const Int3& node, std::size_t axis = 0, double t = 0.0) const;
+  [[nodiscard]] Double3 at(const Int3& node, std::size_t axis = 0, double t = 0.0) const;
 };
 
 /// Nodes where no mesh has a share are not valid.

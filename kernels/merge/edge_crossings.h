@@ -27,7 +27,7 @@ class EdgeCrossings {
   void load(const Double3& u, const Double3& v, const std::vector<FrontEdge>& edges,
             const std::vector<std::uint32_t>& near);
   /// Whether the edge between two vertices, both of them ends of what was loaded, crosses any of that, as seen along n. Edges with an end in common do not cross.
-  bool crosses_any(std::uint32_t p, std::uint32_t q, const Double3& n) const;
+  [[nodiscard]] bool crosses_any(std::uint32_t p, std::uint32_t q, const Double3& n) const;
 
  private:
   static constexpr std::size_t kFirst = 32;

@@ -34,13 +34,14 @@ class MergeSheet {
   };
   /// \param p  relative to the origin  \param maximum  farther from the mesh nothing is covered
   /// \param normal  if not null: a surface there with this normal (unit) is covered by faces that look the same way
-  Sample at(const Double3& p, double maximum, double beyond, const Double3* normal = nullptr) const;
+  [[nodiscard]] Sample at(const Double3& p, double maximum, double beyond,
+                          const Double3* normal = nullptr) const;
   /// Cover of a place on the mesh itself.
   double own_cover(const Double3& p) const;
   /// Whether the mesh goes on at a point beyond another one's border.
-  bool passes(const Double3& p, const MergeRange& range, const Double3& normal) const;
+  [[nodiscard]] bool passes(const Double3& p, const MergeRange& range, const Double3& normal) const;
 
-  const SignedDistance& surface() const { return surface_; }
+  [[nodiscard]] const SignedDistance& surface() const { return surface_; }
 
  private:
   SignedDistance surface_;
@@ -64,11 +65,11 @@ class MergeBlend {
     double lateral = 0.0;   ///< least of those that have a share: how far beyond a border
   };
   /// \param more  beyond MergeRange::apart, how far from the meshes
-  Value at(const Double3& p, double more) const;
+  [[nodiscard]] Value at(const Double3& p, double more) const;
   /// The mesh with the largest share, and its vertex there. \pre at() has a share
-  std::pair<std::size_t, std::uint32_t> main_vertex(const Double3& p, double more) const;
+  [[nodiscard]] std::pair<std::size_t, std::uint32_t> main_vertex(const Double3& p, double more) const;
   /// Whose a place on mesh `own` is: a rank, or kMixed. \param normal  unit, of the mesh there
-  int owner(const Double3& p, int own, const Double3& normal) const;
+  [[nodiscard]] int owner(const Double3& p, int own, const Double3& normal) const;
 
  private:
   std::vector<const MergeSheet*> sheets_;

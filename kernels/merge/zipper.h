@@ -44,10 +44,10 @@ struct Zipped {
 /// \param gap  how far from an edge the vertex that it takes may be, beside what edges there are long
 /// \post with what stays of the faces, what is added is edge-manifold and has no vertex with two fans more than there
 ///       were; a pure function of the pieces
-Zipped zip(const ZipPieces& pieces, double gap);
+[[nodiscard]] Zipped zip(const ZipPieces& pieces, double gap);
 
 /// What it takes at most.
-constexpr std::uint64_t zip_bytes(std::uint64_t vertices, std::uint64_t faces) {
+[[nodiscard]] constexpr std::uint64_t zip_bytes(std::uint64_t vertices, std::uint64_t faces) {
   return vertices * 96 + faces * 400;
 }
 

@@ -18,9 +18,9 @@ struct BlockComponents {
 };
 
 /// \param complete  per vertex: 1 if its star is complete (complete_stars)
-BlockComponents find_components(const MeshBlock& block, std::span<const std::uint8_t> complete);
+[[nodiscard]] BlockComponents find_components(const MeshBlock& block, std::span<const std::uint8_t> complete);
 
 /// Without the faces at these vertices. \param gone  keys, ascending  \pre canonical \post canonical
-MeshBlock without_vertices(const MeshBlock& block, std::span<const std::uint64_t> gone);
+[[nodiscard]] MeshBlock without_vertices(const MeshBlock& block, std::span<const std::uint64_t> gone);
 
 }  // namespace tessera

@@ -41,10 +41,10 @@ std::vector<ContactFace> contact_faces(const MeshBlock& block, std::vector<std::
 /// How many pairs of faces of a block meet so, whatever the kind, but for those that meet in copies of a vertex alone; those
 /// without an area meet none. It stops at `enough`.
 /// \cost  as above, and 96 bytes a face
-std::size_t count_contacts(const MeshBlock& block, std::size_t enough = ~std::size_t{0});
+[[nodiscard]] std::size_t count_contacts(const MeshBlock& block, std::size_t enough = ~std::size_t{0});
 
 /// Upper bound of what block_contacts() allocates.
-constexpr std::uint64_t block_contacts_bytes(std::uint64_t faces) {
+[[nodiscard]] constexpr std::uint64_t block_contacts_bytes(std::uint64_t faces) {
   return faces * 56 + 4096;
 }
 

@@ -25,7 +25,7 @@ class BoxMask {
       for (std::size_t y = r.from[1]; y <= r.to[1]; ++y) rows_[z * cells_ + y] |= r.along_x;
   }
   /// Whether a cell of the box is marked: true wherever the box meets a marked one.
-  bool meets(const Double3& low, const Double3& high) const {
+  [[nodiscard]] bool meets(const Double3& low, const Double3& high) const {
     const Range r = range(low, high);
     for (std::size_t z = r.from[2]; z <= r.to[2]; ++z)
       for (std::size_t y = r.from[1]; y <= r.to[1]; ++y)

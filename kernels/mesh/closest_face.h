@@ -23,7 +23,7 @@
 namespace tessera {
 
 /// By how much a distance of ClosestFaces may be too small; R as above.
-constexpr double closest_face_error(double largest_coordinate) {
+[[nodiscard]] constexpr double closest_face_error(double largest_coordinate) {
   return 0x1p-48 * largest_coordinate;
 }
 
@@ -42,16 +42,16 @@ class ClosestFaces {
   ClosestFaces(std::span<const Double3> position, std::span<const std::array<std::uint32_t, 3>> faces,
                const Double3& origin);
 
-  bool empty() const { return count_ == 0; }
-  std::size_t size() const { return count_; }
-  const Double3& origin() const { return origin_; }
+  [[nodiscard]] bool empty() const { return count_ == 0; }
+  [[nodiscard]] std::size_t size() const { return count_; }
+  [[nodiscard]] const Double3& origin() const { return origin_; }
   double largest_coordinate() const { return largest_; }
   /// Bytes per triangle, for those who plan memory; holds for more than 64 triangles.
-  static constexpr std::uint64_t bytes_per_face() { return 15 * 8 + 4 + 12 + 16; }
+  [[nodiscard]] static constexpr std::uint64_t bytes_per_face() { return 15 * 8 + 4 + 12 + 16; }
 
   /// The closest triangle to `p` (relative to origin) nearer than sqrt(limit_square). `hint` is a slot to
   /// start with, or kNone. Of several at the same distance the one of the lowest face.
-  Hit closest(const Double3& p, double limit_square, std::uint32_t hint) const;
+  [[nodiscard]] Hit closest(const Double3& p, double limit_square, std::uint32_t hint) const;
 
   /// Squared distance of one point to one triangle.
   double square_to(std::uint32_t slot, const Double3& p) const;
@@ -59,9 +59,11 @@ class ClosestFaces {
   void squares_to(std::uint32_t slot, const double* x, const double* y, const double* z, int count,
                   double* square) const;
 
-  std::uint32_t face(std::uint32_t slot) const { return face_[slot]; }  ///< index in the span given
+  [[nodiscard]] std::uint32_t face(std::uint32_t slot) const {
+    return face_[slot];
+  }  ///< index in the span given
   /// Corners relative to origin, in cyclic order.
-  std::array<Double3, 3> corners(std::uint32_t slot) const;
+  [[nodiscard]] std::array<Double3, 3> corners(std::uint32_t slot) const;
 
  private:
   /// Four triangles as columns: a, u = b - a the longest side, c - a = k u + v with v orthogonal to u: feet

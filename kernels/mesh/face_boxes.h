@@ -19,7 +19,7 @@ class FaceBoxes {
   /// In steps, 65,534 to the range. Boxes that meet in space meet in steps.
   struct Box {
     std::array<std::int16_t, 3> low, high;
-    bool meets(const Box& o) const {
+    [[nodiscard]] bool meets(const Box& o) const {
       bool apart = false;
       for (std::size_t k = 0; k < 3; ++k) apart = apart || low[k] > o.high[k] || o.low[k] > high[k];
       return !apart;
@@ -39,7 +39,7 @@ class FaceBoxes {
   FaceBoxes(const Double3& low, const Double3& high);
 
   /// Around them. \pre at least one
-  Box box(std::span<const Double3> corners) const {
+  [[nodiscard]] Box box(std::span<const Double3> corners) const {
     const __m256i three = _mm256_setr_epi64x(-1, -1, -1, 0);
     __m256d low = _mm256_maskload_pd(corners[0].data(), three), high = low;
     for (const Double3& c : corners.subspan(1)) {
@@ -77,7 +77,7 @@ class FaceBoxes {
     return {{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
   }
   /// Of a face, as it was set.
-  Box at(std::uint32_t face) const {
+  [[nodiscard]] Box at(std::uint32_t face) const {
     const std::size_t slot = slot_of(face);
     return levels_[0][slot / kLanes].lane(slot % kLanes);
   }
@@ -98,7 +98,7 @@ class FaceBoxes {
     if (!levels_.empty()) descend(levels_.size() - 1, 0, box, use);
   }
 
-  static constexpr std::size_t bytes(std::size_t faces, Order order = Order::kGiven) {
+  [[nodiscard]] static constexpr std::size_t bytes(std::size_t faces, Order order = Order::kGiven) {
     return faces * (order == Order::kMorton ? 22 : 14) + 1024;
   }
 
@@ -108,11 +108,11 @@ class FaceBoxes {
   struct Bundle {
     alignas(16) std::array<std::array<std::int16_t, kLanes>, 3> low, high;
     Bundle();
-    Box lane(std::size_t l) const;
+    [[nodiscard]] Box lane(std::size_t l) const;
     void put(std::size_t l, const Box& box);
-    Box around() const;
+    [[nodiscard]] Box around() const;
     /// A bit for each box that meets this one.
-    unsigned meeting(const Box& box) const {
+    [[nodiscard]] unsigned meeting(const Box& box) const {
       __m128i apart = _mm_setzero_si128();
 #pragma GCC unroll 3
       for (std::size_t k = 0; k < 3; ++k) {

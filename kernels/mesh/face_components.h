@@ -19,7 +19,8 @@ struct FaceComponents {
 };
 
 /// O(n) with path halving. \pre corners of faces below vertices
-FaceComponents find_components(std::size_t vertices, std::span<const std::array<std::uint32_t, 3>> faces);
+[[nodiscard]] FaceComponents find_components(std::size_t vertices,
+                                             std::span<const std::array<std::uint32_t, 3>> faces);
 
 /// Per component the vertices at which its faces fold by some 70 degrees, as foil does: their normals, summed by area, are shorter
 /// by that than their areas. Only of components of which a strip is all there is, those with fewer than kStripDepth faces per
@@ -27,11 +28,11 @@ FaceComponents find_components(std::size_t vertices, std::span<const std::array<
 /// \param position  of the first vertices; faces at those beyond do not count
 /// \param border    per component: edges or vertices at which it ends
 template <std::floating_point T>
-std::vector<std::uint32_t> count_folded(std::span<const Vector3<T>> position,
-                                        std::span<const std::array<std::uint32_t, 3>> faces,
-                                        std::span<const std::uint32_t> of_vertex,
-                                        std::span<const std::uint32_t> component_faces,
-                                        std::span<const std::uint32_t> border) {
+[[nodiscard]] std::vector<std::uint32_t> count_folded(std::span<const Vector3<T>> position,
+                                                      std::span<const std::array<std::uint32_t, 3>> faces,
+                                                      std::span<const std::uint32_t> of_vertex,
+                                                      std::span<const std::uint32_t> component_faces,
+                                                      std::span<const std::uint32_t> border) {
   constexpr std::uint32_t kStripDepth = 8;
   constexpr T kFolded = static_cast<T>(0.819);  // cosine of half of 70 degrees
   std::vector<std::uint32_t> folded(component_faces.size(), 0);

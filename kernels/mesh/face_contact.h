@@ -27,10 +27,10 @@ struct ContactFace {
 /// (kOverlap) or do not meet; a face that repeats another overlaps it.
 /// \pre the corners of each face are finite, its vertices differ, and it has an area: !collinear(its corners); a vertex that
 ///      both have lies at one position
-FaceContact face_contact(const ContactFace& a, const ContactFace& b);
+[[nodiscard]] FaceContact face_contact(const ContactFace& a, const ContactFace& b);
 
 /// Whether faces that meet do so only where both have corners, at one place and under two names: a vertex or an edge of several
 /// fans that was taken apart, which is no crossing. \pre as above
-bool meet_in_copies(const ContactFace& a, ContactFace b);
+[[nodiscard]] bool meet_in_copies(const ContactFace& a, ContactFace b);
 
 }  // namespace tessera

@@ -21,7 +21,7 @@ class FaceCorners {
         })) {}
 
   /// face * 4 + corner of the vertex in it.
-  std::span<const std::uint32_t> at(std::uint32_t vertex) const { return corners_[vertex]; }
+  [[nodiscard]] std::span<const std::uint32_t> at(std::uint32_t vertex) const { return corners_[vertex]; }
 
  private:
   Lists<std::uint32_t> corners_;

@@ -18,7 +18,7 @@ class FacePlanes {
  public:
   static constexpr std::size_t kLanes = 8;
 
-  std::size_t size() const { return size_; }
+  [[nodiscard]] std::size_t size() const { return size_; }
   void clear() { size_ = 0; }
   /// \pre size() < kLanes
   void add(const ContactFace& f) {
@@ -38,7 +38,7 @@ class FacePlanes {
 
   /// A bit for each face that surely meets this one in shared edges and corners alone: those of its corners that they do not
   /// share, at least one, lie on one side of the face's plane.
-  unsigned apart(const ContactFace& f) const {
+  [[nodiscard]] unsigned apart(const ContactFace& f) const {
     unsigned above = 0xff, below = 0xff, all_shared = 0xff;
     for (std::size_t k = 0; k < 3; ++k) {
       unsigned up = 0, down = 0, shared = 0;

@@ -15,9 +15,9 @@ inline constexpr double kFlatAltitude = 1e-12;
 struct FaceExtent {
   double twice_area = 0.0;
   double longest2 = 0.0;
-  bool is_flat() const { return twice_area <= kFlatAltitude * longest2; }
+  [[nodiscard]] bool is_flat() const { return twice_area <= kFlatAltitude * longest2; }
 };
-FaceExtent face_extent(const Double3& a, const Double3& b, const Double3& c);
+[[nodiscard]] FaceExtent face_extent(const Double3& a, const Double3& b, const Double3& c);
 
 /// Removes faces without area in place, exactly where the surface is: the longest edge of such a face turns towards the
 /// corner across it, so that the two faces share what the neighbour covered; at a border the face goes and the border

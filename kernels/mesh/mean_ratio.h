@@ -5,14 +5,14 @@
 
 namespace tessera {
 
-inline double mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
+[[nodiscard]] inline double mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
   const Double3 u = b - a, v = c - a, w = c - b;
   const double squares = dot(u, u) + dot(v, v) + dot(w, w);
   return squares > 0.0 ? 2.0 * 1.7320508075688772 * norm(cross(u, v)) / squares : 0.0;
 }
 
 /// Its square, without a root.
-inline double squared_mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
+[[nodiscard]] inline double squared_mean_ratio(const Double3& a, const Double3& b, const Double3& c) {
   const Double3 u = b - a, v = c - a, w = c - b, n = cross(u, v);
   const double squares = dot(u, u) + dot(v, v) + dot(w, w);
   return squares > 0.0 ? 12.0 * dot(n, n) / (squares * squares) : 0.0;

@@ -17,7 +17,7 @@ namespace tessera {
 void canonicalise(MeshBlock& block, std::vector<std::uint8_t>* tag = nullptr);
 
 /// The faces with keep != 0 and their vertices. The result is canonical if `block` is.
-MeshBlock select_faces(const MeshBlock& block, std::span<const std::uint8_t> keep);
+[[nodiscard]] MeshBlock select_faces(const MeshBlock& block, std::span<const std::uint8_t> keep);
 
 /// Merges blocks that may share vertices (by key) but no face. Canonical.
 /// \param tags  one per piece, given to all its faces; may be empty
@@ -28,7 +28,7 @@ MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const
                        std::vector<std::uint32_t>* slot = nullptr);
 
 /// Per vertex 1 if its star is complete: each edge at it has two faces in the block or is a border.
-std::vector<std::uint8_t> complete_stars(const MeshBlock& block);
+[[nodiscard]] std::vector<std::uint8_t> complete_stars(const MeshBlock& block);
 
 /// Cuts a block into patches by a class per face; hands them out in ascending class. Each is canonical if
 /// `block` is.
@@ -36,6 +36,7 @@ void split_faces(const MeshBlock& block, std::span<const std::uint64_t> class_of
                  const std::function<void(std::uint64_t, MeshBlock&&)>& sink);
 
 /// Brick of a face: that of its centroid.
-std::uint64_t brick_of_face(const Lattice& lattice, const Double3& a, const Double3& b, const Double3& c);
+[[nodiscard]] std::uint64_t brick_of_face(const Lattice& lattice, const Double3& a, const Double3& b,
+                                          const Double3& c);
 
 }  // namespace tessera

@@ -57,10 +57,10 @@ struct RepairResult {
 };
 
 /// Consumes the faces of the tile. \throws InputError when a vertex falls into more than 65536 fans
-RepairResult repair_tile(RepairTile&& tile);
+[[nodiscard]] RepairResult repair_tile(RepairTile&& tile);
 
 /// Upper bound of what repair_tile allocates above its input.
-constexpr std::uint64_t repair_bytes(std::uint64_t faces) {
+[[nodiscard]] constexpr std::uint64_t repair_bytes(std::uint64_t faces) {
   return faces * 130;
 }
 

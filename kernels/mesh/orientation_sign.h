@@ -11,13 +11,13 @@
 namespace tessera {
 
 /// Of twice the area of a, b, c. \returns 1 if they turn counter-clockwise, -1 if clockwise, 0 on one line
-int orient2d_sign(const Double2& a, const Double2& b, const Double2& c);
+[[nodiscard]] int orient2d_sign(const Double2& a, const Double2& b, const Double2& c);
 
 /// Of dot(cross(b - a, c - a), d - a). \returns 1 if d lies on the side from which a, b, c turn counter-clockwise, -1 on the
 /// other one, 0 in the plane
-int orient3d_sign(const Double3& a, const Double3& b, const Double3& c, const Double3& d);
+[[nodiscard]] int orient3d_sign(const Double3& a, const Double3& b, const Double3& c, const Double3& d);
 
 /// Whether the three lie on one line.
-bool collinear(const Double3& a, const Double3& b, const Double3& c);
+[[nodiscard]] bool collinear(const Double3& a, const Double3& b, const Double3& c);
 
 }  // namespace tessera

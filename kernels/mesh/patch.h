@@ -17,7 +17,8 @@ namespace tessera {
 ///        6..9  centre of loop 0..3 in the cell
 using VertexKey = std::uint64_t;
 
-constexpr VertexKey make_vertex_key(std::uint32_t i, std::uint32_t j, std::uint32_t k, std::uint32_t type) {
+[[nodiscard]] constexpr VertexKey make_vertex_key(std::uint32_t i, std::uint32_t j, std::uint32_t k,
+                                                  std::uint32_t type) {
   return (static_cast<std::uint64_t>(k) << 44) | (static_cast<std::uint64_t>(j) << 24) |
          (static_cast<std::uint64_t>(i) << 4) | type;
 }
@@ -25,13 +26,13 @@ struct VertexName {
   Int3 at;  ///< global node or cell coordinates
   int type;
 };
-constexpr VertexName vertex_name(VertexKey key) {
+[[nodiscard]] constexpr VertexName vertex_name(VertexKey key) {
   return {{static_cast<std::int32_t>(key >> 4 & 0xfffff), static_cast<std::int32_t>(key >> 24 & 0xfffff),
            static_cast<std::int32_t>(key >> 44 & 0xfffff)},
           static_cast<int>(key & 0xf)};
 }
 /// The brick that owns a vertex.
-constexpr Int3 vertex_brick(VertexKey key) {
+[[nodiscard]] constexpr Int3 vertex_brick(VertexKey key) {
   const VertexName n = vertex_name(key);
   return {n.at[0] >> kBrickBits, n.at[1] >> kBrickBits, n.at[2] >> kBrickBits};
 }
@@ -75,7 +76,7 @@ struct Patch {
   /// Per foreign vertex: 1 if its position is relative to a brick of the next finer level; empty if none is.
   std::vector<std::uint8_t> foreign_finer;
 
-  bool empty() const { return faces.empty() && position.empty(); }
+  [[nodiscard]] bool empty() const { return faces.empty() && position.empty(); }
 };
 
 }  // namespace tessera

@@ -20,6 +20,6 @@ struct PatchComponents {
 
 /// Components of the patch's faces over shared vertices. Own vertices that only other bricks' faces use form
 /// components without faces here; the seams join them. O(n) with path halving.
-PatchComponents find_components(const Patch& patch);
+[[nodiscard]] PatchComponents find_components(const Patch& patch);
 
 }  // namespace tessera

@@ -21,7 +21,7 @@ struct MeshFrame {
 
 /// The name of a vertex in mesh blocks: its brick, then its place in the order in which bricks number their vertices.
 /// Ascends with the own vertices of a patch.
-std::uint64_t mesh_key(VertexKey name);
+[[nodiscard]] std::uint64_t mesh_key(VertexKey name);
 
 /// What a key says of its vertex.
 struct MeshName {
@@ -30,7 +30,7 @@ struct MeshName {
   Int3 in_brick;  ///< node of the lattice edge, or cell of the centre, relative to the brick
   int axis;       ///< of the lattice edge; kCentre for the centre of a loop
 };
-MeshName mesh_name(std::uint64_t key);
+[[nodiscard]] MeshName mesh_name(std::uint64_t key);
 /// The same for many keys, most of them of the brick of the one before.
 class MeshNames {
  public:
@@ -44,8 +44,8 @@ class MeshNames {
 /// \pre  the patch was extracted with ExtractOptions::names
 /// \post canonical (mesh_block.h). Patches of one field, and of fields that agree around their seams, merge by key
 ///       (mesh_block_ops.h) and carry the same bits for a vertex that they share
-MeshBlock make_mesh_block(const Patch& patch, const MeshFrame& frame);
+[[nodiscard]] MeshBlock make_mesh_block(const Patch& patch, const MeshFrame& frame);
 /// Where the block of a patch may take its vertices back to; keys ascending.
-std::vector<SafePlace> safe_places(const Patch& patch, const MeshFrame& frame);
+[[nodiscard]] std::vector<SafePlace> safe_places(const Patch& patch, const MeshFrame& frame);
 
 }  // namespace tessera

@@ -31,6 +31,6 @@ bool triangulate_polygon(std::span<const Double3> corners,
                          std::vector<std::array<std::uint32_t, 3>>& triangles);
 
 /// Twice the vector area of a polygon: along its Newell normal, as long as twice the area of a flat one.
-Double3 newell_normal(std::span<const Double3> corners);
+[[nodiscard]] Double3 newell_normal(std::span<const Double3> corners);
 
 }  // namespace tessera

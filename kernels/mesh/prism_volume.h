@@ -27,11 +27,13 @@ class PlanTriangle {
  public:
   PlanTriangle(const Double3& a, const Double3& b, const Double3& c);
   /// 1 where it shows upwards, -1 downwards, 0 where it stands upright: then it has no shadow and bounds no prism.
-  int facing() const { return facing_; }
-  const std::array<Double2, 3>& shadow() const { return shadow_; }  ///< counter-clockwise
+  [[nodiscard]] int facing() const { return facing_; }
+  [[nodiscard]] const std::array<Double2, 3>& shadow() const { return shadow_; }  ///< counter-clockwise
   /// Of its plane, held within the heights of its corners.
   double height(const Double2& at) const;
-  Double2 gradient() const { return {slope_x_, slope_y_}; }  ///< rise of its plane along x and y
+  [[nodiscard]] Double2 gradient() const {
+    return {slope_x_, slope_y_};
+  }  ///< rise of its plane along x and y
 
  private:
   std::array<Double2, 3> shadow_{};
@@ -45,10 +47,10 @@ class PlanPiece {
   explicit PlanPiece(const std::array<Double2, 3>& triangle);
   /// Keeps what lies in the triangle. At most twice. \param triangle  counter-clockwise
   void clip(const std::array<Double2, 3>& triangle);
-  bool empty() const { return size_ < 3; }
+  [[nodiscard]] bool empty() const { return size_ < 3; }
   double area() const;
-  CutFill between(const PlanTriangle& first, const PlanTriangle& second) const;
-  CutFill above(const PlanTriangle& first, double level) const;
+  [[nodiscard]] CutFill between(const PlanTriangle& first, const PlanTriangle& second) const;
+  [[nodiscard]] CutFill above(const PlanTriangle& first, double level) const;
 
  private:
   template <class Difference>
@@ -67,6 +69,6 @@ struct SignedTriangle {
 
 /// \param rings  open or closed, either way round; the first is the outline, the others are holes
 /// \pre the outline does not cross itself, holes lie inside it and apart
-std::vector<SignedTriangle> triangles_of_rings(std::span<const std::vector<Double2>> rings);
+[[nodiscard]] std::vector<SignedTriangle> triangles_of_rings(std::span<const std::vector<Double2>> rings);
 
 }  // namespace tessera

@@ -22,7 +22,7 @@ struct RiskyMesh {
   std::vector<std::array<std::uint32_t, 3>> faces;
   double cell = 1.0;
 
-  bool is_risky(const std::array<std::uint32_t, 3>& f) const {
+  [[nodiscard]] bool is_risky(const std::array<std::uint32_t, 3>& f) const {
     return (risky[f[0]] | risky[f[1]] | risky[f[2]]) != 0;
   }
 };
@@ -35,7 +35,7 @@ void risky_crossings(const RiskyMesh& mesh, const ContactCell& core,
                      const std::function<void(std::uint32_t, std::uint32_t)>& use);
 
 /// Upper bound of what it allocates. \param cells  along an axis of the core, at most
-constexpr std::uint64_t risky_crossings_bytes(std::uint64_t faces, std::uint64_t cells) {
+[[nodiscard]] constexpr std::uint64_t risky_crossings_bytes(std::uint64_t faces, std::uint64_t cells) {
   const std::uint64_t marks = std::min(cells, kMaxRiskCells) + 1;
   return faces * (sizeof(ContactFace) + 8) + marks * marks * marks + block_contacts_bytes(faces);
 }

@@ -31,21 +31,23 @@ class SignedDistance {
     bool border = false;         ///< the foot lies on an edge or vertex where the surface ends
   };
   /// The foot of a point (relative to the origin) nearer than the root of `limit_square`.
-  Foot closest(const Double3& p, double limit_square, std::uint32_t hint = kNone) const;
+  [[nodiscard]] Foot closest(const Double3& p, double limit_square, std::uint32_t hint = kNone) const;
   /// Distance, < 0 inside. \pre the foot is one of p
-  static double signed_distance(const Double3& p, const Foot& foot);
+  [[nodiscard]] static double signed_distance(const Double3& p, const Foot& foot);
 
   /// Vertex of the block nearest to a foot, among those of its face.
-  std::uint32_t nearest_corner(const Foot& foot) const;
+  [[nodiscard]] std::uint32_t nearest_corner(const Foot& foot) const;
 
-  bool empty() const { return faces_.empty(); }
-  const Double3& origin() const { return faces_.origin(); }
-  const Double3& face_normal(std::uint32_t face) const { return normal_[face]; }  ///< unit, or zero
+  [[nodiscard]] bool empty() const { return faces_.empty(); }
+  [[nodiscard]] const Double3& origin() const { return faces_.origin(); }
+  [[nodiscard]] const Double3& face_normal(std::uint32_t face) const {
+    return normal_[face];
+  }  ///< unit, or zero
   /// Angle-weighted, not unit. Whole for vertices of which all faces are in the block.
-  const Double3& vertex_normal(std::uint32_t vertex) const { return vertex_normal_[vertex]; }
+  [[nodiscard]] const Double3& vertex_normal(std::uint32_t vertex) const { return vertex_normal_[vertex]; }
 
   /// Upper bound of what it holds and takes while it is made, with what the block has of it left out.
-  static constexpr std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) {
+  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) {
     return faces * (ClosestFaces::bytes_per_face() + 24 + 12 + 12 + 72) + vertices * 49;
   }
 

@@ -12,6 +12,7 @@ struct TriangleFoot {
 };
 
 /// The closest point of the triangle (a, b, c) to p; a triangle may be degenerate.
-TriangleFoot foot_in_triangle(const Double3& p, const Double3& a, const Double3& b, const Double3& c);
+[[nodiscard]] TriangleFoot foot_in_triangle(const Double3& p, const Double3& a, const Double3& b,
+                                            const Double3& c);
 
 }  // namespace tessera

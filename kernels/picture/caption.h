@@ -24,6 +24,6 @@ void draw_ring(Image& image, double x, double y, double radius);
 void paste(Image& to, const Image& from, int x, int y);
 
 /// 1,234,567
-std::string with_commas(std::uint64_t value);
+[[nodiscard]] std::string with_commas(std::uint64_t value);
 
 }  // namespace tessera

@@ -25,7 +25,9 @@ struct Image {
     return rgb.data() +
            3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x));
   }
-  const std::uint8_t* pixel(int x, int y) const { return const_cast<Image*>(this)->pixel(x, y); }
+  [[nodiscard]] const std::uint8_t* pixel(int x, int y) const {
+    return const_cast<Image*>(this)->pixel(x, y);
+  }
 };
 
 /// Colours are r | g<<8 | b<<16, as points carry them.
@@ -73,11 +75,12 @@ struct PictureBand {
   int drawn_low = 0, drawn_high = 0;  ///< with what occlusion looks at around it
 };
 /// The bands of all views, by options and views alone: a view of usual size is one.
-std::vector<PictureBand> picture_bands(const PictureOptions& options, std::span<const PictureView> views);
+[[nodiscard]] std::vector<PictureBand> picture_bands(const PictureOptions& options,
+                                                     std::span<const PictureView> views);
 /// Bytes of pixel memory for each band that is held at a time.
-std::uint64_t band_bytes(const PictureOptions& options, std::span<const PictureView> views);
+[[nodiscard]] std::uint64_t band_bytes(const PictureOptions& options, std::span<const PictureView> views);
 /// A picture in the colour of the lines between views.
-Image blank_picture(const PictureOptions& options);
+[[nodiscard]] Image blank_picture(const PictureOptions& options);
 
 /// What it draws, it draws into the bands that it holds: all at once, or some and then, from the same batches, the others. Every band is
 /// drawn by itself, so that the picture is the same however many are held at a time.
@@ -107,7 +110,7 @@ class Picture {
 
   /// Puts the bands held into the image. \pre it has the size of the options
   void finish(Image& image);
-  const std::string& renderer() const;
+  [[nodiscard]] const std::string& renderer() const;
 
  private:
   struct State;

@@ -48,6 +48,6 @@ struct BlockSigns {
 };
 
 /// \pre links are merged, a < b; groups are numbered without gaps
-BlockSigns solve_block_signs(const SignBlock& block);
+[[nodiscard]] BlockSigns solve_block_signs(const SignBlock& block);
 
 }  // namespace tessera

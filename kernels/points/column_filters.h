@@ -15,13 +15,14 @@ namespace tessera {
 /// Columns of a square, u fastest.
 struct ColumnSquare {
   int edge;
-  std::size_t at(int u, int v) const {
+  [[nodiscard]] std::size_t at(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(u);
   }
 };
 
 /// Sums over squares of columns of this radius, cut off at the rim.
-inline std::vector<std::int64_t> box_sums(ColumnSquare s, const std::vector<std::int64_t>& in, int radius) {
+[[nodiscard]] inline std::vector<std::int64_t> box_sums(ColumnSquare s, const std::vector<std::int64_t>& in,
+                                                        int radius) {
   std::vector<std::int64_t> rows(in.size()), out(in.size());
   const auto slide = [&](const std::vector<std::int64_t>& from, std::vector<std::int64_t>& to, auto index) {
     for (int line = 0; line < s.edge; ++line) {
@@ -40,8 +41,8 @@ inline std::vector<std::int64_t> box_sums(ColumnSquare s, const std::vector<std:
 }
 
 /// Columns within `radius` of a set (chessboard); with `set` false of what is not in it, turned over: what is left of it.
-inline std::vector<std::uint8_t> dilate(ColumnSquare s, const std::vector<std::uint8_t>& mask, int radius,
-                                        bool set = true) {
+[[nodiscard]] inline std::vector<std::uint8_t> dilate(ColumnSquare s, const std::vector<std::uint8_t>& mask,
+                                                      int radius, bool set = true) {
   std::vector<std::int64_t> count(mask.size());
   for (std::size_t i = 0; i < mask.size(); ++i) count[i] = (mask[i] != 0) == set;
   const std::vector<std::int64_t> sums = box_sums(s, count, radius);
@@ -49,13 +50,15 @@ inline std::vector<std::uint8_t> dilate(ColumnSquare s, const std::vector<std::u
   for (std::size_t i = 0; i < mask.size(); ++i) out[i] = (sums[i] > 0) == set;
   return out;
 }
-inline std::vector<std::uint8_t> erode(ColumnSquare s, const std::vector<std::uint8_t>& mask, int radius) {
+[[nodiscard]] inline std::vector<std::uint8_t> erode(ColumnSquare s, const std::vector<std::uint8_t>& mask,
+                                                     int radius) {
   return dilate(s, mask, radius, false);
 }
 
 /// Lower median of the heights around every wanted column.
-inline std::vector<std::int32_t> median5(ColumnSquare s, const std::vector<std::int32_t>& height,
-                                         const std::vector<std::uint8_t>& wanted) {
+[[nodiscard]] inline std::vector<std::int32_t> median5(ColumnSquare s,
+                                                       const std::vector<std::int32_t>& height,
+                                                       const std::vector<std::uint8_t>& wanted) {
   std::vector<std::int32_t> out = height;
   std::array<std::int32_t, 25> near;
   for (int v = 0; v < s.edge; ++v)

@@ -21,7 +21,7 @@ struct DensityNode {
 /// \param points  of the brick, canonical order, relative to it, in its cells; no halo
 /// \param brick   its coordinates
 /// \param minimum   no bricks below this level
-std::vector<DensityNode> split_by_density(const PointBlock& points, const Int3& brick, int levels,
-                                          int minimum);
+[[nodiscard]] std::vector<DensityNode> split_by_density(const PointBlock& points, const Int3& brick,
+                                                        int levels, int minimum);
 
 }  // namespace tessera

@@ -25,7 +25,7 @@ class GridLine {
   /// are there has no place. \param sample  relative to the scanner, finite
   void put(std::int64_t cell, const Double3& sample);
   /// The sample of a cell; null where there is none.
-  const Double3* find(std::int64_t cell) const {
+  [[nodiscard]] const Double3* find(std::int64_t cell) const {
     const std::int64_t at = cell - first_;
     if (at < 0 || at >= static_cast<std::int64_t>(samples_.size())) return nullptr;
     const Double3& p = samples_[static_cast<std::size_t>(at)];
@@ -46,6 +46,6 @@ class GridLine {
 /// \param lines  consecutive ones around that of the sample, which is in the middle; null where the grid has none
 /// \pre the middle line has a sample in the cell
 /// \cost  about 0.3 us
-Float3 grid_normal(std::span<const GridLine* const, kGridLines> lines, std::int64_t cell);
+[[nodiscard]] Float3 grid_normal(std::span<const GridLine* const, kGridLines> lines, std::int64_t cell);
 
 }  // namespace tessera

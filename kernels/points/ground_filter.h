@@ -44,8 +44,8 @@ struct GroundSurface {
 /// measured; the membrane over a hole, and what stands in for cells without any measurement, on the rim of the hole.
 /// \param lowest  of every cell, u fastest, kNoGround where nothing was measured; |height| <= 2^30  \pre rules are in their ranges
 /// \cost 20 bytes and about 0.2 µs a cell
-GroundSurface find_ground(std::span<const std::int32_t> lowest, int width, int height,
-                          const GroundRules& rules);
+[[nodiscard]] GroundSurface find_ground(std::span<const std::int32_t> lowest, int width, int height,
+                                        const GroundRules& rules);
 
 /// Heights where `known`, elsewhere a membrane between them: means of squares of two cells fill from coarse to fine, each level
 /// is relaxed towards the mean of the four cells around. What fills a hole depends on its rim alone. Without any known cell all
@@ -62,6 +62,6 @@ void erode_raster(std::vector<std::int32_t>& heights, int width, int height, int
 struct GroundAt {
   double height = 0.0, tolerance = 0.0;
 };
-GroundAt ground_at(const GroundSurface& surface, const GroundRules& rules, double u, double v);
+[[nodiscard]] GroundAt ground_at(const GroundSurface& surface, const GroundRules& rules, double u, double v);
 
 }  // namespace tessera

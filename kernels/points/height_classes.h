@@ -31,8 +31,8 @@ struct HeightClasses {
 /// \param above  height over the ground there, below it negative
 /// \param kind   GroundCell of the cell
 /// \param roof   whether the cell is one of find_roofs() \param water  whether it is one of find_water()
-inline std::uint8_t class_by_height(double above, double tolerance, std::uint8_t kind, bool roof, bool water,
-                                    const HeightClasses& classes) {
+[[nodiscard]] inline std::uint8_t class_by_height(double above, double tolerance, std::uint8_t kind,
+                                                  bool roof, bool water, const HeightClasses& classes) {
   if (above <= tolerance && above >= -tolerance) return water ? kClassWater : kClassGround;
   if (classes.ground_only) return kClassUnassigned;
   // Of what lies too low only pits are known to be no ground: else the surface runs across a step.

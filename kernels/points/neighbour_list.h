@@ -24,7 +24,7 @@ struct NeighbourSource {
 class NeighbourList {
  public:
   /// Whether fill() has to be called.
-  bool empty() const { return size_ == 0; }
+  [[nodiscard]] bool empty() const { return size_ == 0; }
   void clear() { size_ = 0; }
   /// Takes the points that lie strictly inside the cube grown by `radius`, positions relative to its corner.
   /// \param runs  of the source, [first, last), in canonical order
@@ -40,8 +40,8 @@ class NeighbourList {
   int sum(std::span<const std::uint32_t> packs, const Float3& p, float radius, NeighbourSums& sums,
           std::size_t lane) const;
   /// How many, and how many of these have a normal within 60 degrees of n.
-  std::pair<int, int> supported(std::span<const std::uint32_t> packs, const Float3& p, const Float3& n,
-                                float radius) const;
+  [[nodiscard]] std::pair<int, int> supported(std::span<const std::uint32_t> packs, const Float3& p,
+                                              const Float3& n, float radius) const;
 
  private:
   void reserve_lanes(std::size_t maximum, bool normals);

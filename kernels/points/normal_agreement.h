@@ -42,6 +42,6 @@ struct NormalAgreement {
 
 /// Each sample against its nearest neighbours in its tangent plane. \param cell  points of one place, a few dozen
 /// \cost quadratic
-NormalAgreement compare_neighbours(std::span<const NormalSample> cell);
+[[nodiscard]] NormalAgreement compare_neighbours(std::span<const NormalSample> cell);
 
 }  // namespace tessera

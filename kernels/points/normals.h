@@ -31,13 +31,13 @@ struct PointShape {
 };
 
 /// Cells around the core that must hold all points: the largest radius, rounded up.
-int normal_halo_cells(const NormalOptions& options);
+[[nodiscard]] int normal_halo_cells(const NormalOptions& options);
 
 /// Shapes of the core points of the block, in their order (points outside the core are skipped).
 /// Every value is a pure function of the points within the radius: any block gives the same bits.
 /// Planes of points known as ground go through such points alone, where the block tells (PointBlock::flags).
 /// \pre points are complete within normal_halo_cells of the core, canonical order
 /// \cost one vectorised pass over the points of the 4^3-cell cube and its halo per point
-std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options);
+[[nodiscard]] std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options);
 
 }  // namespace tessera

@@ -37,7 +37,7 @@ struct Surfel {
 /// against the normal of `b`. Positive = same side. 0 when no arc joins the two; magnitude at most
 /// kVoteScale.
 /// \param offset  b's position minus a's, cells
-std::int32_t link_vote(const Surfel& a, const Surfel& b, const Float3& offset);
+[[nodiscard]] std::int32_t link_vote(const Surfel& a, const Surfel& b, const Float3& offset);
 inline constexpr std::int32_t kVoteScale = 4096;
 
 /// A vote of two surfels, by their places in the lists given to link_voxels.
@@ -102,6 +102,6 @@ struct OrientationInput {
 };
 
 /// Patches of one brick and what they say of each other.
-BrickOrientation orient_brick(const OrientationInput& points);
+[[nodiscard]] BrickOrientation orient_brick(const OrientationInput& points);
 
 }  // namespace tessera

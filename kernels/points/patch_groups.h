@@ -14,12 +14,12 @@ struct PatchGroups {
   std::vector<std::uint32_t> of;    ///< per patch
   std::vector<std::int8_t> sign;    ///< of a patch in its group
   std::vector<std::uint64_t> size;  ///< of a group, weight of its patches
-  std::uint32_t count() const { return static_cast<std::uint32_t>(size.size()); }
+  [[nodiscard]] std::uint32_t count() const { return static_cast<std::uint32_t>(size.size()); }
 };
 
 /// \pre links are merged, a < b
-PatchGroups group_patches(std::span<const std::uint64_t> weight, const std::vector<PatchVote>& links,
-                          const ContractionLimits& limits);
+[[nodiscard]] PatchGroups group_patches(std::span<const std::uint64_t> weight,
+                                        const std::vector<PatchVote>& links, const ContractionLimits& limits);
 
 /// Patches that know their side by themselves and clearly show another one than their group leave it, each as a group of its
 /// own: seen from above, a roof that links joined to the ground the wrong way round.

@@ -24,6 +24,6 @@ struct FittedPlane {
 };
 
 /// Each lane alone: a plane does not hang on those beside it. The eigenvalues are min_eigen3()'s to the last bit.
-std::array<FittedPlane, NeighbourSums::kLanes> fit_planes(const NeighbourSums& sums);
+[[nodiscard]] std::array<FittedPlane, NeighbourSums::kLanes> fit_planes(const NeighbourSums& sums);
 
 }  // namespace tessera

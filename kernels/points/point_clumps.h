@@ -17,6 +17,7 @@ struct PointClumps {
 /// \param edge      e
 /// \param points    of the scan
 /// \param typical   points of the median cell that holds any, of an edge that a clump fits in: strewn points are alone there
-PointClumps find_clumps(std::span<const double> occupied, double edge, double points, double typical);
+[[nodiscard]] PointClumps find_clumps(std::span<const double> occupied, double edge, double points,
+                                      double typical);
 
 }  // namespace tessera

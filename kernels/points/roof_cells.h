@@ -21,7 +21,7 @@ struct RoofRules {
 
 /// 1 for cells of roofs and those beside them, which hold eaves and walls. A cell depends on nothing farther away than 6 cells.
 /// \param lowest, surface  as given to and returned by find_ground()
-std::vector<std::uint8_t> find_roofs(std::span<const std::int32_t> lowest, const GroundSurface& surface,
-                                     const RoofRules& rules);
+[[nodiscard]] std::vector<std::uint8_t> find_roofs(std::span<const std::int32_t> lowest,
+                                                   const GroundSurface& surface, const RoofRules& rules);
 
 }  // namespace tessera

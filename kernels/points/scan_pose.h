@@ -32,14 +32,15 @@ enum class ScanPose : std::uint8_t {
 /// \param grid    samples of pairs of consecutive lines from all over the grid, and in these of pairs of consecutive cells,
 ///                in any order; empty = the scan has no grid
 /// \param filled_in  the pose is neither missing nor the identity: somebody gave it
-ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample> grid, bool filled_in);
+[[nodiscard]] ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample> grid,
+                                       bool filled_in);
 
 /// Which lines, or which cells of a line, check_scan_pose() is to see: pairs of neighbours, evenly spread.
 /// \param pairs  about how many
 class PairChoice {
  public:
   PairChoice(std::uint64_t count, std::uint64_t pairs) : stride_(count / pairs > 2 ? count / pairs : 2) {}
-  bool takes(std::uint64_t i) const { return i % stride_ < 2; }
+  [[nodiscard]] bool takes(std::uint64_t i) const { return i % stride_ < 2; }
 
  private:
   std::uint64_t stride_;
@@ -52,7 +53,7 @@ class EvenSpread {
   /// Whether the next of the stream is wanted; add() must follow then, unless it has no position.
   bool wants_next() { return next_++ % every_ == 0; }
   void add(const Double3& p);
-  std::span<const Double3> positions() const { return kept_; }
+  [[nodiscard]] std::span<const Double3> positions() const { return kept_; }
 
  private:
   static constexpr std::size_t kMax = 2048;

@@ -43,8 +43,8 @@ struct Contraction {
 /// \param weight  of the nodes, decides who takes whom in
 /// \pre votes are merged, a < b
 /// \cost O(E log E) per round, rounds grow with log(nodes) and log(range of votes)
-Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<PatchVote> votes,
-                           const ContractionLimits& limits);
+[[nodiscard]] Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<PatchVote> votes,
+                                         const ContractionLimits& limits);
 
 struct SignSolution {
   std::vector<std::int8_t> sign;  ///< per patch, +1 or -1; +1 for the root of its component
@@ -60,7 +60,8 @@ struct SignSolution {
 /// \param anchors  per patch, those whose signs are decided elsewhere, where more votes are known: the others hang on them;
 ///     empty = none
 /// \pre votes are merged, a < b, every index below weight.size()
-SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const PatchVote> votes,
-                         std::span<const std::uint8_t> anchors = {});
+[[nodiscard]] SignSolution solve_signs(std::span<const std::uint64_t> weight,
+                                       std::span<const PatchVote> votes,
+                                       std::span<const std::uint8_t> anchors = {});
 
 }  // namespace tessera

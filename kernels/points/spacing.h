@@ -19,7 +19,7 @@ namespace tessera {
 class ScaleHistogram {
  public:
   void add(double value) { ++bins_[bin_of(value)], ++total_; }
-  std::uint64_t count() const { return total_; }
+  [[nodiscard]] std::uint64_t count() const { return total_; }
   /// Centre of the bin that holds the quantile, within 0.8 % of it; 0 without values.
   double quantile(double share) const;
 
@@ -86,7 +86,8 @@ struct SpacingSummary {
   double outliers =
       0.0;  ///< share of the points that is too sparse for the surface and was left out; mostly 0
 };
-SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHistogram& residual);
+[[nodiscard]] SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes,
+                                               const ScaleHistogram& residual);
 
 /// A lattice spacing and the reason for it, one line.
 struct ChosenSpacing {
@@ -98,7 +99,7 @@ struct ChosenSpacing {
 /// sampled at 2 h or closer, which the field still closes. Scans of fewer than 16384 points get the lattice that so many would
 /// have, down to half: limbs of a few points' width need cells, and cost little. Never below what averages the noise.
 /// \param points  of the scan
-ChosenSpacing choose_spacing(const SpacingSummary& measured,
-                             std::uint64_t points = std::numeric_limits<std::uint64_t>::max());
+[[nodiscard]] ChosenSpacing choose_spacing(const SpacingSummary& measured,
+                                           std::uint64_t points = std::numeric_limits<std::uint64_t>::max());
 
 }  // namespace tessera

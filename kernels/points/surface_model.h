@@ -52,7 +52,7 @@ struct ColumnLayers {
 };
 
 /// The median height of points and the mean of their colours. \pre at least one; in order of height
-PointLayer layer_of(std::span<const ColumnPoint> points);
+[[nodiscard]] PointLayer layer_of(std::span<const ColumnPoint> points);
 
 /// Of every column the highest and the lowest layer of three cells that hold at least three points of many, two of few: not
 /// the highest point, so that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
@@ -90,20 +90,20 @@ struct SurfaceModel {
   std::vector<std::int32_t> wall_low, wall_high;  ///< ColumnLayers
   std::vector<std::int8_t> wall_u, wall_v;
 
-  std::size_t at(int u, int v) const {
+  [[nodiscard]] std::size_t at(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(u);
   }
   /// Measured points of a column that stands lie on what the samples stand for from so far below its height on, quanta.
   /// Of a skin: points so near its height lie on it; more where it is steep. \pre not on the rim
-  std::int32_t reach(std::size_t column) const;
+  [[nodiscard]] std::int32_t reach(std::size_t column) const;
 };
 
 /// Wires are left out: they are thinner than a column and would become roofs as wide as their distance. A column is below one
 /// where the scan shows a layer high above the ground around and the ground through it, nothing in between, in a line of columns
 /// that is nowhere seven wide.
 /// \param layers  edge^2, u fastest; the rim of kSurfaceModelHalo columns is context
-SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge,
-                               ModelUse use = ModelUse::kStandIn);
+[[nodiscard]] SurfaceModel fit_surface_model(std::span<const ColumnLayers> layers, int edge,
+                                             ModelUse use = ModelUse::kStandIn);
 
 /// A sample of a model. Position in quanta from the corner of column (0, 0), height along up.
 struct ModelSample {

@@ -133,8 +133,8 @@ class SurfelScene {
 };
 
 /// The coarse voxel of a position.
-Int3 coarse_voxel_of(const Float3& position);
+[[nodiscard]] Int3 coarse_voxel_of(const Float3& position);
 /// Of a voxel, brick or region: 21 bits a coordinate.
-std::uint64_t voxel_key(const Int3& at);
+[[nodiscard]] std::uint64_t voxel_key(const Int3& at);
 
 }  // namespace tessera

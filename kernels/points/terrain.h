@@ -44,9 +44,9 @@ struct TerrainNode {
 /// The terrain over a raster of cells, u fastest: ground where SMRF finds it, elsewhere a membrane between its levels.
 /// A node depends on no cell farther away than terrain_halo(), but for membranes over holes wider than that.
 /// \cost 48 bytes and half a µs a cell
-std::vector<TerrainNode> fit_terrain(std::span<const TerrainCell> cells, int width, int height,
-                                     const GroundRules& rules);
-int terrain_halo(const GroundRules& rules);
+[[nodiscard]] std::vector<TerrainNode> fit_terrain(std::span<const TerrainCell> cells, int width, int height,
+                                                   const GroundRules& rules);
+[[nodiscard]] int terrain_halo(const GroundRules& rules);
 
 /// The terrain below one brick column.
 class BrickTerrain {
@@ -55,13 +55,15 @@ class BrickTerrain {
   BrickTerrain(std::span<const TerrainNode> nodes, const GroundRules& rules);
 
   /// Nodes of a brick column with those around it, along an edge.
-  static int edge(const GroundRules& rules) { return kBrickCells * kQuantaPerCell / rules.cell + 2; }
-  bool known() const { return !nodes_.empty(); }
+  [[nodiscard]] static int edge(const GroundRules& rules) {
+    return kBrickCells * kQuantaPerCell / rules.cell + 2;
+  }
+  [[nodiscard]] bool known() const { return !nodes_.empty(); }
   /// Height at the middle of a column, and how far from it ground lies. \pre known()
-  GroundAt at(int u, int v) const;
+  [[nodiscard]] GroundAt at(int u, int v) const;
   /// Colour there, between those of the nodes; alpha 0 without.
-  std::uint32_t rgba(int u, int v) const;
-  const TerrainNode& node(int u, int v) const;  ///< of the cell that holds a column
+  [[nodiscard]] std::uint32_t rgba(int u, int v) const;
+  [[nodiscard]] const TerrainNode& node(int u, int v) const;  ///< of the cell that holds a column
 
  private:
   GroundRules rules_;

@@ -33,10 +33,10 @@ class TopColumns {
   /// After the last add().
   void finish();
 
-  std::span<const Column> columns() const { return columns_; }
-  const Float3& up() const { return up_; }
-  const Column* find(const Float3& position) const;  ///< null where nothing was seen
-  float top(const Float3& position) const;           ///< less than everything where nothing was seen
+  [[nodiscard]] std::span<const Column> columns() const { return columns_; }
+  [[nodiscard]] const Float3& up() const { return up_; }
+  [[nodiscard]] const Column* find(const Float3& position) const;  ///< null where nothing was seen
+  [[nodiscard]] float top(const Float3& position) const;  ///< less than everything where nothing was seen
 
  private:
   Column column_at(const Float3& position) const;
@@ -74,9 +74,9 @@ class TopSurface {
   double ground_share() const { return ground_share_; }
   /// Little is covered; or it is by crowns alone, and the scene is large enough to tell them from ceilings. From stations on
   /// the ground crowns show more flanks than level surface: there the ground below them tells, of few columns that alone.
-  bool seen_from_above() const;
+  [[nodiscard]] bool seen_from_above() const;
 
-  const TopColumns& columns() const { return columns_; }
+  [[nodiscard]] const TopColumns& columns() const { return columns_; }
 
  private:
   TopColumns columns_;
@@ -86,7 +86,8 @@ class TopSurface {
 /// Votes for the side that patches show, as VisibilityVotes::sides.
 /// \param surfels  of these patches, in their signs; `columns` of the whole job
 /// \param scale  weight of one fine surfel's vote
-std::vector<PatchVote> vote_by_top(std::span<const JobSurfel> surfels, const TopColumns& columns,
-                                   std::size_t patches, double scale);
+[[nodiscard]] std::vector<PatchVote> vote_by_top(std::span<const JobSurfel> surfels,
+                                                 const TopColumns& columns, std::size_t patches,
+                                                 double scale);
 
 }  // namespace tessera

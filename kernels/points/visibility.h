@@ -50,8 +50,8 @@ std::uint64_t sight_bytes(const SightRun& run, std::uint64_t surfels, std::uint6
 /// \param scale  weight of one fine surfel's votes while all its looks agree
 /// \param known  what the user says of the scene
 /// \cost some millions of rays, whatever the job's size and whatever it shows
-VisibilityVotes vote_by_visibility(const SurfelParts& parts, const Float3& up, double scale,
-                                   std::optional<SceneKind> known, const SightRun& run);
+[[nodiscard]] VisibilityVotes vote_by_visibility(const SurfelParts& parts, const Float3& up, double scale,
+                                                 std::optional<SceneKind> known, const SightRun& run);
 
 /// Votes of sensors that nothing hides, for points that do not say which one saw them: the nearest of these
 /// says most, and less the more it looks along the surface.

@@ -19,12 +19,12 @@ struct VolumetricInput {
 
 /// 1 for every point that is strewn: not only is its own neighbourhood no plane, most of those around it are none
 /// either, so that edges, corners and wires on a surface stay.
-std::vector<std::uint8_t> find_volumetric(const VolumetricInput& points);
+[[nodiscard]] std::vector<std::uint8_t> find_volumetric(const VolumetricInput& points);
 
 /// 1 for every other point that lies among strewn ones: within 10 cells along every axis most points are. In crowns these are
 /// flakes of leaves that happen to lie in a plane; where bodies stand for crowns, they are part of them.
 /// \param volumetric  of find_volumetric()
-std::vector<std::uint8_t> find_among_volumetric(const VolumetricInput& points,
-                                                std::span<const std::uint8_t> volumetric);
+[[nodiscard]] std::vector<std::uint8_t> find_among_volumetric(const VolumetricInput& points,
+                                                              std::span<const std::uint8_t> volumetric);
 
 }  // namespace tessera

@@ -19,7 +19,7 @@ struct WaterRules {
   int reach = 128;          ///< cells: so far away a bank is looked for
 
   /// A cell depends on nothing farther away.
-  int halo() const { return width > 0 ? 2 * width + reach + 3 : 0; }
+  [[nodiscard]] int halo() const { return width > 0 ? 2 * width + reach + 3 : 0; }
 };
 
 /// 1 for cells of water. Such a cell is sparse and lies in a square of `width` cells of which a sixteenth at most is not sparse;
@@ -30,8 +30,8 @@ struct WaterRules {
 /// is no more than the relief below that median: so what fades out at the end of a scan is no water, nor is a roof.
 /// At last half of such a square must be water.
 /// \param lowest  of every cell, u fastest, kNoGround where nothing was measured \param counts  points of every cell
-std::vector<std::uint8_t> find_water(std::span<const std::int32_t> lowest,
-                                     std::span<const std::uint32_t> counts, int width, int height,
-                                     const WaterRules& rules);
+[[nodiscard]] std::vector<std::uint8_t> find_water(std::span<const std::int32_t> lowest,
+                                                   std::span<const std::uint32_t> counts, int width,
+                                                   int height, const WaterRules& rules);
 
 }  // namespace tessera

@@ -32,42 +32,45 @@ class ReferenceSurface {
         kNone;  ///< face of the reference, on lines a segment; kNone: nothing within the limit
   };
   /// \param hint  a face that is near, to be faster, or kNone
-  Foot closest(const Double3& p, double limit_square, std::uint32_t hint = kNone) const;
+  [[nodiscard]] Foot closest(const Double3& p, double limit_square, std::uint32_t hint = kNone) const;
   /// The same from the foot of a point nearby: walks from its face towards p, over no line, to where no face beside is
   /// nearer. That need not be the nearest of all: farther away than the root of `trust_square` it searches.
-  Foot near(const Double3& p, double limit_square, double trust_square, std::uint32_t face) const;
+  [[nodiscard]] Foot near(const Double3& p, double limit_square, double trust_square,
+                          std::uint32_t face) const;
   /// Unit normal of the face, averaged with those across its edges that are no creases; zero for none.
-  const Float3& normal(std::uint32_t face) const { return normal_[face]; }
+  [[nodiscard]] const Float3& normal(std::uint32_t face) const { return normal_[face]; }
 
   /// How long edges may be at a foot in a face, on a segment.
-  float length_in_face(std::uint32_t face, const Double3& p) const;
-  float length_on_line(std::uint32_t segment, const Double3& p) const;
+  [[nodiscard]] float length_in_face(std::uint32_t face, const Double3& p) const;
+  [[nodiscard]] float length_on_line(std::uint32_t segment, const Double3& p) const;
 
-  std::span<const Double3> vertices() const { return at_; }  ///< relative to the origin
+  [[nodiscard]] std::span<const Double3> vertices() const { return at_; }  ///< relative to the origin
 
-  bool has_lines() const { return !segments_.empty(); }
+  [[nodiscard]] bool has_lines() const { return !segments_.empty(); }
   /// Foot on any line; slot is a segment.
-  Foot closest_on_lines(const Double3& p) const;
+  [[nodiscard]] Foot closest_on_lines(const Double3& p) const;
   /// Foot on the polyline of this segment, walking from it while that comes closer; stops at corners.
-  Foot slide(const Double3& p, std::uint32_t segment) const;
+  [[nodiscard]] Foot slide(const Double3& p, std::uint32_t segment) const;
 
   /// Per vertex of the block a face that has it as a corner, by key and place; kNone where it is not in the reference.
-  std::vector<std::uint32_t> faces_at(const MeshBlock& block) const;
+  [[nodiscard]] std::vector<std::uint32_t> faces_at(const MeshBlock& block) const;
 
   /// The colour at a foot in a face; the reference has colours.
-  std::uint32_t colour(std::uint32_t face, const Double3& p) const;
+  [[nodiscard]] std::uint32_t colour(std::uint32_t face, const Double3& p) const;
 
   /// Which vertices of the block, by key and place, are corners that no length of edges takes away: where at least three
   /// creases that turn by more than 45 degrees meet, or a line bends, and one of them is long enough to bear an edge.
   /// What lies beside other corners alone is noise at this size.
-  std::vector<std::uint8_t> lasting_corners(const MeshBlock& block) const;
+  [[nodiscard]] std::vector<std::uint8_t> lasting_corners(const MeshBlock& block) const;
 
   /// Gives the vertices and edges of `block` that are in the reference too, by key, their vertex_class and bits of
   /// creases. \pre keys ascend in both
   void mark(MeshBlock& block) const;
 
   /// Bytes that it holds or takes while it is made, per face of the reference.
-  static constexpr std::uint64_t bytes_per_face() { return ClosestFaces::bytes_per_face() + 220; }
+  [[nodiscard]] static constexpr std::uint64_t bytes_per_face() {
+    return ClosestFaces::bytes_per_face() + 220;
+  }
 
  private:
   struct Segment {

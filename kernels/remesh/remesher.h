@@ -22,9 +22,9 @@ class Remesher {
            const RemeshOptions& options, std::span<const std::uint64_t> pinned, bool guarded);
   void run(RemeshReport& report);
 
-  std::uint64_t key(std::uint32_t v) const { return info_[v].key; }
-  bool moved(std::uint32_t v) const { return info_[v].moved; }
-  std::uint32_t foot(std::uint32_t v) const { return info_[v].foot; }
+  [[nodiscard]] std::uint64_t key(std::uint32_t v) const { return info_[v].key; }
+  [[nodiscard]] bool moved(std::uint32_t v) const { return info_[v].moved; }
+  [[nodiscard]] std::uint32_t foot(std::uint32_t v) const { return info_[v].foot; }
 
  private:
   struct Info {

@@ -24,8 +24,9 @@ inline constexpr double kSizingGrowth = 0.2;
 /// over two rings first; along `lines`, whose vertices have no single normal, the turn of the line with half the tolerance.
 /// \param lines  pairs of segments that go on in each other, as their three vertices in order
 /// \param on_line  per vertex
-std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std::uint8_t> on_line,
-                                std::span<const std::array<std::uint32_t, 3>> lines,
-                                const SizingOptions& options);
+[[nodiscard]] std::vector<float> sizing_field(const MeshBlock& reference,
+                                              std::span<const std::uint8_t> on_line,
+                                              std::span<const std::array<std::uint32_t, 3>> lines,
+                                              const SizingOptions& options);
 
 }  // namespace tessera

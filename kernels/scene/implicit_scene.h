@@ -39,12 +39,14 @@ struct Primitive {
   Primitive& along(const Double3& direction);  ///< local z along a direction
   Primitive& painted(int r, int g, int b);
 };
-Primitive box(const Double3& centre, const Double3& half, double round = 0.0, double blend = 0.0);
-Primitive cylinder(const Double3& centre, double radius, double half_height, double round = 0.0,
-                   double blend = 0.0);
-Primitive torus(const Double3& centre, double major, double minor, double blend = 0.0);
-Primitive round_cone(const Double3& a, const Double3& b, double ra, double rb, double blend = 0.0);
-Primitive ball(const Double3& centre, double radius, double blend = 0.0);
+[[nodiscard]] Primitive box(const Double3& centre, const Double3& half, double round = 0.0,
+                            double blend = 0.0);
+[[nodiscard]] Primitive cylinder(const Double3& centre, double radius, double half_height, double round = 0.0,
+                                 double blend = 0.0);
+[[nodiscard]] Primitive torus(const Double3& centre, double major, double minor, double blend = 0.0);
+[[nodiscard]] Primitive round_cone(const Double3& a, const Double3& b, double ra, double rb,
+                                   double blend = 0.0);
+[[nodiscard]] Primitive ball(const Double3& centre, double radius, double blend = 0.0);
 
 /// What a scene is made of.
 struct ImplicitModel {
@@ -64,14 +66,14 @@ class ImplicitScene final : public Scene {
   /// Field and gradient at p. \param paint  receives the colour of the nearest primitive if not null
   double field(const Double3& p, Double3& gradient, std::uint32_t* paint = nullptr) const;
 
-  std::string_view name() const override { return model_.name; }
-  Box3 bounds() const override { return model_.bounds; }
-  SurfacePoint closest(const Double3& p) const override;
+  [[nodiscard]] std::string_view name() const override { return model_.name; }
+  [[nodiscard]] Box3 bounds() const override { return model_.bounds; }
+  [[nodiscard]] SurfacePoint closest(const Double3& p) const override;
   bool intersect(const Ray& ray, double limit, RayHit& hit) const override;
   void crossings(const Ray& ray, double limit, std::vector<SurfacePoint>& out) const override;
-  bool open() const override { return model_.ground; }
-  std::vector<Double3> stations() const override { return model_.stations; }
-  std::uint32_t colour(const SurfacePoint& p) const override;
+  [[nodiscard]] bool open() const override { return model_.ground; }
+  [[nodiscard]] std::vector<Double3> stations() const override { return model_.stations; }
+  [[nodiscard]] std::uint32_t colour(const SurfacePoint& p) const override;
 
  private:
   void build_grid();

@@ -16,11 +16,11 @@ namespace tessera::synth {
 
 /// \param faces  counter-clockwise from outside; a sensor sees both sides of a face, direct samples have its normal
 /// \throws InputError when no face has an area, or one names a vertex that is not there or not finite
-std::unique_ptr<Scene> make_mesh_scene(std::string name, std::vector<Double3> vertices,
-                                       std::vector<std::array<std::uint32_t, 3>> faces);
+[[nodiscard]] std::unique_ptr<Scene> make_mesh_scene(std::string name, std::vector<Double3> vertices,
+                                                     std::vector<std::array<std::uint32_t, 3>> faces);
 
 /// Upper bound of its memory, what it is made from included.
-constexpr std::uint64_t mesh_scene_bytes(std::uint64_t vertices, std::uint64_t faces) {
+[[nodiscard]] constexpr std::uint64_t mesh_scene_bytes(std::uint64_t vertices, std::uint64_t faces) {
   return vertices * 48 + faces * (12 + 12 + 16 + 12);
 }
 

@@ -31,15 +31,15 @@ struct ScanInfo {
 class SampleSource {
  public:
   virtual ~SampleSource() = default;
-  virtual std::uint64_t unit_count() const = 0;
+  [[nodiscard]] virtual std::uint64_t unit_count() const = 0;
   virtual void sample(std::uint64_t unit, SampleBatch& out) const = 0;
   /// Set-ups in the order of their units; one pseudo scan for direct sampling.
-  virtual const std::vector<ScanInfo>& scans() const = 0;
+  [[nodiscard]] virtual const std::vector<ScanInfo>& scans() const = 0;
   /// Area of the truth surface, 0 where unknown (sensors).
-  virtual double area() const = 0;
+  [[nodiscard]] virtual double area() const = 0;
   /// Mean distance of neighbouring samples: sqrt(area / points), or the median over a sensor's rays of the
   /// side of the square that one ray stands for on the surface.
-  virtual double spacing() const = 0;
+  [[nodiscard]] virtual double spacing() const = 0;
 };
 
 enum class SensorKind { kTerrestrial, kAirborne, kStructuredLight };
@@ -58,9 +58,11 @@ struct SensorOptions {
 /// keeping the hits that it meets most squarely) within a few percent and up to 1.7 times thinner on oblique
 /// faces.
 /// \pre points > 0; the scene outlives the source
-std::unique_ptr<SampleSource> sample_surface(const Scene& scene, std::uint64_t points, std::uint64_t seed);
+[[nodiscard]] std::unique_ptr<SampleSource> sample_surface(const Scene& scene, std::uint64_t points,
+                                                           std::uint64_t seed);
 /// Number of points that direct sampling needs for a mean spacing.
-std::uint64_t points_for_spacing(const Scene& scene, double spacing);
-std::unique_ptr<SampleSource> sample_by_sensor(const Scene& scene, const SensorOptions& options);
+[[nodiscard]] std::uint64_t points_for_spacing(const Scene& scene, double spacing);
+[[nodiscard]] std::unique_ptr<SampleSource> sample_by_sensor(const Scene& scene,
+                                                             const SensorOptions& options);
 
 }  // namespace tessera::synth

@@ -40,7 +40,7 @@ struct SurfaceBatch {
   std::vector<double> nx, ny, nz;
   void resize(std::size_t n);
   void push_back(const SurfacePoint& p);
-  std::size_t size() const { return x.size(); }
+  [[nodiscard]] std::size_t size() const { return x.size(); }
 };
 
 /// A piece of the surface over the unit square, for direct sampling. Positions are exact; the area density
@@ -49,15 +49,15 @@ class SurfacePatch {
  public:
   virtual ~SurfacePatch() = default;
   /// Typical lengths of the patch along u and v, scene units: they choose the sampling grid.
-  virtual double length_u() const = 0;
-  virtual double length_v() const = 0;
+  [[nodiscard]] virtual double length_u() const = 0;
+  [[nodiscard]] virtual double length_v() const = 0;
   /// Surface area per unit of du dv.
-  virtual double density(double u, double v) const = 0;
+  [[nodiscard]] virtual double density(double u, double v) const = 0;
   /// Exact points and normals at u[i], v[i] in [0, 1]; `out` is resized.
   virtual void evaluate(std::span<const double> u, std::span<const double> v, SurfaceBatch& out) const = 0;
   /// Whether (u, v) belongs to the patch; trimmed() says whether asking is needed at all.
-  virtual bool inside(double, double) const { return true; }
-  virtual bool trimmed() const { return false; }
+  [[nodiscard]] virtual bool inside(double, double) const { return true; }
+  [[nodiscard]] virtual bool trimmed() const { return false; }
 };
 
 /// A curve where the surface has a crease, or a corner where creases meet.
@@ -70,13 +70,13 @@ struct SharpFeature {
 class Scene {
  public:
   virtual ~Scene() = default;
-  virtual std::string_view name() const = 0;
-  virtual Box3 bounds() const = 0;  ///< encloses the surface
+  [[nodiscard]] virtual std::string_view name() const = 0;
+  [[nodiscard]] virtual Box3 bounds() const = 0;  ///< encloses the surface
 
   /// Nearest point of the surface. Exact (to rounding) for queries nearer to it than its radii of curvature,
   /// for sphere, torus, cube, csg, fandisk everywhere; else a point of the surface, so that the distance is
   /// never understated.
-  virtual SurfacePoint closest(const Double3& p) const = 0;
+  [[nodiscard]] virtual SurfacePoint closest(const Double3& p) const = 0;
   /// First hit with 0 < range <= limit. \returns false if there is none
   virtual bool intersect(const Ray& ray, double limit, RayHit& hit) const = 0;
 
@@ -84,25 +84,25 @@ class Scene {
   /// it.
   virtual void crossings(const Ray&, double, std::vector<SurfacePoint>& out) const { out.clear(); }
   /// Pieces for direct sampling; empty for scenes that have no parametrisation.
-  virtual std::vector<const SurfacePatch*> patches() const { return {}; }
+  [[nodiscard]] virtual std::vector<const SurfacePatch*> patches() const { return {}; }
   /// Nearest point of any crease. \returns false if the scene has none or does not know them
   virtual bool nearest_crease(const Double3&, SharpFeature&) const { return false; }
   /// Nearest corner. \returns false if the scene has none or does not know them
   virtual bool nearest_corner(const Double3&, SharpFeature&) const { return false; }
   /// All corners, and points along all creases at most `step` apart. Empty where not known.
-  virtual std::vector<Double3> corners() const { return {}; }
-  virtual std::vector<Double3> crease_points(double) const { return {}; }
+  [[nodiscard]] virtual std::vector<Double3> corners() const { return {}; }
+  [[nodiscard]] virtual std::vector<Double3> crease_points(double) const { return {}; }
   /// Whether a point of the surface lies where the surface ends, so that what is beyond says nothing of
   /// accuracy.
-  virtual bool at_border(const Double3&) const { return false; }
+  [[nodiscard]] virtual bool at_border(const Double3&) const { return false; }
   /// Whether the surface ends somewhere (terrain), so that meshes of it have a border.
-  virtual bool open() const { return false; }
+  [[nodiscard]] virtual bool open() const { return false; }
   /// Where a terrestrial scanner stands in the scene; empty = around it.
-  virtual std::vector<Double3> stations() const { return {}; }
+  [[nodiscard]] virtual std::vector<Double3> stations() const { return {}; }
   /// Octaves of fractal relief in it, 0 without.
-  virtual int octaves() const { return 0; }
+  [[nodiscard]] virtual int octaves() const { return 0; }
   /// Colour at a point of the surface: r | g<<8 | b<<16 | 255<<24.
-  virtual std::uint32_t colour(const SurfacePoint& p) const;
+  [[nodiscard]] virtual std::uint32_t colour(const SurfacePoint& p) const;
 };
 
 struct SceneOptions {
@@ -116,9 +116,9 @@ struct SceneOptions {
 struct SceneName {
   std::string_view name, summary;
 };
-std::span<const SceneName> scene_names();
+[[nodiscard]] std::span<const SceneName> scene_names();
 
 /// \throws UsageError for an unknown name, listing those that exist
-std::unique_ptr<Scene> make_scene(const SceneOptions& options);
+[[nodiscard]] std::unique_ptr<Scene> make_scene(const SceneOptions& options);
 
 }  // namespace tessera::synth

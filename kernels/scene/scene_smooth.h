@@ -11,12 +11,12 @@ namespace tessera::synth {
 inline constexpr double kTerrainSize = 1000.0;  ///< edge of the terrain, scene units
 
 /// Relief with that many octaves, or (0) as many as samples of that spacing resolve.
-FractalOptions terrain_relief(int octaves, double spacing);
-std::uint32_t terrain_colour(const SurfacePoint& p, double amplitude);
+[[nodiscard]] FractalOptions terrain_relief(int octaves, double spacing);
+[[nodiscard]] std::uint32_t terrain_colour(const SurfacePoint& p, double amplitude);
 
-std::unique_ptr<Scene> make_sphere();  ///< radius 1, centre at the origin
-std::unique_ptr<Scene> make_torus();   ///< radii 1 and 0.4, axis z
-std::unique_ptr<Scene> make_terrain(const FractalOptions& relief);
+[[nodiscard]] std::unique_ptr<Scene> make_sphere();  ///< radius 1, centre at the origin
+[[nodiscard]] std::unique_ptr<Scene> make_torus();   ///< radii 1 and 0.4, axis z
+[[nodiscard]] std::unique_ptr<Scene> make_terrain(const FractalOptions& relief);
 
 /// First crossing of a ray with a surface z = height(x, y) from above or below: steps in proportion to the
 /// height difference, then bisection, so that a hit lies on the surface to 1e-12 of the scene; slopes steeper

@@ -23,8 +23,8 @@ class SolidFace : public SurfacePatch {
 };
 
 /// Parallelogram origin + u U + v V, normal along cross(U, V), cut by `trim` (empty: whole).
-std::unique_ptr<SolidFace> plane_face(const Double3& origin, const Double3& u, const Double3& v,
-                                      Trim trim = {});
+[[nodiscard]] std::unique_ptr<SolidFace> plane_face(const Double3& origin, const Double3& u, const Double3& v,
+                                                    Trim trim = {});
 
 /// Cylinder about the line through `centre` along the unit vector `axis`: angle from `from` to `to` measured
 /// from the unit vector `x` towards cross(axis, x), height along the axis from `low` to top(point), where
@@ -39,17 +39,18 @@ struct CylinderShape {
   bool inward = false;  ///< normal towards the axis: a bore
   Trim trim;
 };
-std::unique_ptr<SolidFace> cylinder_face(const CylinderShape& shape);
+[[nodiscard]] std::unique_ptr<SolidFace> cylinder_face(const CylinderShape& shape);
 
 /// centre + cos(t) a + sin(t) b for t in [from, to], or a segment.
 struct Crease {
   Double3 centre{}, a{}, b{};
   double from = 0.0, to = 0.0;
   bool straight = false;  ///< centre + t a, t in [0, 1]
-  static Crease line(const Double3& from, const Double3& to);
-  static Crease arc(const Double3& centre, const Double3& a, const Double3& b, double from, double to);
-  Double3 at(double t) const;
-  Double3 closest(const Double3& p) const;
+  [[nodiscard]] static Crease line(const Double3& from, const Double3& to);
+  [[nodiscard]] static Crease arc(const Double3& centre, const Double3& a, const Double3& b, double from,
+                                  double to);
+  [[nodiscard]] Double3 at(double t) const;
+  [[nodiscard]] Double3 closest(const Double3& p) const;
   /// Positions at equal steps of t, for closest(), and a ball around them; made by Solid::add.
   std::vector<Double3> scan;
   Double3 middle{};
@@ -63,13 +64,13 @@ class Solid : public Scene {
   void add(Crease crease);
   void add_corner(const Double3& corner) { corners_.push_back(corner); }
 
-  std::string_view name() const override { return name_; }
-  Box3 bounds() const override { return bounds_; }
-  SurfacePoint closest(const Double3& p) const override;
+  [[nodiscard]] std::string_view name() const override { return name_; }
+  [[nodiscard]] Box3 bounds() const override { return bounds_; }
+  [[nodiscard]] SurfacePoint closest(const Double3& p) const override;
   bool intersect(const Ray& ray, double limit, RayHit& hit) const override;
-  std::vector<const SurfacePatch*> patches() const override;
-  std::vector<Double3> corners() const override { return corners_; }
-  std::vector<Double3> crease_points(double step) const override;
+  [[nodiscard]] std::vector<const SurfacePatch*> patches() const override;
+  [[nodiscard]] std::vector<Double3> corners() const override { return corners_; }
+  [[nodiscard]] std::vector<Double3> crease_points(double step) const override;
   bool nearest_crease(const Double3& p, SharpFeature& out) const override;
   bool nearest_corner(const Double3& p, SharpFeature& out) const override;
 

@@ -31,7 +31,7 @@ class SurfaceSampler {
 
   double area() const { return area_; }
   double spacing() const { return spacing_; }  ///< sqrt(area / points)
-  const std::vector<SampleSpan>& spans() const { return spans_; }
+  [[nodiscard]] const std::vector<SampleSpan>& spans() const { return spans_; }
   /// Exactly span.points points, in order.
   void sample(const SampleSpan& span, SurfaceBatch& out) const;
 

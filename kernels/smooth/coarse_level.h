@@ -37,7 +37,7 @@ struct CoarseOptions {
 
 /// The grid for a mesh, and the filter that takes what it leaves: from numbers of the whole mesh alone.
 /// \param edge  root mean square length of its edges
-CoarseOptions coarse_options(double lambda, int order, double edge, std::uint64_t faces);
+[[nodiscard]] CoarseOptions coarse_options(double lambda, int order, double edge, std::uint64_t faces);
 
 /// How far from a vertex its unknowns reach, beyond its ring.
 double coarse_halo(const CoarseOptions& options);
@@ -69,7 +69,8 @@ struct CoarseBasis {
 
 /// \pre the rows are the block's own; keys below 2^61
 /// \throws InputError for a position farther than 10^9 cells from zero
-CoarseBasis make_coarse_basis(const MeshBlock& block, const SurfaceRows& rows, const CoarseOptions& options);
+[[nodiscard]] CoarseBasis make_coarse_basis(const MeshBlock& block, const SurfaceRows& rows,
+                                            const CoarseOptions& options);
 
 /// One entry of the Galerkin matrices, summed over some vertices.
 struct CoarseEntry {
@@ -87,8 +88,9 @@ struct CoarseLoad {
 /// What the vertices add to the matrices, by row and column.
 /// \param vertices  ascending
 /// \throws std::logic_error when one of them or of their neighbours is not `right`
-std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasis& basis,
-                                       std::span<const std::uint32_t> vertices, const CoarseOptions& options);
+[[nodiscard]] std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasis& basis,
+                                                     std::span<const std::uint32_t> vertices,
+                                                     const CoarseOptions& options);
 
 /// Where vertices are in the middle of an implicit step.
 struct StepState {
@@ -98,10 +100,12 @@ struct StepState {
 };
 
 /// What they add to the right-hand side, the residual of the step.
-std::vector<CoarseLoad> coarse_load(const SurfaceRows& rows, const CoarseBasis& basis, const StepState& state,
-                                    std::span<const std::uint32_t> vertices, const CoarseOptions& options);
+[[nodiscard]] std::vector<CoarseLoad> coarse_load(const SurfaceRows& rows, const CoarseBasis& basis,
+                                                  const StepState& state,
+                                                  std::span<const std::uint32_t> vertices,
+                                                  const CoarseOptions& options);
 
 /// Bytes that make_coarse_basis() takes, and most of them keeps, for a block of so many vertices.
-std::uint64_t coarse_basis_bytes(std::uint64_t vertices);
+[[nodiscard]] std::uint64_t coarse_basis_bytes(std::uint64_t vertices);
 
 }  // namespace tessera

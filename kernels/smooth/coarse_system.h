@@ -53,15 +53,17 @@ class CoarseSystem {
   /// The same with factors in memory.
   std::vector<CoarseValue> solve(std::span<const CoarseLoad> loads);
 
-  std::uint64_t entries() const { return free_.own.entries() + free_.seen.entries() + line_.own.entries(); }
+  [[nodiscard]] std::uint64_t entries() const {
+    return free_.own.entries() + free_.seen.entries() + line_.own.entries();
+  }
   /// In the last solve(): systems of order 1, three columns each, and cycles of multigrid, 0 with factors.
-  int systems() const { return systems_; }
-  int cycles() const { return cycles_; }
+  [[nodiscard]] int systems() const { return systems_; }
+  [[nodiscard]] int cycles() const { return cycles_; }
 
   /// Upper bounds for so many unknowns and entries: of what is held once all is added, and of what solve() takes beside
   /// that and its factors.
-  static std::uint64_t bytes(std::uint64_t unknowns, std::uint64_t entries, int order);
-  static std::uint64_t solve_bytes(std::uint64_t unknowns, int order);
+  [[nodiscard]] static std::uint64_t bytes(std::uint64_t unknowns, std::uint64_t entries, int order);
+  [[nodiscard]] static std::uint64_t solve_bytes(std::uint64_t unknowns, int order);
 
  private:
   struct Part {

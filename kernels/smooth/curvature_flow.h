@@ -42,7 +42,7 @@ struct FlowReport {
   /// not 0 = no result.
   std::size_t folding_faces = 0;
   std::uint32_t first_folding = 0;  ///< the first of them
-  bool done() const {
+  [[nodiscard]] bool done() const {
     return factor.status == SolveStatus::kSolved && solve.status == SolveStatus::kSolved &&
            folding_faces == 0;
   }

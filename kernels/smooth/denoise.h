@@ -29,7 +29,7 @@ struct DenoiseOptions {
 };
 
 /// Rings that it reads around a vertex.
-int denoise_rings(const DenoiseOptions& options);
+[[nodiscard]] int denoise_rings(const DenoiseOptions& options);
 /// Mean edges that mostly hold all that decides where a vertex goes: windows end by distance, and mostly early.
 double denoise_edges(const DenoiseOptions& options);
 
@@ -46,10 +46,11 @@ struct DenoisedBlock {
 /// \param wanted  n flags, 1 or 0
 /// \pre the block is canonical, fewer than 2^30 faces, positions finite
 /// \cost denoise_bytes()
-DenoisedBlock denoise(const MeshBlock& block, const FaceCorners& corners, const DenoiseOptions& options,
-                      std::span<const std::uint8_t> whole, std::span<const std::uint8_t> wanted);
+[[nodiscard]] DenoisedBlock denoise(const MeshBlock& block, const FaceCorners& corners,
+                                    const DenoiseOptions& options, std::span<const std::uint8_t> whole,
+                                    std::span<const std::uint8_t> wanted);
 
 /// Bytes that denoise() allocates, the result included, the corners not.
-std::uint64_t denoise_bytes(std::uint64_t vertices, std::uint64_t faces);
+[[nodiscard]] std::uint64_t denoise_bytes(std::uint64_t vertices, std::uint64_t faces);
 
 }  // namespace tessera

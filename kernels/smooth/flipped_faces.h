@@ -12,7 +12,7 @@ namespace tessera {
 
 /// Nothing is known of faces that are not in the block.
 /// \cost 24 bytes a vertex and a face
-std::uint64_t count_flipped_faces(const MeshBlock& block);
+[[nodiscard]] std::uint64_t count_flipped_faces(const MeshBlock& block);
 
 /// In a few rounds the vertices of such faces, later of those around them too, go towards the mean of their neighbours;
 /// those on creases stay.

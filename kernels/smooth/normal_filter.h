@@ -29,24 +29,24 @@ struct NormalFilterOptions {
 inline constexpr std::size_t kMaxStar = 128;
 
 /// Rings that filter_normals() reads around a face's vertices.
-int normal_rings(const NormalFilterOptions& options);
+[[nodiscard]] int normal_rings(const NormalFilterOptions& options);
 /// Rings that filter_by_normals() reads around a vertex.
-int filter_rings(const NormalFilterOptions& options);
+[[nodiscard]] int filter_rings(const NormalFilterOptions& options);
 
 /// Filtered unit normals of all faces; zero for faces without an area.
 /// \param corners  the block's own
 /// \param wanted   m flags, 1 for the faces whose normals are asked for: others may stay as they are; empty: all
-std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
-                                   const NormalFilterOptions& options,
-                                   std::span<const std::uint8_t> wanted = {});
+[[nodiscard]] std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
+                                                 const NormalFilterOptions& options,
+                                                 std::span<const std::uint8_t> wanted = {});
 
 /// Bytes that filter_normals() allocates, the result included.
-std::uint64_t normal_bytes(std::uint64_t faces);
+[[nodiscard]] std::uint64_t normal_bytes(std::uint64_t faces);
 
 /// New positions of all vertices. Right where filter_rings() whole rings are in the block (complete_rings()).
 /// \pre the block is canonical, fewer than 2^30 faces, positions finite
 /// \cost normal_bytes() for its normals, then 48 bytes a vertex and 12 bytes a face
-std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners& corners,
-                                       const NormalFilterOptions& options);
+[[nodiscard]] std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners& corners,
+                                                     const NormalFilterOptions& options);
 
 }  // namespace tessera

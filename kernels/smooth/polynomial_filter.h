@@ -39,12 +39,12 @@ struct FilterOptions {
 };
 
 /// Rings that the filter reads around a vertex.
-int filter_rings(const FilterOptions& options);
+[[nodiscard]] int filter_rings(const FilterOptions& options);
 
 /// Number of steps after which an implicit filter that starts from zero is right to `accuracy`.
 /// Order 1: of the right-hand side (in the norm of the degrees), by 2 ((sqrt K - 1) / (sqrt K + 1))^k with
 /// K = 1 + 2 lambda. Order 2: of every wave's own displacement.
-int chebyshev_degree(double lambda, int order, double accuracy);
+[[nodiscard]] int chebyshev_degree(double lambda, int order, double accuracy);
 
 /// Where a filter is.
 struct FilterState {
@@ -63,11 +63,12 @@ struct FilterState {
 /// \param start     where to start from (implicit only), n or empty: zero
 /// \return          moved: n, zero for fixed, open and unwanted vertices; bend: as many as start.bend
 /// \cost 20 bytes a vertex, 16 more with a bend, and filter_window_bytes()
-FilterState filter_surface(const SurfaceRows& rows, std::span<const Double3> position,
-                           const FilterOptions& options, std::span<const std::uint8_t> wanted = {},
-                           const FilterState& start = {});
+[[nodiscard]] FilterState filter_surface(const SurfaceRows& rows, std::span<const Double3> position,
+                                         const FilterOptions& options,
+                                         std::span<const std::uint8_t> wanted = {},
+                                         const FilterState& start = {});
 
 /// Bytes that a window takes in a block of so many vertices with a filter of so many rings.
-std::uint64_t filter_window_bytes(std::uint64_t vertices, int rings);
+[[nodiscard]] std::uint64_t filter_window_bytes(std::uint64_t vertices, int rings);
 
 }  // namespace tessera

@@ -58,9 +58,9 @@ constexpr int kCoarseCycles = 3;
 /// The rounds that the options mean, in order. Long explicit methods are cut into rounds of at most 32 rings,
 /// always at the same steps.
 /// \throws UsageError from validate()
-std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options);
+[[nodiscard]] std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options);
 
-int round_rings(const SmoothRound& round);
+[[nodiscard]] int round_rings(const SmoothRound& round);
 /// Mean edges around a vertex that mostly hold all that a round reads there, where that is much less than the rings; else
 /// 0.
 double round_edges(const SmoothRound& round);
@@ -89,8 +89,8 @@ struct SmoothedBlock {
 /// \pre the block is canonical, fewer than 2^30 faces
 /// \throws InputError for a position that is not finite; by_flow: when the linear system has no solution
 /// \throws ValidationError  by_flow: where even the shortest steps fold faces over
-SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
-                           std::span<const std::uint8_t> wanted = {});
+[[nodiscard]] SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
+                                         std::span<const std::uint8_t> wanted = {});
 
 /// Values of the coarse level's unknowns, by ascending name: those of the whole mesh, or all that a block sees.
 struct CoarseSolution {
@@ -104,18 +104,19 @@ struct CoarseSolution {
 /// \param laplacian  order 2: n, what these cycles said of it, or empty in the first
 /// \pre round.cycle >= 0; the solution holds all unknowns of the wanted vertices' surroundings
 /// \throws as smooth_block()
-SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
-                           std::span<const Float3> laplacian, const SmoothRound& round,
-                           const CoarseOptions& coarse, const CoarseSolution& solution,
-                           std::span<const std::uint8_t> wanted = {});
+[[nodiscard]] SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
+                                         std::span<const Float3> laplacian, const SmoothRound& round,
+                                         const CoarseOptions& coarse, const CoarseSolution& solution,
+                                         std::span<const std::uint8_t> wanted = {});
 
 /// Where a vertex comes to rest: `to`, rounded to floats if a mesh of floats holds it, and drawn towards
 /// `from` until it is no farther than `tolerance` (0 = no limit) from it. The distance computed from the
 /// result does not exceed it.
 /// \pre with `floats`, `from` is a float exactly
-Double3 limit_move(const Double3& from, const Double3& to, double tolerance, bool floats);
+[[nodiscard]] Double3 limit_move(const Double3& from, const Double3& to, double tolerance, bool floats);
 
 /// Bytes that smooth_block() or smooth_cycle() allocates for a block of so many vertices and faces.
-std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const SmoothRound& round);
+[[nodiscard]] std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces,
+                                         const SmoothRound& round);
 
 }  // namespace tessera

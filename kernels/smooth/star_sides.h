@@ -24,9 +24,9 @@ class StarSides {
   void find(const MeshBlock& block, std::span<const std::uint32_t> star, std::span<const Float3> normals,
             std::span<const Double3> position);
 
-  std::size_t count() const { return count_; }
-  const Double3& normal(std::size_t side) const { return normal_[side]; }  ///< unit
-  const std::vector<std::uint32_t>& faces(std::size_t side) const { return faces_[side]; }
+  [[nodiscard]] std::size_t count() const { return count_; }
+  [[nodiscard]] const Double3& normal(std::size_t side) const { return normal_[side]; }  ///< unit
+  [[nodiscard]] const std::vector<std::uint32_t>& faces(std::size_t side) const { return faces_[side]; }
 
  private:
   std::size_t count_ = 0;

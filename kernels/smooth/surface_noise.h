@@ -46,8 +46,8 @@ struct NoiseCounts {
 /// \param wanted   n flags, 1 or 0; right where kNoiseEdges edges of surface lie around
 /// \pre the block is canonical, fewer than 2^30 faces, positions finite
 /// \cost normals of all faces of the block (denoise_bytes() is enough), 15 us a wanted vertex
-NoiseCounts count_noise(const MeshBlock& block, const FaceCorners& corners,
-                        std::span<const std::uint8_t> wanted);
+[[nodiscard]] NoiseCounts count_noise(const MeshBlock& block, const FaceCorners& corners,
+                                      std::span<const std::uint8_t> wanted);
 /// How far a measured vertex looks, in edges.
 inline constexpr double kNoiseEdges = 10.0;
 

@@ -43,13 +43,13 @@ struct SurfaceRows {
 /// \pre  the block is canonical (mesh_block.h), fewer than 2^30 faces; the corners are its own
 /// \throws InputError for a position that is not finite, naming the vertex
 /// \cost 60 bytes of scratch a vertex beside the result
-SurfaceRows make_surface_rows(const MeshBlock& block, const FaceCorners& corners,
-                              const SurfaceRowOptions& options);
+[[nodiscard]] SurfaceRows make_surface_rows(const MeshBlock& block, const FaceCorners& corners,
+                                            const SurfaceRowOptions& options);
 
 /// 1 for every vertex with `rings` whole rings around it: what a rule that reads one ring a round may have
 /// computed right after `rings` rounds. Vertices within that many edges of an open vertex get 0.
-std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const FaceCorners& corners,
-                                         const SurfaceRows& rows, int rings);
+[[nodiscard]] std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const FaceCorners& corners,
+                                                       const SurfaceRows& rows, int rings);
 
 /// Clears the flags of all vertices within so many rings of faces around a vertex whose flag is 0.
 void erode(const MeshBlock& block, const FaceCorners& corners, int rings, std::vector<std::uint8_t>& flags);

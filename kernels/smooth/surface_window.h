@@ -43,8 +43,8 @@ class SurfaceWindow {
   /// with the side's: a curved surface goes on, a crease does not.
   void expect(const std::array<double, 6>& quadric);
 
-  const WindowFrame& frame() const { return frame_; }
-  const WindowSamples& samples() const { return samples_; }
+  [[nodiscard]] const WindowFrame& frame() const { return frame_; }
+  [[nodiscard]] const WindowSamples& samples() const { return samples_; }
 
   struct Taken {
     std::uint32_t vertex;
@@ -52,11 +52,13 @@ class SurfaceWindow {
     float likeness;  ///< of its star's normals to the expected one, 0 to 1: the sample's weight
   };
   /// The vertex of every sample, in their order.
-  const std::vector<Taken>& taken() const { return taken_; }
+  [[nodiscard]] const std::vector<Taken>& taken() const { return taken_; }
   /// Whether nothing that was met since begin() may be other than in the whole mesh.
-  bool right() const { return right_; }
+  [[nodiscard]] bool right() const { return right_; }
 
-  static std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) { return 4 * vertices + 8 * faces; }
+  [[nodiscard]] static std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) {
+    return 4 * vertices + 8 * faces;
+  }
 
  private:
   struct QueueEntry {

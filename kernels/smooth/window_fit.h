@@ -20,14 +20,14 @@ class WindowSamples {
   void clear() { size_ = 0; }
   /// \param weight  >= 0, of this sample in every window
   void add(double s, double t, double z, double weight);
-  std::size_t size() const { return size_; }
+  [[nodiscard]] std::size_t size() const { return size_; }
 
   struct Pack {
     Double4 s = {}, t = {}, z = {}, weight = {};
   };
   /// Packs of four; the last is filled up with samples of weight zero.
-  const std::vector<Pack>& packs() const { return packs_; }
-  std::size_t pack_count() const { return (size_ + kDoubleLanes - 1) / kDoubleLanes; }
+  [[nodiscard]] const std::vector<Pack>& packs() const { return packs_; }
+  [[nodiscard]] std::size_t pack_count() const { return (size_ + kDoubleLanes - 1) / kDoubleLanes; }
 
  private:
   std::vector<Pack> packs_;
@@ -45,7 +45,7 @@ struct WindowFit {
 /// Weighted least squares with the weights times (1 - (s^2 + t^2) / radius^2)^2, zero beyond the radius.
 /// \param terms  6: a quadric; 3: a plane
 /// \return nothing with fewer than terms + 2 samples in the window or where they do not determine the fit
-std::optional<WindowFit> fit_window(const WindowSamples& samples, double radius, int terms);
+[[nodiscard]] std::optional<WindowFit> fit_window(const WindowSamples& samples, double radius, int terms);
 
 /// Square of the noise that explains how far the quadrics of two windows differ in the middle: its median
 /// over many places, over the median 0.455 of chi-square, is the variance of independent noise, and what
@@ -56,7 +56,7 @@ double noise_square_between(const WindowSamples& samples, double narrow, double 
 /// Radii of the windows, smallest first: kSmallestWindow * kWindowGrowth^i, in mean edges.
 constexpr double kSmallestWindow = 2.2;
 constexpr double kWindowGrowth = 1.35;
-constexpr double window_radius(int number) {
+[[nodiscard]] constexpr double window_radius(int number) {
   double radius = kSmallestWindow;
   for (int i = 0; i < number; ++i) radius *= kWindowGrowth;
   return radius;
@@ -72,12 +72,12 @@ class WindowChoice {
   /// Windows in ascending order. \return false when no wider one can be taken
   bool offer(const WindowSamples& samples, double radius);
   /// The best so far, if any.
-  const std::optional<WindowFit>& best() const { return best_; }
+  [[nodiscard]] const std::optional<WindowFit>& best() const { return best_; }
   /// Its window; 0 when there is none.
   double radius() const { return radius_; }
   /// A plane in the chosen window replaces the quadric where it agrees as well: it has less variance still. Where
   /// no quadric could be fitted, a plane in the last window offered, if there is one.
-  std::optional<WindowFit> result(const WindowSamples& samples) const;
+  [[nodiscard]] std::optional<WindowFit> result(const WindowSamples& samples) const;
 
  private:
   double noise_;

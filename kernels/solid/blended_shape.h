@@ -17,7 +17,8 @@ namespace tessera {
 /// fit the joint stays sharp.
 /// \param radius  of the ball, at least 0 (sharp)
 /// \pre  values of both are distances near their surfaces: nothing was stretched
-std::unique_ptr<SolidShape> blend_shapes(std::unique_ptr<SolidShape> a, std::unique_ptr<SolidShape> b,
-                                         SolidTree::Join join, double radius);
+[[nodiscard]] std::unique_ptr<SolidShape> blend_shapes(std::unique_ptr<SolidShape> a,
+                                                       std::unique_ptr<SolidShape> b, SolidTree::Join join,
+                                                       double radius);
 
 }  // namespace tessera

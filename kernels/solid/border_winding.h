@@ -26,19 +26,19 @@ class BorderWinding {
   /// \param edges  each pair of ends at most once, counts not zero
   explicit BorderWinding(std::vector<BorderEdge> edges);
 
-  bool empty() const { return edges_.empty(); }
-  std::size_t size() const { return edges_.size(); }
+  [[nodiscard]] bool empty() const { return edges_.empty(); }
+  [[nodiscard]] std::size_t size() const { return edges_.size(); }
   /// Share of the winding number at a node that the border makes. Error: 1e-4 with hundreds of edges, 1e-3 with tens of
   /// thousands that contradict each other.
   double at(const Int3& node) const;
   /// Derivative of the winding number there, per cell.
-  Double3 gradient(const Double3& cells) const;
+  [[nodiscard]] Double3 gradient(const Double3& cells) const;
   /// Bound of how much the winding number differs between two points within `radius` of a point, but for whole turns:
   /// by first derivatives alone, or by those in the middle and a bound of the second ones.
   double change(const Double3& cells, double radius) const;
 
   /// Upper bound of what holding so many edges takes, and building.
-  static constexpr std::uint64_t bytes(std::uint64_t edges) { return edges * (56 + 296); }
+  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t edges) { return edges * (56 + 296); }
 
  private:
   friend class BorderLeaf;  ///< sums the same clusters for a leaf of nodes at once

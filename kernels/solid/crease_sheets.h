@@ -17,11 +17,11 @@ class CreaseSheets {
   explicit CreaseSheets(const MeshBlock& block);
 
   /// Outward unit normals of the sheets at a vertex; none where there is but one.
-  std::span<const Double3> at(std::uint32_t vertex) const {
+  [[nodiscard]] std::span<const Double3> at(std::uint32_t vertex) const {
     return {normal_.data() + first_[vertex], normal_.data() + first_[vertex + 1]};
   }
 
-  static constexpr std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) {
+  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) {
     return vertices * 8 + faces * 12 + vertices * 72;
   }
 

@@ -21,16 +21,16 @@ class DistanceOctree {
   DistanceOctree(const Int3& corner, int edge, std::vector<std::uint64_t> halved, std::uint64_t nodes,
                  std::vector<std::array<float, 8>> cells);
 
-  const Int3& corner() const { return corner_; }
-  int edge() const { return edge_; }
-  std::uint64_t nodes() const { return nodes_; }
-  const std::vector<std::uint64_t>& halved() const { return halved_; }  ///< a bit a node
+  [[nodiscard]] const Int3& corner() const { return corner_; }
+  [[nodiscard]] int edge() const { return edge_; }
+  [[nodiscard]] std::uint64_t nodes() const { return nodes_; }
+  [[nodiscard]] const std::vector<std::uint64_t>& halved() const { return halved_; }  ///< a bit a node
   /// Per node that is not halved, in order: values at its corners (x fastest), cells, < 0 inside.
-  const std::vector<std::array<float, 8>>& cells() const { return cells_; }
+  [[nodiscard]] const std::vector<std::array<float, 8>>& cells() const { return cells_; }
   /// The field at a point of the cube, both in cells of the lattice.
   double at(const Double3& p) const;
   /// Cells by their size: entry k has edges of 2^k.
-  std::vector<std::uint64_t> sizes() const;
+  [[nodiscard]] std::vector<std::uint64_t> sizes() const;
 
  private:
   friend class OctreeBuilder;
@@ -57,7 +57,7 @@ DistanceOctree build_distance_octree(const Int3& corner, int edge, double tolera
                                      const std::function<void()>& pause = {});
 
 /// Memory of so many cells while they are made.
-constexpr std::uint64_t distance_octree_bytes(std::uint64_t cells) {
+[[nodiscard]] constexpr std::uint64_t distance_octree_bytes(std::uint64_t cells) {
   return cells * 3 * (32 + 2) + (std::uint64_t{2} << 20);
 }
 

@@ -19,7 +19,7 @@ inline constexpr int kSolidQuantumBits = 12;
 inline constexpr std::int64_t kSolidQuanta = std::int64_t{1} << kSolidQuantumBits;  ///< a cell has so many
 
 /// A world position in quanta of h / 4096 from the lattice origin, nearest, ties up.
-Long3 quantise_solid(const Lattice& lattice, const Double3& world);
+[[nodiscard]] Long3 quantise_solid(const Lattice& lattice, const Double3& world);
 
 /// Nodes [low, high).
 struct NodeBox {

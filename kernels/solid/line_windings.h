@@ -24,11 +24,11 @@ struct LeafWindings {
 static_assert(sizeof(LeafWindings) == 144);
 
 /// Leaves of a row along x follow each other. \pre coordinates in leaves, each within [0, 2^20)
-constexpr std::uint64_t leaf_row_key(const Int3& leaf) {
+[[nodiscard]] constexpr std::uint64_t leaf_row_key(const Int3& leaf) {
   return static_cast<std::uint64_t>(leaf[2]) << 40 | static_cast<std::uint64_t>(leaf[1]) << 20 |
          static_cast<std::uint64_t>(leaf[0]);
 }
-constexpr Int3 leaf_of_row_key(std::uint64_t key) {
+[[nodiscard]] constexpr Int3 leaf_of_row_key(std::uint64_t key) {
   return {static_cast<std::int32_t>(key & 0xfffff), static_cast<std::int32_t>(key >> 20 & 0xfffff),
           static_cast<std::int32_t>(key >> 40)};
 }
@@ -39,11 +39,13 @@ class LineWindings {
   /// \param leaves  ascending, no repeats
   explicit LineWindings(std::vector<LeafWindings> leaves);
   /// Turns of all faces with smaller x than the leaf's nodes x = 0, by line.
-  std::array<std::int16_t, 64> before(const Int3& leaf) const;
+  [[nodiscard]] std::array<std::int16_t, 64> before(const Int3& leaf) const;
   /// All zero once every line has left the mesh on its far side.
-  bool closes() const;
-  const std::vector<LeafWindings>& leaves() const { return leaves_; }  ///< `winding` summed up along each row
-  std::uint64_t bytes() const { return leaves_.capacity() * sizeof(LeafWindings); }
+  [[nodiscard]] bool closes() const;
+  [[nodiscard]] const std::vector<LeafWindings>& leaves() const {
+    return leaves_;
+  }  ///< `winding` summed up along each row
+  [[nodiscard]] std::uint64_t bytes() const { return leaves_.capacity() * sizeof(LeafWindings); }
 
  private:
   std::vector<LeafWindings> leaves_;

@@ -16,7 +16,7 @@ class MeshSolid : public SolidOperand {
 
   void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
                 std::span<float> out) const override;
-  Double3 membrane_normal(const Double3& cells) const override;
+  [[nodiscard]] Double3 membrane_normal(const Double3& cells) const override;
   /// Appends the leaves of a block, relative to it, that the closing membrane may pass though no face does.
   /// \param occupied  per slot of the block: a crossing of this mesh is on an edge from the leaf's nodes
   void membrane_leaves(const SolidBlock& block, std::span<const std::uint8_t> occupied,
@@ -26,8 +26,8 @@ class MeshSolid : public SolidOperand {
   /// nearer to a half than to a whole: almost none of a solid with holes, almost all of an open sheet.
   double half_share(std::size_t maximum) const;
 
-  const LineWindings& lines() const { return lines_; }
-  const BorderWinding& border() const { return border_; }
+  [[nodiscard]] const LineWindings& lines() const { return lines_; }
+  [[nodiscard]] const BorderWinding& border() const { return border_; }
 
  private:
   void search(const SolidBlock& block, std::span<const std::uint8_t> occupied, const Int3& cube, int edge,

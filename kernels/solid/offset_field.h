@@ -24,7 +24,7 @@ struct OffsetLayer {
   /// Nodes that matter are no farther from the surface.
   double max_distance() const;
   /// Whether, at most `radius` from a point this far from the surface, a side of the layer may pass.
-  bool may_pass(double away, bool inside, double radius) const;
+  [[nodiscard]] bool may_pass(double away, bool inside, double radius) const;
 };
 
 /// The mesh around a block.
@@ -40,16 +40,16 @@ class OffsetSampler : public FieldSampler {
   /// \param near  nodes farther from the layer's sides take no part, cells
   OffsetSampler(MeshBlock&& faces, const Int3& corner, const RowSigns& signs, const OffsetLayer& layer,
                 double near = kNear);
-  Sample at(const Int3& node, std::size_t axis, double t) const override;
-  bool inside(const Int3& node) const;  ///< of the mesh
+  [[nodiscard]] Sample at(const Int3& node, std::size_t axis, double t) const override;
+  [[nodiscard]] bool inside(const Int3& node) const;  ///< of the mesh
   /// Leaves of the block in which a side of the layer may pass, as build_sampled_field() takes them.
-  std::vector<Int3> leaves(const Int3& cells) const;
+  [[nodiscard]] std::vector<Int3> leaves(const Int3& cells) const;
 
   /// What build_sampled_field() is to take for near: with a mitre the sampler says itself which nodes take part.
   double near() const { return layer_.mitre > 1.0 ? std::numeric_limits<double>::infinity() : near_; }
 
   /// Upper bound of what it holds, the block included.
-  static constexpr std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) {
+  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) {
     return SignedDistance::bytes(vertices, faces) + vertices * 48 + faces * 16 +
            CreaseSheets::bytes(vertices, faces);
   }

@@ -28,8 +28,8 @@ class RowSigns {
   /// \param leaves  of the whole surface, in any order, no repeats
   explicit RowSigns(std::vector<LeafSigns> leaves);
   /// Signs of the nodes of a leaf: set where inside. \param leaf  global, in leaves
-  LeafWords at(const Int3& leaf) const;
-  std::uint64_t bytes() const { return leaves_.capacity() * sizeof(LeafSigns); }
+  [[nodiscard]] LeafWords at(const Int3& leaf) const;
+  [[nodiscard]] std::uint64_t bytes() const { return leaves_.capacity() * sizeof(LeafSigns); }
 
  private:
   std::vector<LeafSigns> leaves_;

@@ -36,28 +36,28 @@ struct SolidBlock {
   Int3 origin = {0, 0, 0};  ///< global node coordinates of the min corner, multiples of 64
   Int3 cells = {0, 0, 0};
 
-  Int3 dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
-  std::size_t slots() const {
+  [[nodiscard]] Int3 dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
+  [[nodiscard]] std::size_t slots() const {
     const Int3 d = dims();
     return static_cast<std::size_t>(d[0]) * static_cast<std::size_t>(d[1]) * static_cast<std::size_t>(d[2]);
   }
   /// Every node of these leaves, global.
-  NodeBox nodes() const {
+  [[nodiscard]] NodeBox nodes() const {
     return {{origin[0] - 8, origin[1] - 8, origin[2] - 8},
             {origin[0] + cells[0] + 8, origin[1] + cells[1] + 8, origin[2] + cells[2] + 8}};
   }
   /// Slot of a leaf by its coordinates relative to the block, each within [-1, cells / 8].
-  std::size_t slot(const Int3& leaf) const {
+  [[nodiscard]] std::size_t slot(const Int3& leaf) const {
     const Int3 d = dims();
     return static_cast<std::size_t>(leaf[0] + 1) +
            static_cast<std::size_t>(d[0]) *
                (static_cast<std::size_t>(leaf[1] + 1) +
                 static_cast<std::size_t>(d[1]) * static_cast<std::size_t>(leaf[2] + 1));
   }
-  Int3 leaf(std::size_t slot) const;
+  [[nodiscard]] Int3 leaf(std::size_t slot) const;
   /// \pre the crossing's node lies within nodes()
-  SolidCrossing local_crossing(const LatticeCrossing& crossing, const Float3& normal,
-                               std::uint8_t operand) const;
+  [[nodiscard]] SolidCrossing local_crossing(const LatticeCrossing& crossing, const Float3& normal,
+                                             std::uint8_t operand) const;
 };
 
 /// One solid of a combination.
@@ -69,7 +69,7 @@ class SolidOperand {
   virtual void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
                         std::span<float> out) const = 0;
   /// Outward direction of the closing membrane at a point, cells of the lattice; zero where unknown.
-  virtual Double3 membrane_normal(const Double3& cells) const = 0;
+  [[nodiscard]] virtual Double3 membrane_normal(const Double3& cells) const = 0;
 };
 
 struct SolidFieldReport {
@@ -90,7 +90,7 @@ DirectedField build_solid_field(const SolidBlock& block, std::vector<SolidCrossi
                                 const std::function<void()>& pause = {});
 
 /// What the field of so many leaves takes at most, and so many crossings.
-std::uint64_t solid_field_bytes(std::uint64_t leaves, std::uint64_t crossings, std::uint64_t slots,
-                                std::uint64_t operands);
+[[nodiscard]] std::uint64_t solid_field_bytes(std::uint64_t leaves, std::uint64_t crossings,
+                                              std::uint64_t slots, std::uint64_t operands);
 
 }  // namespace tessera

@@ -28,36 +28,40 @@ class SolidShape {
  public:
   virtual ~SolidShape() = default;
   /// < 0 inside, zero on the surface, never farther from zero than the distance to it.
-  virtual double value(const Double3& p) const = 0;
+  [[nodiscard]] virtual double value(const Double3& p) const = 0;
   /// Whether the value is below 0.
-  virtual bool holds(const Double3& p) const { return value(p) < 0.0; }
+  [[nodiscard]] virtual bool holds(const Double3& p) const { return value(p) < 0.0; }
   /// Outward direction of the face that the value is of, not unit.
-  virtual Double3 direction(const Double3& p) const = 0;
+  [[nodiscard]] virtual Double3 direction(const Double3& p) const = 0;
   /// Signed distance, where a shape is convex or has no edges exact everywhere, and the direction in which it grows: also
   /// beyond edges, where value() goes on with one of the faces. \pre nothing was stretched
-  virtual double distance(const Double3& p) const { return value(p); }
-  virtual Double3 away(const Double3& p) const { return direction(p); }
+  [[nodiscard]] virtual double distance(const Double3& p) const { return value(p); }
+  [[nodiscard]] virtual Double3 away(const Double3& p) const { return direction(p); }
   /// A box that holds all of it. \returns false where there is none
   virtual bool bounds(Double3& low, Double3& high) const = 0;
   /// Where the surface passes between two points on its two sides, as a share of the way.
-  virtual double surface_between(const Double3& from, const Double3& to, bool starts_inside) const;
+  [[nodiscard]] virtual double surface_between(const Double3& from, const Double3& to,
+                                               bool starts_inside) const;
   /// The shape for one thread, within `radius` of a point: values up to `margin` are the same there, larger ones may be
   /// larger still. Null where there is nothing to gain.
-  virtual std::unique_ptr<SolidShape> near(const Double3&, double, double) const { return nullptr; }
+  [[nodiscard]] virtual std::unique_ptr<SolidShape> near(const Double3&, double, double) const {
+    return nullptr;
+  }
 };
 
 /// How many numbers a kind takes; 0 for a kind that is none.
-std::size_t shape_numbers(std::string_view kind);
+[[nodiscard]] std::size_t shape_numbers(std::string_view kind);
 /// What is wrong with these numbers ("radius must be above 0"); empty if nothing is. \pre as many as the kind takes
-std::string shape_fault(std::string_view kind, const std::vector<double>& numbers);
+[[nodiscard]] std::string shape_fault(std::string_view kind, const std::vector<double>& numbers);
 /// \pre shape_fault() is empty, the placement's determinant is not zero
-std::unique_ptr<SolidShape> make_shape(std::string_view kind, const std::vector<double>& numbers,
-                                       const Placement& placement);
+[[nodiscard]] std::unique_ptr<SolidShape> make_shape(std::string_view kind,
+                                                     const std::vector<double>& numbers,
+                                                     const Placement& placement);
 
 /// Leaves that the surface of a shape may touch, of these bricks [low, high], with no turns and a bound of crossings: the
 /// table by which blocks are planned.
-std::vector<LeafWindings> shape_leaves(const SolidShape& shape, const Lattice& lattice, const Int3& low,
-                                       const Int3& high);
+[[nodiscard]] std::vector<LeafWindings> shape_leaves(const SolidShape& shape, const Lattice& lattice,
+                                                     const Int3& low, const Int3& high);
 
 /// A shape on the lattice.
 class ShapeSolid : public SolidOperand {
@@ -65,7 +69,7 @@ class ShapeSolid : public SolidOperand {
   ShapeSolid(const SolidShape& shape, const Lattice& lattice) : shape_(&shape), lattice_(lattice) {}
   void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
                 std::span<float> out) const override;
-  Double3 membrane_normal(const Double3& cells) const override;
+  [[nodiscard]] Double3 membrane_normal(const Double3& cells) const override;
   /// Crossings on edges from the nodes of a global leaf, one at most on each. \pre the leaf lies in the block
   void find_crossings(const SolidBlock& block, const Int3& leaf, std::uint8_t operand,
                       std::vector<SolidCrossing>& out) const;

@@ -17,9 +17,9 @@ class SolidTree {
   void push_operand(std::uint8_t operand) { steps_.push_back({true, operand, Join::kUnite}); }
   void push_join(Join join) { steps_.push_back({false, 0, join}); }
   /// Whether every joint finds two solids and one is left, over operands below `operands`.
-  bool is_complete(std::size_t operands) const;
+  [[nodiscard]] bool is_complete(std::size_t operands) const;
   /// \param inside  per operand: bit b, inside at node b  \pre is_complete(inside.size()), at most kMaxOperands deep
-  std::uint64_t inside(std::span<const std::uint64_t> inside) const;
+  [[nodiscard]] std::uint64_t inside(std::span<const std::uint64_t> inside) const;
 
  private:
   struct Step {

@@ -25,15 +25,16 @@ class SweptTool : public SolidShape {
   /// \pre  path is not empty, coordinates are finite
   SweptTool(const MillingTool& tool, const std::vector<Double3>& path, const Placement& placement);
   double value(const Double3& p) const override;
-  Double3 direction(const Double3& p) const override;
-  bool holds(const Double3& p) const override;
+  [[nodiscard]] Double3 direction(const Double3& p) const override;
+  [[nodiscard]] bool holds(const Double3& p) const override;
   bool bounds(Double3& low, Double3& high) const override;
   /// From segment to segment: where the tool on one ends, another may still be cutting.
   double surface_between(const Double3& from, const Double3& to, bool starts_inside) const override;
   /// Holds the segments that matter there alone, and begins with the one that was nearest last.
-  std::unique_ptr<SolidShape> near(const Double3& middle, double radius, double margin) const override;
+  [[nodiscard]] std::unique_ptr<SolidShape> near(const Double3& middle, double radius,
+                                                 double margin) const override;
 
-  static constexpr std::uint64_t bytes(std::uint64_t points) {
+  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t points) {
     return points * (24 + 48 + 24) + kMaxNear * 72;
   }
 
@@ -75,6 +76,6 @@ class SweptTool : public SolidShape {
 };
 
 /// Whether a placement turns, moves and scales alike along all directions.
-bool is_similarity(const Placement& placement);
+[[nodiscard]] bool is_similarity(const Placement& placement);
 
 }  // namespace tessera

@@ -39,7 +39,7 @@ class WallFaces {
   void shrink(WallSample& s) const;
 
   /// While the faces are ordered, for many of them.
-  static constexpr std::uint64_t bytes_per_face() { return 2 * 72 + 16 + 24; }
+  [[nodiscard]] static constexpr std::uint64_t bytes_per_face() { return 2 * 72 + 16 + 24; }
 
  private:
   static constexpr std::size_t kLeaf = 4, kChildren = 8;

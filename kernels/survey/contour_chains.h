@@ -20,7 +20,7 @@ struct ContourLevels {
   double interval = 1.0;  ///< > 0
   double height(std::int64_t k) const { return base + static_cast<double>(k) * interval; }
   /// Index of the first level above a height.
-  std::int64_t above(double height) const;
+  [[nodiscard]] std::int64_t above(double height) const;
 };
 
 /// An edge of the whole mesh: the keys of its vertices, the smaller one first.
@@ -38,8 +38,8 @@ struct ContourChain {
 
 /// Chains of levels first to end (exclusive) in the order of their levels and beginnings. \pre the block is canonical; at
 /// each of its edges there are two faces at most, oriented alike
-std::vector<ContourChain> contour_chains(const MeshBlock& block, const ContourLevels& levels,
-                                         std::int64_t first, std::int64_t end);
+[[nodiscard]] std::vector<ContourChain> contour_chains(const MeshBlock& block, const ContourLevels& levels,
+                                                       std::int64_t first, std::int64_t end);
 
 /// Takes out what goes nowhere: points that repeat the one before, and ways there and back again. A line of
 /// nothing else becomes empty.

@@ -15,6 +15,7 @@ struct ClippedLine {
 /// The pieces of a line where its first coordinate lies from min to max, in the order of the line, its points as they are;
 /// where it leaves the strip a piece ends at that very coordinate. What only touches a side is left out. A closed line
 /// within the strip stays closed, of one that leaves it no piece is.
-std::vector<ClippedLine> clip_line(const std::vector<Double2>& points, bool closed, double min, double max);
+[[nodiscard]] std::vector<ClippedLine> clip_line(const std::vector<Double2>& points, bool closed, double min,
+                                                 double max);
 
 }  // namespace tessera

@@ -17,7 +17,7 @@ namespace tessera {
 struct RasterWindow {
   std::int64_t column = 0, row = 0;    ///< of the first cell
   std::int64_t columns = 0, rows = 0;  ///< > 0
-  std::size_t size() const { return static_cast<std::size_t>(columns * rows); }
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(columns * rows); }
 };
 
 /// What lies under the centre of a cell.
@@ -28,7 +28,7 @@ struct RasterCell {
   /// Of the highest face: rise of its plane along x and y, at most kMaxGradient. Of equal heights the largest counts.
   float gradient_x = -std::numeric_limits<float>::max(), gradient_y = 0.0F;
   std::uint32_t rgba = 0;  ///< of the highest face; alpha 255, or 0 where it has no colour
-  bool covered() const { return top > -kNone; }
+  [[nodiscard]] bool covered() const { return top > -kNone; }
 };
 
 class PlanRaster {
@@ -43,9 +43,9 @@ class PlanRaster {
   /// \param rgba    of the corners, alpha 0 = no colour; null = none has one
   void add(const std::array<Double3, 3>& corner, const std::array<std::uint32_t, 3>* rgba);
 
-  const RasterWindow& window() const { return window_; }
+  [[nodiscard]] const RasterWindow& window() const { return window_; }
   /// Row by row, from the upper left.
-  const std::vector<RasterCell>& cells() const { return cells_; }
+  [[nodiscard]] const std::vector<RasterCell>& cells() const { return cells_; }
 
  private:
   struct Face;

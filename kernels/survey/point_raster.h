@@ -22,10 +22,10 @@ struct ScanCell {
   std::uint64_t red = 0, green = 0, blue = 0, coloured = 0;
   std::uint64_t intensity_sum = 0, measured = 0;
 
-  bool covered() const { return count > 0; }
-  bool has_ground() const { return ground < kNone; }
+  [[nodiscard]] bool covered() const { return count > 0; }
+  [[nodiscard]] bool has_ground() const { return ground < kNone; }
   /// Mean colour of the surface that is seen, rounded; alpha 255, or 0 where none is known.
-  std::uint32_t rgba() const;
+  [[nodiscard]] std::uint32_t rgba() const;
   /// Mean intensity of it. \pre measured > 0
   double intensity() const { return static_cast<double>(intensity_sum) / static_cast<double>(measured); }
 };
@@ -44,7 +44,7 @@ class PointRaster {
   /// Then all of them again. \param rgba  alpha 0 = no colour \param intensity  negative = none
   void add_seen(std::size_t cell, double z, std::uint32_t rgba, std::int32_t intensity);
 
-  const std::vector<ScanCell>& cells() const { return cells_; }
+  [[nodiscard]] const std::vector<ScanCell>& cells() const { return cells_; }
 
  private:
   double depth_;

@@ -21,7 +21,7 @@ namespace tessera {
 /// \pre the corners and two for every hole are at most kMaxPolygonCorners
 /// \returns none where rings cross or touch themselves or each other, or a hole lies outside
 /// \cost near n log n for outlines as they come, n^2 at worst; 300 n bytes
-std::optional<std::vector<std::array<std::uint32_t, 3>>> polygon_delaunay(
+[[nodiscard]] std::optional<std::vector<std::array<std::uint32_t, 3>>> polygon_delaunay(
     std::span<const std::vector<Double2>> rings);
 
 /// Of its corners, > 0 where it runs counter-clockwise.

@@ -12,9 +12,9 @@ namespace tessera {
 double slope_degrees(double gradient_x, double gradient_y);
 
 /// Unit vector to the sun. \param azimuth  degrees clockwise from north (y) \param altitude  degrees above the horizon
-Double3 sun_direction(double azimuth, double altitude);
+[[nodiscard]] Double3 sun_direction(double azimuth, double altitude);
 
 /// Light that the plane gets: 1 where it is turned away from the sun, up to 255 where it faces it. 0 is left for no data.
-std::uint8_t hillshade(double gradient_x, double gradient_y, const Double3& sun);
+[[nodiscard]] std::uint8_t hillshade(double gradient_x, double gradient_y, const Double3& sun);
 
 }  // namespace tessera

@@ -23,7 +23,7 @@ struct AxisPiece {
 };
 
 /// Of a polyline; corners that repeat the one before make no piece.
-std::vector<AxisPiece> axis_pieces(std::span<const Double2> corners);
+[[nodiscard]] std::vector<AxisPiece> axis_pieces(std::span<const Double2> corners);
 
 class SectionFrame {
  public:
@@ -33,9 +33,9 @@ class SectionFrame {
 
   /// The same bits for the same place. Both upright frames are left-handed: lines of ground, the solid below, run to the
   /// right of the drawing.
-  Double3 turned(const Double3& place) const;
+  [[nodiscard]] Double3 turned(const Double3& place) const;
   /// The inverse, but for rounding.
-  Double3 place(const Double3& turned) const;
+  [[nodiscard]] Double3 place(const Double3& turned) const;
 
  private:
   SectionKind kind_ = SectionKind::kHorizontal;

@@ -22,14 +22,14 @@ struct ChartMask {
   std::uint32_t width = 0, height = 0;  ///< cells
   std::uint32_t cells = 0;              ///< taken
   std::vector<std::uint64_t> bits;      ///< rows of (width + 63) / 64 words
-  bool taken(std::uint32_t x, std::uint32_t y) const {
+  [[nodiscard]] bool taken(std::uint32_t x, std::uint32_t y) const {
     return bits[std::size_t{y} * ((width + 63) / 64) + x / 64] >> (x % 64) & 1;
   }
 };
 /// \param cell  texels of a side of a cell, >= 1
-ChartMask chart_mask(const ChartRaster& raster, int cell);
+[[nodiscard]] ChartMask chart_mask(const ChartRaster& raster, int cell);
 /// Turned by a right angle counter-clockwise: cell (x, y) of n x m becomes (m - 1 - y, x).
-ChartMask turned(const ChartMask& mask);
+[[nodiscard]] ChartMask turned(const ChartMask& mask);
 
 struct ChartSpot {
   std::uint32_t page = 0;
@@ -46,7 +46,7 @@ struct ChartPacking {
 
 /// \param max_side  cells, a power of two; no mask is wider or higher
 /// \throws std::logic_error for a mask that fits no page
-ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side);
+[[nodiscard]] ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side);
 
 /// All charts on one page of this size, by the first of several orders that holds them; nothing where none does.
 std::optional<std::vector<ChartSpot>> pack_on_page(std::span<const ChartMask> charts, const PageSize& size);

@@ -27,17 +27,17 @@ struct ChartRaster {
   std::vector<std::uint32_t> what;
   std::size_t inside = 0;  ///< texels with their centre in a face
 
-  std::uint32_t at(int x, int y) const {
+  [[nodiscard]] std::uint32_t at(int x, int y) const {
     return what[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
   }
-  bool is_inside(int x, int y) const { return at(x, y) < kMargin; }
+  [[nodiscard]] bool is_inside(int x, int y) const { return at(x, y) < kMargin; }
 };
 
 /// Width and height of the raster of a chart.
-std::array<int, 2> raster_size(const MeshChart& chart, double texel, int margin);
+[[nodiscard]] std::array<int, 2> raster_size(const MeshChart& chart, double texel, int margin);
 
 /// \param texel  > 0, so that the chart has fewer than 2^15 texels a side \param margin  texels, >= 1
-ChartRaster raster_chart(const MeshChart& chart, double texel, int margin);
+[[nodiscard]] ChartRaster raster_chart(const MeshChart& chart, double texel, int margin);
 
 struct TexelPlace {
   Double3 position{};
@@ -50,7 +50,7 @@ struct TexelPlace {
 using FaceAcross = std::function<std::optional<Double3>(std::uint32_t face, std::uint32_t corner)>;
 
 /// \pre  the texel is not empty
-TexelPlace texel_place(const TriangleSpan& mesh, const MeshChart& chart, const ChartRaster& raster, int x,
-                       int y, const FaceAcross& across);
+[[nodiscard]] TexelPlace texel_place(const TriangleSpan& mesh, const MeshChart& chart,
+                                     const ChartRaster& raster, int x, int y, const FaceAcross& across);
 
 }  // namespace tessera

@@ -52,11 +52,11 @@ struct ChartStretch {
 
 /// Every face is in one chart, every chart has a face. A function of the mesh alone: ties go by index.
 /// \pre  coordinates are finite, indices below the number of vertices
-std::vector<MeshChart> make_charts(const TriangleSpan& mesh, const ChartOptions& options);
+[[nodiscard]] std::vector<MeshChart> make_charts(const TriangleSpan& mesh, const ChartOptions& options);
 
-ChartStretch measure_stretch(const TriangleSpan& mesh, const MeshChart& chart);
+[[nodiscard]] ChartStretch measure_stretch(const TriangleSpan& mesh, const MeshChart& chart);
 /// Faces of a chart that are flipped (their area below zero by more than rounding), or lie over others of it.
-std::size_t count_flipped(const MeshChart& chart);
-std::size_t count_overlapping(const MeshChart& chart);
+[[nodiscard]] std::size_t count_flipped(const MeshChart& chart);
+[[nodiscard]] std::size_t count_overlapping(const MeshChart& chart);
 
 }  // namespace tessera

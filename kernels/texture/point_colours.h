@@ -15,8 +15,8 @@
 namespace tessera {
 
 /// Normals of 32 bits: octahedral (Meyer et al. 2010), never 0, which stands for none.
-std::uint32_t pack_normal(const Double3& n);
-Double3 unpack_normal(std::uint32_t packed);  ///< zero for 0
+[[nodiscard]] std::uint32_t pack_normal(const Double3& n);
+[[nodiscard]] Double3 unpack_normal(std::uint32_t packed);  ///< zero for 0
 
 struct PointColourOptions {
   double spacing = 0.0;       ///< of the points along the surface, > 0
@@ -43,7 +43,7 @@ class PointColours {
   /// The normal of the surface that the points are of, weighted as their colours are. \returns false where no point with a normal is near
   bool find_normal(const Double3& at, const Double3& normal, Double3& found, std::vector<Near>& near) const;
   /// Bytes per point beside the spans.
-  static constexpr std::uint64_t bytes_per_point() { return 16 + 4 + 40; }
+  [[nodiscard]] static constexpr std::uint64_t bytes_per_point() { return 16 + 4 + 40; }
 
  private:
   /// The nearest points that count, in the order of their distances.

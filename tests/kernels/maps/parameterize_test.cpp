@@ -20,7 +20,7 @@ TriangleSpan span_of(const MeshBlock& block) {
 
 std::string refusal(const MeshBlock& block, const ParameterizeOptions& options = {}) {
   try {
-    parameterize(span_of(block), options);
+    static_cast<void>(parameterize(span_of(block), options));
   } catch (const InputError& e) {
     return e.what();
   }
