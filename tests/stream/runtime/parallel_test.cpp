@@ -4,8 +4,11 @@
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
+#include <condition_variable>
 #include <csignal>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <set>
 #include <stdexcept>
 #include <thread>
@@ -132,11 +135,14 @@ TEST_CASE("parallel: loops inside tasks use the idle threads", "[property]") {
   WorkerPool pool(4);
   std::set<std::thread::id> ids;
   std::mutex mutex;
+  // A busy machine may take its time to begin a thread: the first index waits for another one.
+  std::condition_variable joined;
   run_small(pool, 1, [&](std::size_t) {
-    parallel_for(64, [&](std::size_t) {
-      pause_us(2000);
-      const std::lock_guard lock(mutex);
+    parallel_for(64, [&](std::size_t i) {
+      std::unique_lock lock(mutex);
       ids.insert(std::this_thread::get_id());
+      joined.notify_all();
+      if (i == 0) joined.wait_for(lock, std::chrono::seconds(60), [&] { return ids.size() > 1; });
     });
   });
   CHECK(ids.size() > 1);
