@@ -3,11 +3,11 @@
 #include <memory>
 
 #include "octree/error.h"
-#include "stream/files/bound_text.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/meshes/textured_mesh_writer.h"
 #include "stream/runtime/job_report.h"
+#include "stream/runtime/numbers.h"
 #include "stream/stages/bake/texture_colours.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "tools/commands.h"

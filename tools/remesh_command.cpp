@@ -2,10 +2,10 @@
 
 #include <memory>
 
-#include "stream/files/bound_text.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
+#include "stream/runtime/numbers.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"

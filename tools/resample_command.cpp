@@ -3,10 +3,10 @@
 #include <memory>
 
 #include "octree/error.h"
-#include "stream/files/bound_text.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
+#include "stream/runtime/numbers.h"
 #include "stream/stages/resample/blend_file.h"
 #include "stream/stages/resample/resample_job.h"
 #include "tools/commands.h"

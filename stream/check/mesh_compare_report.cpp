@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include "stream/check/mesh_compare.h"
-#include "stream/files/bound_text.h"
 #include "stream/files/json.h"
 #include "stream/runtime/numbers.h"
 

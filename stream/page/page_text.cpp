@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "kernels/picture/caption.h"
-#include "stream/files/bound_text.h"
 #include "stream/files/json.h"
 #include "stream/page/html.h"
 #include "stream/page/page_figures.h"

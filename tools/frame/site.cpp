@@ -8,10 +8,10 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/files/bound_text.h"
 #include "stream/files/json.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/numbers.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/tiles/tiles_job.h"
 #include "tools/frame/cli.h"

@@ -11,7 +11,7 @@
 
 #include "octree/error.h"
 #include "octree/vector.h"
-#include "stream/files/bound_text.h"
+#include "stream/runtime/numbers.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
