@@ -38,6 +38,7 @@ class CrossingMender {
       : block_(block), crossing_(crossing), options_(options), around_(block, whole) {}
 
   CrossingMend run() {
+    if (options_.gentle && (retreat() || waits())) return std::move(out_);
     std::vector<std::uint32_t> region(crossing_.begin(), crossing_.end());
     for (int ring = 0; ring <= options_.max_rings; ++ring) {
       if (ring > 0) around_.grow(region);

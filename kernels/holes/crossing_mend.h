@@ -24,6 +24,7 @@ struct CrossingMendOptions {
   std::uint32_t max_faces = 3000;  ///< that are taken out
   std::uint32_t max_loop = 250;    ///< edges of a disk's outline: its triangulation takes the cube of it
   bool may_cut = false;            ///< where no filling helps, up to 60 faces at a border of the mesh go
+  bool gentle = false;             ///< vertices at a border go inwards before faces are taken out, not after
   bool last_block = false;         ///< no block with more around it comes: what needs one is left untried
   std::uint64_t first_key = 0;     ///< of new vertices: above those of the block, ascending from here
   bool float_positions = false;    ///< new vertices lie at floats

@@ -90,6 +90,7 @@ class CrossingMendStage : public SerialStage {
     if (pairs_ > 0 && plan.given) given_ = plan.given(state);
     if (pairs_ > 0 && plan.given_margin) given_margin_ = plan.given_margin(state);
     options_.may_cut = plan.may_cut;
+    options_.gentle = plan.gentle;
     options_.float_positions = !mesh_.info().double_positions;
     options_.max_loop = kMaxLoop;
     if (plan.placed) options_.written = written_position(plan.placed(state));

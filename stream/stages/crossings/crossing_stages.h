@@ -44,7 +44,8 @@ struct CrossingPlan {
   bool final =
       false;  ///< of a result that nothing comes after: what is left is warned of, much of it is refused
   bool hands_on =
-      false;  ///< faces of pairs that stay go to kLeftFacesFile: another round keeps away from them
+      false;            ///< faces of pairs that stay go to kLeftFacesFile: another round keeps away from them
+  bool gentle = false;  ///< borders go inwards before faces are taken out (CrossingMendOptions)
   bool tells_only = false;       ///< nothing is mended
   std::uint32_t generation = 0;  ///< below 2^20: keys of new vertices are apart for each of a job's plans
 };

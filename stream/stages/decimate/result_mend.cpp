@@ -40,6 +40,7 @@ CrossingPlan result_mend(const SimplifyStores& stores,
   }
   // What is cut off at a border is farther than a tolerance as a rule: the rounds would come back with more faces and the pair.
   plan.may_cut = rounds == 1;
+  plan.gentle = round > 0;  // what was taken out in an earlier round may have been filled too far away
   plan.final = round + 1 == rounds;
   plan.hands_on = !plan.final;
   plan.tells_only = plan.final && rounds > 1;

@@ -223,6 +223,32 @@ TEST_CASE("crossing mend: a border that pokes into another one goes back, and no
   CHECK(farthest < 0.2);
 }
 
+TEST_CASE("crossing mend: gently, a border goes back where a filling would take a spike away", "[unit]") {
+  Surface low = height_grid(20, 20, [](double, double) { return 0.0; });
+  Surface high = height_grid(10, 10, [](double, double) { return 1.0; });
+  for (Double3& p : high.position) p[0] += 0.3, p[1] += 0.2;
+  const auto apex = std::find_if(low.position.begin(), low.position.end(),
+                                 [](const Double3& p) { return p[0] == 11.0 && p[1] == 5.0; });
+  REQUIRE(apex != low.position.end());
+  (*apex)[2] = 4.0;
+  const Double3 spike = *apex;
+  const MeshBlock block = block_of({low, high});
+  const std::vector<std::uint32_t> crossing = crossing_faces(block);
+  REQUIRE(crossing.size() > 1);
+  for (const bool gentle : {false, true}) {
+    INFO((gentle ? "gentle" : "not"));
+    CrossingMendOptions o = options();
+    o.gentle = gentle;
+    const CrossingMend mend = mend_crossing(block, crossing, kAllSpace, o);
+    REQUIRE(mend.mended);
+    const MeshBlock after = mended(block, mend);
+    CHECK(crossing_faces(after).empty());
+    CHECK(is_sound(after));
+    CHECK((after.faces.size() == block.faces.size()) == gentle);
+    CHECK((std::find(after.position.begin(), after.position.end(), spike) != after.position.end()) == gentle);
+  }
+}
+
 TEST_CASE("crossing mend: where no wider block comes, what rings need does not stop what needs less",
           "[unit]") {
   Surface left = height_grid(12, 12, [](double x, double y) { return 0.3 * x + 0.05 * std::sin(y); });
