@@ -184,6 +184,7 @@ void CrossingGuard::accept() {
 }
 
 void CrossingGuard::accept_collapse() {
+  if (!built_) return;  // nothing is left of a face alone, so nothing was looked for
   for (const std::uint32_t f : gone_)
     if ((mesh_.face(f).state & kStateDead) != 0) boxes_.set(f, FaceBoxes::kNothing);
   for (std::size_t i = 0; i < made_face_.size(); ++i) boxes_.set(made_face_[i], made_box_[i]);

@@ -95,6 +95,24 @@ TEST_CASE("crossing guard: tells what all pairs of faces tell, edit by edit", "[
   CHECK(harmless > 10);
 }
 
+TEST_CASE("crossing guard: of a face alone a collapse leaves nothing to ask about", "[unit]") {
+  MeshBlock block;
+  block.key = {0, 1, 2};
+  block.position = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  block.vertex_class.assign(3, VertexClass::kSmooth);
+  block.faces = {{0, 1, 2}};
+  block.face_flags = {kFaceBorder01 | kFaceBorder01 << 1 | kFaceBorder01 << 2};
+  CollapseMesh mesh(block, {0, 0, 0});
+  CrossingGuard guard(mesh);
+  guard.renew(FaceBoxes::Order::kGiven);
+  Star star;
+  REQUIRE(mesh.gather(0, star));
+  CHECK_FALSE(guard.collapse_adds(star, 0));
+  mesh.collapse(star, 0);
+  guard.accept_collapse();
+  CHECK_FALSE(guard.made_meet());
+}
+
 TEST_CASE("crossing guard: collapses that it is not asked about, before and after it is first asked",
           "[property]") {
   const std::uint64_t seed = GENERATE(4u, 5u, 6u);
