@@ -76,8 +76,8 @@ PlannedScan planned_scan(const Plan& plan, const std::vector<PlanBrick>& bricks,
   scan.columns = planned_columns(scan);
   // Where nobody is known to have seen the points, the stage asks their columns, more closely than this.
   const bool asks = options.from == "auto" && !mode.by_sensor && !mode.completes;
-  scan.oriented_in_blocks =
-      scan.knows_sides || options.from == "above" || (asks && scan.columns && scan.columns->look_open());
+  scan.oriented_in_blocks = scan.knows_sides || (options.from == "above" && !mode.by_sensor) ||
+                            (asks && scan.columns && scan.columns->look_open());
   scan.closes = HolesMode(options.holes).close;
   scan.fuses_stores = fuses_stores(options);
   const HoleLimit holes = hole_limit(options, plan, true);

@@ -139,7 +139,7 @@ class LinksStage : public Stage {
     }
     const std::uint64_t bricks = overlay_.bricks().size();
     const std::uint64_t above = links_finish_bytes(viewers_.unknown() ? bricks : 0, outer, surfels, patches);
-    if (viewers_.own) return above;
+    if (viewers_.own || told_from_above()) return above;
     return std::max(above, look_around_bytes(coarse, surfels, patches, outer, bricks, memory_bytes_));
   }
 
@@ -163,6 +163,9 @@ class LinksStage : public Stage {
   }
 
  private:
+  /// The user says so, and no sensor says otherwise.
+  bool told_from_above() const { return viewers_.unknown() && viewers_.scene == "above"; }
+
   /// Whether the scene was seen from above, and its tops where it was.
   void look_from_above(const PatchLinks& links, const TaskContext& context, OrientationScene& scene) const {
     const TopSurface tops(viewers_.up, [&](const SurfelBatch& visit) {
@@ -175,7 +178,7 @@ class LinksStage : public Stage {
     });
     scene.covered = tops.covered_share(), scene.roofed = tops.roofed_share(),
     scene.level = tops.level_share(), scene.ground = tops.ground_share();
-    scene.from_above = viewers_.scene == "above" || (viewers_.scene == "auto" && tops.seen_from_above());
+    scene.from_above = told_from_above() || (viewers_.scene == "auto" && tops.seen_from_above());
     if (scene.from_above)
       scene.columns.assign(tops.columns().columns().begin(), tops.columns().columns().end());
   }
