@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -67,11 +68,215 @@ float rounded_down(double x) {
   return static_cast<double>(f) > x ? std::nextafter(f, -std::numeric_limits<float>::infinity()) : f;
 }
 
+/// The faces that may meet others. Seen along an axis, a block is cut into cells. Where all faces that touch a cell look one
+/// way, none of their edges there is without exactly one other face, and one point of it is covered at most once, all of it is:
+/// the projection is a covering there without branches, so faces have in common what they share. What is left are places where
+/// the block folds, is steep, ends, or lies over itself: of a terrain its border. Signs are certain, what is in doubt is left.
+/// The culling by regions of one normal cone and one contour (Volino and Magnenat-Thalmann 1994), without a contour to test.
+template <class Faces>
+class SheetCells {
+ public:
+  explicit SheetCells(Faces faces) : faces_(faces) {
+    if (faces.size() < kMinFaces || !find_axis()) return;
+    useful_ = mark_faces() && mark_borders();
+  }
+  /// Numbers of the faces that may meet others; false: so many that all may as well be asked.
+  bool doubtful(std::vector<std::uint32_t>& some) const {
+    if (!useful_) return false;
+    for (std::uint32_t f = 0; f < faces_.size() && some.size() <= faces_.size() / 2; ++f)
+      if (any_doubt(range_of(f))) some.push_back(f);
+    return some.size() <= faces_.size() / 2;
+  }
+
+ private:
+  static constexpr std::size_t kMinFaces = 256;
+  static constexpr std::size_t kCellFaces = 12, kMaxPerAxis = 4096;
+  static constexpr std::size_t kMaxVisits =
+      16;  ///< of cells, a face: needles across all of the block are not worth it
+  static constexpr double kMinOneWay = 0.6;  ///< of the area, seen along the axis
+  static constexpr double kSure = 1e-14;     ///< of the terms of a determinant: more than their rounding
+  static constexpr double kSample = 0.61803398874989485;  ///< where a cell is asked how often it is covered
+  static constexpr std::uint8_t kDoubt = 2;               ///< from so many on
+  struct Range {
+    std::size_t x0, x1, y0, y1;
+  };
+
+  bool find_axis() {
+    Double3 sum{}, all{}, low = faces_.corner(0, 0), high = low;
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+      const Double3 &a = faces_.corner(f, 0), &b = faces_.corner(f, 1), &c = faces_.corner(f, 2);
+      const Double3 n = cross(b - a, c - a);
+      for (std::size_t k = 0; k < 3; ++k) {
+        sum[k] += n[k], all[k] += std::fabs(n[k]);
+        low[k] = std::min({low[k], a[k], b[k], c[k]});
+        high[k] = std::max({high[k], a[k], b[k], c[k]});
+      }
+    }
+    std::size_t axis = 0;
+    for (std::size_t k = 1; k < 3; ++k)
+      if (std::fabs(sum[k]) > std::fabs(sum[axis])) axis = k;
+    if (!(std::fabs(sum[axis]) > kMinOneWay * all[axis])) return false;
+    x_ = (axis + 1) % 3, y_ = (axis + 2) % 3;
+    if (sum[axis] < 0.0) std::swap(x_, y_);
+    low_ = {low[x_], low[y_]};
+    const double width = high[x_] - low[x_], height = high[y_] - low[y_];
+    const double cells = static_cast<double>(faces_.size()) / static_cast<double>(kCellFaces);
+    const double edge = std::max(std::sqrt(width * height / cells), std::max(width, height) / kMaxPerAxis);
+    // Far from zero a sample might be rounded out of its cell.
+    const double far =
+        std::max({std::fabs(low[x_]), std::fabs(low[y_]), std::fabs(high[x_]), std::fabs(high[y_])});
+    if (!(width > 0.0 && height > 0.0 && edge > 0x1p-40 * far && std::isfinite(edge))) return false;
+    per_edge_ = 1.0 / edge;
+    if (!std::isfinite(per_edge_)) return false;
+    size_ = {static_cast<std::size_t>(width * per_edge_) + 1,
+             static_cast<std::size_t>(height * per_edge_) + 1};
+    marks_.assign(size_[0] * size_[1], 0);
+    return true;
+  }
+
+  /// Monotone, so that a cell is where its points are.
+  double scaled(double x, std::size_t axis) const { return (x - low_[axis]) * per_edge_; }
+  std::size_t cell(double scaled, std::size_t axis) const {
+    return std::min(static_cast<std::size_t>(std::max(scaled, 0.0)), size_[axis] - 1);
+  }
+  Range range(double x0, double x1, double y0, double y1) const {
+    return {cell(scaled(x0, 0), 0), cell(scaled(x1, 0), 0), cell(scaled(y0, 1), 1), cell(scaled(y1, 1), 1)};
+  }
+  Range range_of(std::uint32_t f) const {
+    const Double3 &a = faces_.corner(f, 0), &b = faces_.corner(f, 1), &c = faces_.corner(f, 2);
+    return range(std::min({a[x_], b[x_], c[x_]}), std::max({a[x_], b[x_], c[x_]}),
+                 std::min({a[y_], b[y_], c[y_]}), std::max({a[y_], b[y_], c[y_]}));
+  }
+  template <class Use>
+  void each_mark(const Range& r, const Use& use) {
+    for (std::size_t y = r.y0; y <= r.y1; ++y)
+      for (std::size_t x = r.x0; x <= r.x1; ++x) use(marks_[y * size_[0] + x], x, y);
+  }
+  bool any_doubt(const Range& r) const {
+    for (std::size_t y = r.y0; y <= r.y1; ++y)
+      for (std::size_t x = r.x0; x <= r.x1; ++x)
+        if (marks_[y * size_[0] + x] >= kDoubt) return true;
+    return false;
+  }
+
+  /// Twice the area of a, b and p, seen along the axis; p in doubt counts as on the left.
+  bool left_of(const Double3& a, const Double3& b, const std::array<double, 2>& p) const {
+    const double left = (b[x_] - a[x_]) * (p[1] - a[y_]), right = (b[y_] - a[y_]) * (p[0] - a[x_]);
+    return left - right >= -kSure * (std::fabs(left) + std::fabs(right));
+  }
+
+  /// Cells of faces that do not surely look along the axis, and how often each one's sample is covered.
+  bool mark_faces() {
+    std::size_t visits = 0;
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+      const Double3 &a = faces_.corner(f, 0), &b = faces_.corner(f, 1), &c = faces_.corner(f, 2);
+      const Range r = range_of(f);
+      visits += (r.x1 - r.x0 + 1) * (r.y1 - r.y0 + 1);
+      if (visits > kMaxVisits * faces_.size()) return false;
+      const double left = (b[x_] - a[x_]) * (c[y_] - a[y_]), right = (b[y_] - a[y_]) * (c[x_] - a[x_]);
+      if (!(left - right > kSure * (std::fabs(left) + std::fabs(right)))) {
+        each_mark(r, [](std::uint8_t& mark, std::size_t, std::size_t) { mark = kDoubt; });
+        continue;
+      }
+      each_mark(r, [&](std::uint8_t& mark, std::size_t x, std::size_t y) {
+        if (mark >= kDoubt) return;
+        const std::array<double, 2> at = {low_[0] + (static_cast<double>(x) + kSample) / per_edge_,
+                                          low_[1] + (static_cast<double>(y) + kSample) / per_edge_};
+        if (left_of(a, b, at) && left_of(b, c, at) && left_of(c, a, at)) ++mark;
+      });
+    }
+    return true;
+  }
+
+  /// A side of a face, in the bucket of its lower vertex.
+  struct Side {
+    std::uint32_t face;
+    std::uint32_t other : 29, rises : 1,
+        corner : 2;  ///< of the higher vertex what tells most apart; the side begins at the corner
+  };
+  /// Cells of edges that have not exactly one face on each side.
+  bool mark_borders() {
+    std::size_t buckets = 1;
+    while (buckets < faces_.size() / 2) buckets *= 2;
+    const std::uint64_t mask = buckets - 1;
+    std::vector<std::uint32_t> first(buckets + 1, 0);
+    if (faces_.size() > 0x50000000u) return false;
+    each_side(
+        [&](std::uint32_t, unsigned, std::uint64_t low, std::uint64_t, bool) { ++first[(low & mask) + 1]; });
+    for (std::size_t b = 0; b < buckets; ++b) first[b + 1] += first[b];
+    std::vector<Side> sides(3 * faces_.size());
+    // Buckets are filled from their ends on, and then begin where they did.
+    std::vector<std::uint32_t> next(first.begin() + 1, first.end());
+    each_side([&](std::uint32_t f, unsigned corner, std::uint64_t low, std::uint64_t high, bool rises) {
+      sides[--next[low & mask]] = {f, static_cast<std::uint32_t>(high & 0x1fffffffu), rises, corner & 3u};
+    });
+    for (std::size_t b = 0; b < buckets; ++b) match({sides.data() + first[b], sides.data() + first[b + 1]});
+    return true;
+  }
+  template <class Use>
+  void each_side(const Use& use) const {
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+      const std::array<std::uint64_t, 3> v = {faces_.vertex(f, 0), faces_.vertex(f, 1), faces_.vertex(f, 2)};
+      for (unsigned k = 0; k < 3; ++k) {
+        const std::uint64_t a = v[k], b = v[k < 2 ? k + 1 : 0];
+        use(f, k, std::min(a, b), std::max(a, b), a < b);
+      }
+    }
+  }
+  void match(std::span<const Side> bucket) {
+    constexpr std::size_t kMaxBucket = 64;  // an umbrella of so many, or numbers that fall together
+    for (const Side& s : bucket) {
+      std::size_t same = 0, across = 0;
+      if (bucket.size() <= kMaxBucket)
+        for (const Side& t : bucket) {
+          if (t.other != s.other || !is_edge(s, t)) continue;
+          ++(t.rises == s.rises ? same : across);
+        }
+      if (same == 1 && across == 1) continue;
+      const Double3 &a = faces_.corner(s.face, s.corner), &b = faces_.corner(s.face, after(s.corner));
+      each_mark(range(std::min(a[x_], b[x_]), std::max(a[x_], b[x_]), std::min(a[y_], b[y_]),
+                      std::max(a[y_], b[y_])),
+                [](std::uint8_t& mark, std::size_t, std::size_t) { mark = kDoubt; });
+    }
+  }
+  static std::size_t after(std::size_t corner) { return corner < 2 ? corner + 1 : 0; }
+  bool is_edge(const Side& s, const Side& t) const {
+    const std::uint64_t a = faces_.vertex(s.face, s.corner), b = faces_.vertex(s.face, after(s.corner)),
+                        c = faces_.vertex(t.face, t.corner), d = faces_.vertex(t.face, after(t.corner));
+    return (a == c && b == d) || (a == d && b == c);
+  }
+
+  Faces faces_;
+  bool useful_ = false;
+  std::size_t x_ = 0, y_ = 1;
+  std::array<double, 2> low_{};
+  double per_edge_ = 0.0;
+  std::array<std::size_t, 2> size_{};
+  std::vector<std::uint8_t> marks_;  ///< by cell: how many faces cover its sample, or doubt
+};
+
+/// Faces as SheetCells takes them.
+struct GivenFaces {
+  std::span<const ContactFace> faces;
+  std::size_t size() const { return faces.size(); }
+  const Double3& corner(std::size_t f, std::size_t k) const { return faces[f].corner[k]; }
+  std::uint64_t vertex(std::size_t f, std::size_t k) const { return faces[f].vertex[k]; }
+};
+struct BlockFaces {
+  const MeshBlock& block;
+  std::size_t size() const { return block.faces.size(); }
+  const Double3& corner(std::size_t f, std::size_t k) const { return block.position[block.faces[f][k]]; }
+  std::uint64_t vertex(std::size_t f, std::size_t k) const { return block.faces[f][k]; }
+};
+
 class ContactTree {
  public:
-  ContactTree(std::span<const ContactFace> faces, const ContactCell& cell) : faces_(faces), cell_(cell) {
+  /// \param some  of the faces; none: all of them
+  ContactTree(std::span<const ContactFace> faces, const ContactCell& cell,
+              std::vector<std::uint32_t> some = {})
+      : faces_(faces), cell_(cell), order_(std::move(some)) {
     sort();
-    std::vector<BoxBundle> leaves((faces.size() + kLanes - 1) / kLanes);
+    std::vector<BoxBundle> leaves((order_.size() + kLanes - 1) / kLanes);
     for (std::size_t i = 0; i < order_.size(); ++i)
       put(leaves[i / kLanes], i % kLanes, box(faces[order_[i]]));
     levels_.push_back(std::move(leaves));
@@ -126,19 +331,23 @@ class ContactTree {
     double widest = 0.0;
     for (std::size_t k = 0; k < 3; ++k) widest = std::max(widest, high[k] - low[k]);
     const double scale = widest > 0.0 ? 2097151.0 / widest : 0.0;
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(faces_.size());
-    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+    if (order_.empty()) {
+      order_.resize(faces_.size());
+      std::iota(order_.begin(), order_.end(), 0u);
+    }
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(order_.size());
+    for (std::size_t n = 0; n < keys.size(); ++n) {
+      const std::uint32_t f = order_[n];
       std::array<std::uint32_t, 3> at{};
       for (std::size_t k = 0; k < 3; ++k) {
         const auto& c = faces_[f].corner;
         const double x = ((c[0][k] - low[k]) + (c[1][k] - low[k]) + (c[2][k] - low[k])) / 3.0 * scale;
         at[k] = static_cast<std::uint32_t>(std::clamp(x, 0.0, 2097151.0));
       }
-      keys[f] = {morton_encode(at[0], at[1], at[2]), f};
+      keys[n] = {morton_encode(at[0], at[1], at[2]), f};
     }
     std::sort(keys.begin(), keys.end());
-    order_.reserve(keys.size());
-    for (const auto& key : keys) order_.push_back(key.second);
+    for (std::size_t n = 0; n < keys.size(); ++n) order_[n] = keys[n].second;
   }
 
   /// Relative to a corner of the block, so that floats tell neighbours apart in survey coordinates too; differences round
@@ -198,32 +407,62 @@ class ContactTree {
 }  // namespace
 
 void block_contacts(std::span<const ContactFace> faces, const ContactCell& cell,
-                    const std::function<void(std::uint32_t, std::uint32_t, FaceContact)>& use) {
+                    const std::function<void(std::uint32_t, std::uint32_t, FaceContact)>& use,
+                    ContactOrder order) {
   if (faces.size() < 2) return;
-  const ContactTree tree(faces, cell);
-  tree.each_pair([&](std::uint32_t i, std::uint32_t j, FaceContact contact) {
-    use(i, j, contact);
-    return true;
+  const auto all_of = [&](std::vector<std::uint32_t> some) {
+    ContactTree(faces, cell, std::move(some))
+        .each_pair([&](std::uint32_t i, std::uint32_t j, FaceContact contact) {
+          use(i, j, contact);
+          return true;
+        });
+  };
+  std::vector<std::uint32_t> some;
+  if (!SheetCells(GivenFaces{faces}).doubtful(some)) return all_of({});
+  if (some.size() < 2) return;
+  if (order == ContactOrder::kAny) return all_of(std::move(some));
+  // The order is that of the tree of all faces, so where there are any it is made.
+  bool any = false;
+  ContactTree(faces, cell, std::move(some)).each_pair([&](std::uint32_t, std::uint32_t, FaceContact) {
+    any = true;
+    return false;
   });
+  if (any) all_of({});
 }
+
+namespace {
+
+void add_contact_face(const MeshBlock& block, std::uint32_t i, std::vector<ContactFace>& faces,
+                      std::vector<std::uint32_t>* number) {
+  const auto& f = block.faces[i];
+  const ContactFace face = {{block.position[f[0]], block.position[f[1]], block.position[f[2]]},
+                            {f[0], f[1], f[2]}};
+  if (collinear(face.corner[0], face.corner[1], face.corner[2])) return;
+  faces.push_back(face);
+  if (number != nullptr) number->push_back(i);
+}
+
+}  // namespace
 
 std::vector<ContactFace> contact_faces(const MeshBlock& block, std::vector<std::uint32_t>* number) {
   std::vector<ContactFace> faces;
   faces.reserve(block.faces.size());
   if (number != nullptr) number->reserve(block.faces.size());
-  for (std::uint32_t i = 0; i < block.faces.size(); ++i) {
-    const auto& f = block.faces[i];
-    const ContactFace face = {{block.position[f[0]], block.position[f[1]], block.position[f[2]]},
-                              {f[0], f[1], f[2]}};
-    if (collinear(face.corner[0], face.corner[1], face.corner[2])) continue;
-    faces.push_back(face);
-    if (number != nullptr) number->push_back(i);
-  }
+  for (std::uint32_t i = 0; i < block.faces.size(); ++i) add_contact_face(block, i, faces, number);
+  return faces;
+}
+
+std::vector<ContactFace> doubtful_faces(const MeshBlock& block, std::vector<std::uint32_t>* number) {
+  std::vector<std::uint32_t> some;
+  if (!SheetCells(BlockFaces{block}).doubtful(some)) return contact_faces(block, number);
+  std::vector<ContactFace> faces;
+  faces.reserve(some.size());
+  for (const std::uint32_t i : some) add_contact_face(block, i, faces, number);
   return faces;
 }
 
 std::size_t count_contacts(const MeshBlock& block, std::size_t enough) {
-  const std::vector<ContactFace> faces = contact_faces(block);
+  const std::vector<ContactFace> faces = doubtful_faces(block);
   if (faces.size() < 2) return 0;
   std::size_t pairs = 0;
   ContactTree(faces, kAllSpace).each_pair([&](std::uint32_t i, std::uint32_t j, FaceContact) {

@@ -324,7 +324,7 @@ class CrossingSearch {
       }
     });
     std::vector<std::uint8_t> in_pair(faces.size(), 0);
-    block_contacts(faces, cell, [&](std::uint32_t i, std::uint32_t j, FaceContact contact) {
+    const auto use = [&](std::uint32_t i, std::uint32_t j, FaceContact contact) {
       in_pair[i] = in_pair[j] = 1;
       ++(contact == FaceContact::kCross     ? found.crossing
          : contact == FaceContact::kOverlap ? found.overlapping
@@ -339,7 +339,8 @@ class CrossingSearch {
         pair.place[k] = 0.5 * std::max(a, c) + 0.5 * std::min(b, d);
       }
       list(found.listed, pair);
-    });
+    };
+    block_contacts(faces, cell, use, ContactOrder::kAny);
     for (std::size_t f = 0; f < faces.size(); ++f)
       if (in_pair[f]) in_pairs.push_back(numbers[f]);
   }

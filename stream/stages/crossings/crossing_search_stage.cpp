@@ -171,9 +171,9 @@ class CrossingSearchStage : public Stage {
     }
     const auto place = [&](std::uint32_t v) { return written_ ? position[v] : block.position[v]; };
     std::vector<std::uint32_t> number;
-    const std::vector<ContactFace> faces = contact_faces(block, &number);
+    const std::vector<ContactFace> faces = doubtful_faces(block, &number);
     std::uint64_t in_copies = 0;
-    block_contacts(faces, kAllSpace, [&](std::uint32_t i, std::uint32_t j, FaceContact contact) {
+    const auto tell = [&](std::uint32_t i, std::uint32_t j, FaceContact contact) {
       if (near.core[number[i]] == 0) return;
       if (meet_in_copies(faces[i], faces[j])) {
         ++in_copies;
@@ -188,7 +188,8 @@ class CrossingSearchStage : public Stage {
         std::swap(pair.face[0], pair.face[1]), std::swap(pair.corners[0], pair.corners[1]);
       pair.contact = static_cast<std::uint64_t>(contact);
       use(pair);
-    });
+    };
+    block_contacts(faces, kAllSpace, tell, ContactOrder::kAny);
     return in_copies;
   }
 

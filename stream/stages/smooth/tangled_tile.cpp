@@ -36,11 +36,11 @@ TangledTile::TangledTile(const MeshStore& smoothed, const MeshStore& given, cons
 std::uint64_t TangledTile::find(bool widely, std::vector<VertexBack>& found) const {
   const MeshBlock& block = near_.block;
   std::vector<std::uint32_t> number;
-  const std::vector<ContactFace> faces = contact_faces(block, &number);
+  const std::vector<ContactFace> faces = doubtful_faces(block, &number);
   std::uint64_t pairs = 0;
   // Around vertices of the tile's own faces all faces are there; the others are those of another tile, which sees the pair too.
   std::vector<std::uint8_t> in_pair(widely ? block.key.size() : 0, 0);
-  block_contacts(faces, kAllSpace, [&](std::uint32_t i, std::uint32_t j, FaceContact) {
+  const auto use = [&](std::uint32_t i, std::uint32_t j, FaceContact) {
     const std::uint32_t one = number[i], other = number[j];
     if (near_.core[one] == 0 && near_.core[other] == 0) return;
     if (!(moved(one) || moved(other)) || meet_in_copies(faces[i], faces[j]) || met_before(one, other)) return;
@@ -51,7 +51,8 @@ std::uint64_t TangledTile::find(bool widely, std::vector<VertexBack>& found) con
         if (moved_vertex(v)) found.push_back({block.key[v], smoothed(v)});
         if (widely && near_.core[f] != 0) in_pair[v] = 1;
       }
-  });
+  };
+  block_contacts(faces, kAllSpace, use, ContactOrder::kAny);
   for (std::uint32_t f = 0; widely && f < block.faces.size(); ++f) {
     const auto& c = block.faces[f];
     if ((in_pair[c[0]] | in_pair[c[1]] | in_pair[c[2]]) == 0) continue;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <tuple>
 #include <vector>
@@ -91,6 +92,161 @@ TEST_CASE("block contacts: cells that tile space tell every pair once, whatever 
       }
   std::sort(sum.begin(), sum.end());
   CHECK(sum == found(faces, kAll));
+}
+
+/// A sheet of n x n squares over a plane, in two triangles each, corners bent by up to `rough` and turned so that any axis may see it.
+MeshBlock sheet(std::size_t n, double rough, std::size_t axis, bool flipped, std::uint64_t seed) {
+  test::Random random(seed);
+  MeshBlock block;
+  for (std::size_t y = 0; y <= n; ++y)
+    for (std::size_t x = 0; x <= n; ++x) {
+      Double3 p;
+      p[axis] = random.in(-rough, rough);
+      p[(axis + 1) % 3] = static_cast<double>(x) + 0.3 * random.in(-rough, rough);
+      p[(axis + 2) % 3] = static_cast<double>(y) + 0.3 * random.in(-rough, rough);
+      block.position.push_back(p);
+    }
+  const auto at = [&](std::size_t x, std::size_t y) { return static_cast<std::uint32_t>(y * (n + 1) + x); };
+  for (std::size_t y = 0; y < n; ++y)
+    for (std::size_t x = 0; x < n; ++x) {
+      block.faces.push_back({at(x, y), at(x + 1, y), at(x + 1, y + 1)});
+      block.faces.push_back({at(x, y), at(x + 1, y + 1), at(x, y + 1)});
+    }
+  if (flipped)
+    for (auto& f : block.faces) std::swap(f[1], f[2]);
+  return block;
+}
+
+std::vector<Pair> found_any(const std::vector<ContactFace>& faces) {
+  std::vector<Pair> pairs;
+  const auto use = [&](std::uint32_t i, std::uint32_t j, FaceContact c) { pairs.emplace_back(i, j, c); };
+  block_contacts(faces, kAll, use, ContactOrder::kAny);
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
+
+/// Against all pairs, however it is asked. \returns how many
+std::size_t check_block(const MeshBlock& block) {
+  const std::vector<ContactFace> faces = contact_faces(block);
+  const std::vector<Pair> all = all_pairs(faces);
+  CHECK(found(faces, kAll) == all);
+  CHECK(found_any(faces) == all);
+  CHECK(count_contacts(block) ==
+        static_cast<std::size_t>(std::count_if(all.begin(), all.end(), [&](const Pair& p) {
+          return !meet_in_copies(faces[std::get<0>(p)], faces[std::get<1>(p)]);
+        })));
+  std::vector<std::uint32_t> number, every;
+  const std::vector<ContactFace> some = doubtful_faces(block, &number);
+  contact_faces(block, &every);
+  REQUIRE(some.size() == number.size());
+  for (const Pair& p : all)
+    for (const std::uint32_t f : {every[std::get<0>(p)], every[std::get<1>(p)]})
+      CHECK(std::binary_search(number.begin(), number.end(), f));
+  return all.size();
+}
+
+TEST_CASE("block contacts: of one sheet over a plane only faces at its border are in doubt", "[unit]") {
+  const std::size_t axis = GENERATE(0u, 1u, 2u);
+  const bool flipped = GENERATE(false, true);
+  const MeshBlock block = sheet(30, 0.4, axis, flipped, 5);
+  CHECK(check_block(block) == 0);
+  CHECK(doubtful_faces(block).size() < block.faces.size() / 2);
+  CHECK(doubtful_faces(block).size() >= 4 * 30 - 4);
+}
+
+TEST_CASE("block contacts: sheets that fold, lie over themselves, branch or come apart are seen", "[unit]") {
+  const std::size_t n = 30;
+  SECTION("folds") {
+    MeshBlock block = sheet(n, 0.3, 2, false, 6);
+    for (const std::size_t v : {200u, 411u, 700u})
+      block.position[v] = block.position[v] + Double3{1.7, 0.4, 0.1};
+    CHECK(check_block(block) > 0);
+  }
+  SECTION("a spike through a face beside it") {
+    MeshBlock block = sheet(n, 0.1, 2, false, 7);
+    block.position[15 * (n + 1) + 15] = {18.4, 15.3, 0.0};
+    CHECK(check_block(block) > 0);
+  }
+  SECTION("a second sheet through the first, every face looking the same way") {
+    MeshBlock block = sheet(n, 0.1, 2, false, 8);
+    const MeshBlock other = sheet(6, 0.1, 2, false, 9);
+    const auto first = static_cast<std::uint32_t>(block.position.size());
+    for (const Double3& p : other.position)
+      block.position.push_back(p + Double3{12.3, 11.4, 0.05 * p[0] - 0.1});
+    for (const auto& f : other.faces) block.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
+    CHECK(check_block(block) > 0);
+  }
+  SECTION("a ramp twice around an axis, closed on itself at the wrong end") {
+    // Two turns with one border inside and one outside: every face looks up, all of it is covered twice.
+    MeshBlock block;
+    const std::size_t around = 80, rings = 12;
+    for (std::size_t a = 0; a <= around; ++a)
+      for (std::size_t r = 0; r <= rings; ++r) {
+        const double angle = 4.0 * 3.14159265358979 * static_cast<double>(a) / static_cast<double>(around);
+        const double radius = 1.0 + static_cast<double>(r);
+        // The second turn comes down through the first.
+        const double height = a <= around / 2 ? 0.05 * static_cast<double>(a)
+                                              : 2.0 - 0.07 * static_cast<double>(a - around / 2);
+        block.position.push_back({radius * std::cos(angle), radius * std::sin(angle), height});
+      }
+    const auto at = [&](std::size_t a, std::size_t r) {
+      return static_cast<std::uint32_t>(a * (rings + 1) + r);
+    };
+    for (std::size_t a = 0; a < around; ++a)
+      for (std::size_t r = 0; r < rings; ++r) {
+        block.faces.push_back({at(a, r), at(a, r + 1), at(a + 1, r + 1)});
+        block.faces.push_back({at(a, r), at(a + 1, r + 1), at(a + 1, r)});
+      }
+    CHECK(check_block(block) > 0);
+  }
+  SECTION("a cone twice around its tip") {
+    MeshBlock block;
+    const std::size_t around = 64, rings = 10;
+    block.position.push_back({0, 0, 0});
+    for (std::size_t a = 0; a < around; ++a)
+      for (std::size_t r = 1; r <= rings; ++r) {
+        const double angle = 4.0 * 3.14159265358979 * static_cast<double>(a) / static_cast<double>(around);
+        block.position.push_back({static_cast<double>(r) * std::cos(angle),
+                                  static_cast<double>(r) * std::sin(angle),
+                                  0.3 * static_cast<double>(r) * std::cos(angle / 2.0)});
+      }
+    const auto at = [&](std::size_t a, std::size_t r) {
+      return r == 0 ? 0u : static_cast<std::uint32_t>((a % around) * rings + r);
+    };
+    for (std::size_t a = 0; a < around; ++a)
+      for (std::size_t r = 0; r < rings; ++r) {
+        block.faces.push_back({at(a, r), at(a, r + 1), at(a + 1, r + 1)});
+        if (r > 0) block.faces.push_back({at(a, r), at(a + 1, r + 1), at(a + 1, r)});
+      }
+    CHECK(check_block(block) > 0);
+  }
+  SECTION("a slit whose sides lie over each other") {
+    MeshBlock block = sheet(n, 0.1, 2, false, 10);
+    // The faces on one side of a line get corners of their own, a little beyond it.
+    std::vector<std::uint32_t> copy(block.position.size(), 0);
+    const std::size_t given = block.faces.size();
+    for (std::size_t i = 0; i < given; ++i)
+      for (std::uint32_t& v : block.faces[i]) {
+        if (i / (2 * n) < 15 || v / (n + 1) != 15) continue;
+        if (copy[v] == 0) {
+          copy[v] = static_cast<std::uint32_t>(block.position.size());
+          block.position.push_back(block.position[v] + Double3{0.05, -0.2, 0.0});
+        }
+        v = copy[v];
+      }
+    CHECK(check_block(block) > 0);
+  }
+  SECTION("a face more on an edge, and one the wrong way round") {
+    MeshBlock block = sheet(n, 0.1, 2, false, 11);
+    block.position.push_back({15.4, 15.5, 1.0});
+    block.position.push_back({17.2, 18.1, -0.5});
+    block.faces.push_back(
+        {15 * (n + 1) + 15, 15 * (n + 1) + 16, static_cast<std::uint32_t>(block.position.size() - 2)});
+    block.faces.push_back({15 * (n + 1) + 15, static_cast<std::uint32_t>(block.position.size() - 2),
+                           static_cast<std::uint32_t>(block.position.size() - 1)});
+    std::swap(block.faces[333][0], block.faces[333][1]);
+    CHECK(check_block(block) > 0);
+  }
 }
 
 TEST_CASE("block contacts: no pairs without two faces", "[unit]") {
