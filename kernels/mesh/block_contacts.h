@@ -43,11 +43,13 @@ inline constexpr ContactCell kAllSpace = {
 
 /// Faces of a block that may be asked about, corners named by their numbers in it: those that have an area.
 /// \param number  gets their numbers; may be null
-std::vector<ContactFace> contact_faces(const MeshBlock& block, std::vector<std::uint32_t>* number = nullptr);
+[[nodiscard]] std::vector<ContactFace> contact_faces(const MeshBlock& block,
+                                                     std::vector<std::uint32_t>* number = nullptr);
 
 /// Those of contact_faces() that may meet others: all pairs that block_contacts() finds are of these. They are few where a block is
 /// one sheet over a plane, which takes O(n) time to see, and all of them elsewhere.
-std::vector<ContactFace> doubtful_faces(const MeshBlock& block, std::vector<std::uint32_t>* number = nullptr);
+[[nodiscard]] std::vector<ContactFace> doubtful_faces(const MeshBlock& block,
+                                                      std::vector<std::uint32_t>* number = nullptr);
 
 /// How many pairs of faces of a block meet so, whatever the kind, but for those that meet in copies of a vertex alone; those
 /// without an area meet none. It stops at `enough`.
