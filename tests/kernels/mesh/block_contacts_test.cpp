@@ -127,7 +127,8 @@ std::vector<Pair> found_any(const std::vector<ContactFace>& faces) {
 
 /// Against all pairs, however it is asked. \returns how many
 std::size_t check_block(const MeshBlock& block) {
-  const std::vector<ContactFace> faces = contact_faces(block);
+  std::vector<std::uint32_t> number, every;
+  const std::vector<ContactFace> faces = contact_faces(block, &every);
   const std::vector<Pair> all = all_pairs(faces);
   CHECK(found(faces, kAll) == all);
   CHECK(found_any(faces) == all);
@@ -135,9 +136,7 @@ std::size_t check_block(const MeshBlock& block) {
         static_cast<std::size_t>(std::count_if(all.begin(), all.end(), [&](const Pair& p) {
           return !meet_in_copies(faces[std::get<0>(p)], faces[std::get<1>(p)]);
         })));
-  std::vector<std::uint32_t> number, every;
   const std::vector<ContactFace> some = doubtful_faces(block, &number);
-  contact_faces(block, &every);
   REQUIRE(some.size() == number.size());
   for (const Pair& p : all)
     for (const std::uint32_t f : {every[std::get<0>(p)], every[std::get<1>(p)]})
