@@ -135,12 +135,15 @@ EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
 }
 
 /// Roots are kept off nodes, and with them the vertices off the surface, which tilts thin faces. Where all roots around a
-/// node lie on one plane, their vertices slide onto it: they stay apart there. Beside a crease they would meet.
+/// node lie on one plane, their vertices slide onto it: they stay apart there. Beside a crease they would meet, and so
+/// would those of both faces of a wall in a plane of nodes: there the edge passes one of them against the node's normal.
 /// Distance from the node within which a second sheet counts, cells; least cosine between the root's and its normal.
 constexpr float kSecondSheet = 0.25f;
 constexpr float kSlideCosine = 0.95f;
 
-bool may_slide(const EdgeEnd& near, const EdgeRoot& root) {
+/// \param leaves  whether the edge leaves the inside in +axis direction
+bool may_slide(const EdgeEnd& near, const EdgeRoot& root, std::size_t axis, bool leaves) {
+  if ((root.normal[axis] > 0.0f) != leaves) return false;
   if (near.sheets && near.sheets->passing({0, 0, 0}, kSecondSheet) > 1) return false;
   return dot(root.normal, near.gradient) > kSlideCosine;
 }
@@ -175,7 +178,8 @@ void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& she
           const bool creased = end_a.sheets || end_b.sheets;
           if (noisy) field.creased.push_back(creased ? 1 : 0);
           EdgeRoot root = creased ? crease_root(end_a, end_b, axis) : smooth_root(fits[l], a, fit_b, b, axis);
-          root.slides = root.offset != 0.0f && may_slide(root.t < 0.5f ? end_a : end_b, root);
+          const bool leaves = (leaf.inside[z] >> bit & 1) != 0;
+          root.slides = root.offset != 0.0f && may_slide(root.t < 0.5f ? end_a : end_b, root, axis, leaves);
           field.roots.push_back(root);
         }
       }

@@ -309,6 +309,37 @@ TEST_CASE("field: thin plates, slots and steps", "[unit]") {
   }
 }
 
+TEST_CASE("field: depths in planes of the lattice make no wall without thickness", "[unit]") {
+  // A depth camera's frame: patches at whole depths, some of them behind others, all seen from above.
+  test::Random random(41);
+  std::map<std::pair<int, int>, int> depth;
+  test::Samples samples;
+  for (int i = 0; i < 240; ++i)
+    for (int j = 0; j < 240; ++j) {
+      const Double3 p = {66.0 + 0.25 * i, 66.0 + 0.25 * j, 0.0};
+      const std::pair<int, int> patch = {i / 16, j / 16};
+      if (!depth.contains(patch)) depth[patch] = 94 + static_cast<int>(random.below(4));
+      samples.push_back({{p[0], p[1], static_cast<double>(depth[patch])}, {0, 0, 1}, 0});
+    }
+  const DirectedField field = field_of(samples);
+  std::map<Int3, std::vector<Double3>> around;  // vertices that stand at a node
+  for (const Root& root : roots_of(field)) {
+    Int3 node = root.node;
+    if (root.edge.t > 0.5f) ++node[static_cast<std::size_t>(root.axis)];
+    const Float3 by = root.edge.slide_offset();
+    around[node].push_back({root.p[0] + double{by[0]}, root.p[1] + double{by[1]}, root.p[2] + double{by[2]}});
+  }
+  std::size_t slid = 0;
+  for (const Root& root : roots_of(field)) slid += root.edge.slides;
+  CHECK(slid > 100);
+  double nearest = 1.0;
+  for (const auto& [node, vertices] : around)
+    for (std::size_t a = 0; a < vertices.size(); ++a)
+      for (std::size_t b = 0; b < a; ++b) nearest = std::min(nearest, norm(vertices[a] - vertices[b]));
+  CAPTURE(slid);
+  CHECK(nearest > 1.0 / 128);
+}
+
 TEST_CASE("field: noise does not break a cube", "[unit]") {
   const test::Solid solid = test::make_box(kCentre, {21.3, 20.1, 18.7}, true);
   test::Random random(8);
