@@ -3,7 +3,9 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include "stream/files/json.h"
@@ -85,6 +87,59 @@ WholeMesh knots(int count) {
       }
     append(mesh, tube);
   }
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  return mesh;
+}
+
+/// The sides of cells that lie on no other one, under a map of their corners.
+template <class Map>
+void append_cells(WholeMesh& to, const std::set<std::array<int, 3>>& cells, const Map& map) {
+  std::map<std::array<int, 3>, std::uint64_t> number;
+  for (const auto& cell : cells)
+    for (std::size_t a = 0; a < 3; ++a)
+      for (const int side : {0, 1}) {
+        std::array<int, 3> beside = cell;
+        beside[a] += 2 * side - 1;
+        if (cells.count(beside) != 0) continue;
+        std::array<std::uint64_t, 4> c{};
+        for (std::size_t k = 0; k < 4; ++k) {
+          std::array<int, 3> at = cell;
+          const std::size_t i = side == 1 ? k : 3 - k;
+          at[a] += side;
+          at[(a + 1) % 3] += i == 1 || i == 2;
+          at[(a + 2) % 3] += i >= 2;
+          const auto [it, fresh] = number.try_emplace(at, to.points.size());
+          if (fresh) to.points.push_back(map(at));
+          c[k] = it->second;
+        }
+        to.faces.push_back({c[0], c[1], c[2]});
+        to.faces.push_back({c[0], c[2], c[3]});
+      }
+}
+
+/// A plate with cubes under it as on a chess board, so that four faces meet at each edge between two of them, with a box through the
+/// plate beside them. It lies askew, so that blocks part it anyhow.
+WholeMesh hung_plate() {
+  constexpr int kCells = 30, kHung = 20;
+  std::set<std::array<int, 3>> plate, box;
+  for (int i = 0; i < kCells; ++i)
+    for (int j = 0; j < kCells; ++j) {
+      plate.insert({i, j, 1});
+      if (i < kHung && (i + j) % 2 == 0) plate.insert({i, j, 0});
+      if (i < 6 && j < kCells - 2) box.insert({i, j, 0}), box.insert({i, j, 1});
+    }
+  const auto askew = [](double x, double y, double z) {
+    const double u = x * std::cos(0.5) - y * std::sin(0.5), v = x * std::sin(0.5) + y * std::cos(0.5);
+    Double3 p = {u, v * std::cos(0.6) - z * std::sin(0.6), v * std::sin(0.6) + z * std::cos(0.6)};
+    for (double& c : p) c = static_cast<double>(static_cast<float>(c));
+    return p;
+  };
+  WholeMesh mesh;
+  append_cells(mesh, plate, [&](const std::array<int, 3>& c) { return askew(c[0], c[1], c[2]); });
+  append_cells(mesh, box, [&](const std::array<int, 3>& c) {
+    return askew(kHung + 2.3 + 0.9 * c[0], 1.3 + 0.95 * c[1], 1.4 + 0.9 * c[2]);
+  });
   mesh.header.vertices = mesh.points.size();
   mesh.header.faces = mesh.faces.size();
   return mesh;
@@ -227,6 +282,22 @@ TEST_CASE("mend: a job that unites bodies and is killed at any moment ends with 
   CHECK(resumed_after_kills(repair("smooth", in, two)).code == 0);
   CHECK(file_bytes(two) == file_bytes(one));
   CHECK(pairs_of(two) == 0);
+}
+
+TEST_CASE("mend: what was taken apart and is joined by uniting moves as one", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.ply", out = folder / "out.ply";
+  write_whole(in, hung_plate());
+  std::vector<std::string> words = {"remesh", in.string(), "-o", out.string()};
+  for (const char* more : {"--crossings", "repair", "--edge", "0.7", "--feature-angle", "0", "--block-faces",
+                           "1024", "-q", "--no-html", "--progress", "none"})
+    words.emplace_back(more);
+  const CommandResult r = tessera_command(words);
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(report_of(out).at("crossings").at("input").at("united").at("pairs").get<std::uint64_t>() > 100);
+  CHECK(read_whole(out).faces.size() > 5 * 1024);
+  CHECK(check_of(out).at("boundary_edges").get<std::uint64_t>() == 0);
 }
 
 TEST_CASE("mend: an open surface that passes through another one is refused with the reason", "[pipeline]") {

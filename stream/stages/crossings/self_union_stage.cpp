@@ -27,11 +27,41 @@ struct UnionWork {
 struct NamedMesh {
   std::vector<std::uint64_t> key;         ///< ascending
   std::vector<std::uint32_t> first_face;  ///< by patch, one more at the end
+  std::vector<std::uint8_t> border;       ///< of every face: kFaceBorder01, ...
 };
+
+constexpr std::uint8_t kBorderBits = kFaceBorder01 | kFaceBorder12 | kFaceBorder20;
+
+/// Of every face that stays, the bits of the edges at which the surface no longer ends. The import cuts the faces around an edge of more
+/// than two faces from each other, which uniting joins again: the face across has other corners then. A mark that stayed would hide from
+/// a block that the face across lies in another one.
+std::vector<std::uint8_t> closed_borders(const UnionWork& work, const NamedMesh& names) {
+  struct Border {
+    std::array<std::uint32_t, 2> edge;  ///< as the face across would have it
+    std::uint32_t face;
+    std::uint8_t bit;
+  };
+  std::vector<Border> borders;
+  for (std::uint32_t f = 0; f < names.border.size(); ++f)
+    for (std::size_t k = 0; k < 3 && !work.found.gone[f]; ++k)
+      if (const auto bit = static_cast<std::uint8_t>(kFaceBorder01 << k); (names.border[f] & bit) != 0)
+        borders.push_back({{work.mesh.faces[f][(k + 1) % 3], work.mesh.faces[f][k]}, f, bit});
+  const auto less = [](const Border& a, const Border& b) { return a.edge < b.edge; };
+  std::sort(borders.begin(), borders.end(), less);
+  std::vector<std::uint8_t> closed(names.border.size(), 0);
+  for (const SelfUnion::Face& made : work.found.made)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Border like = {{made.corner[k], made.corner[(k + 1) % 3]}, 0, 0};
+      const auto [first, last] = std::equal_range(borders.begin(), borders.end(), like, less);
+      for (auto b = first; b != last; ++b)
+        closed[b->face] = static_cast<std::uint8_t>(closed[b->face] | b->bit);
+    }
+  return closed;
+}
 
 std::uint64_t self_union_stage_bytes(std::uint64_t faces, std::uint64_t pairs,
                                      std::uint64_t largest_patch_bytes) {
-  return self_union_bytes(faces, pairs) + faces * 40 + 4 * largest_patch_bytes;
+  return self_union_bytes(faces, pairs) + faces * 90 + 4 * largest_patch_bytes;
 }
 
 class SelfUnionStage : public SerialStage {
@@ -123,6 +153,7 @@ class SelfUnionStage : public SerialStage {
             std::lower_bound(names.key.begin(), names.key.end(), key) - names.key.begin()));
       names.first_face.push_back(static_cast<std::uint32_t>(mesh.faces.size()));
       for (const auto& f : patch.faces) mesh.faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
+      for (const std::uint8_t flags : patch.face_flags) names.border.push_back(flags & kBorderBits);
       context.advance(patch.faces.size());
     }
     names.first_face.push_back(static_cast<std::uint32_t>(mesh.faces.size()));
@@ -135,6 +166,10 @@ class SelfUnionStage : public SerialStage {
     std::sort(made.begin(), made.end(), [](const SelfUnion::Face& a, const SelfUnion::Face& b) {
       return a.of != b.of ? a.of < b.of : a.corner < b.corner;
     });
+    const std::vector<std::uint8_t> closed = closed_borders(work, names);
+    const auto none = [](auto from, auto to) {
+      return std::all_of(from, to, [](std::uint8_t bits) { return bits == 0; });
+    };
     MeshFileWriter writer(context.create(name_ + "/united.tmm"), mesh_->info());
     auto piece = made.begin();
     for (std::size_t p = 0; p + 1 < names.first_face.size(); ++p) {
@@ -144,8 +179,12 @@ class SelfUnionStage : public SerialStage {
       while (piece != made.end() && piece->of < end) ++piece;
       std::vector<std::uint8_t> keep(end - first);
       for (std::uint32_t f = first; f < end; ++f) keep[f - first] = !work.found.gone[f];
-      if (begin == piece && std::find(keep.begin(), keep.end(), 0) == keep.end()) continue;
-      const MeshBlock patch = mesh_->load({&p, 1});
+      const bool as_it_was = std::find(keep.begin(), keep.end(), 0) == keep.end() &&
+                             none(closed.begin() + first, closed.begin() + end);
+      if (begin == piece && as_it_was) continue;
+      MeshBlock patch = mesh_->load({&p, 1});
+      for (std::uint32_t f = first; f < end; ++f)
+        patch.face_flags[f - first] = static_cast<std::uint8_t>(patch.face_flags[f - first] & ~closed[f]);
       std::vector<MeshBlock> blocks;
       if (MeshBlock left = select_faces(patch, keep); !left.faces.empty()) blocks.push_back(std::move(left));
       if (begin != piece) blocks.push_back(block_of({begin, piece}, work, names, patch, first));
