@@ -123,6 +123,13 @@ struct GroupSizes {
   }
 };
 
+/// Of every surfel of a part the disk that it is in.
+std::vector<std::uint32_t> disk_numbers(std::span<const JobSurfel> surfels) {
+  std::vector<std::uint32_t> of;
+  const SurfelDisks disks(surfels, &of);
+  return of;
+}
+
 class Looker {
  public:
   Looker(const SurfelParts& parts, const Float3& up, double scale, const SightRun& run)
@@ -205,7 +212,7 @@ class Looker {
         const GroupSizes& of = s.patch >= parts_.first_shared ? shared_ : sizes;
         const double looks = rate(of.coarse[s.patch - of.first], per_group_);
         if (rounded(looks / static_cast<double>(kMax), seed_of(s)) == 0) continue;
-        if (disks.empty()) SurfelDisks(surfels, &disks);
+        if (disks.empty()) disks = disk_numbers(surfels);
         if (disks[i] == SurfelDisks::kNobody) continue;
         lookers_.push_back({s, p, disks[i], looks, of.fine[s.patch - of.first]});
       }
@@ -375,8 +382,7 @@ class SensorVotes {
     const std::uint32_t first = parts_.parts[part].first_group;
     GroupSizes sizes(first);
     sizes.add(surfels, SurfelDisks::kNobody);
-    std::vector<std::uint32_t> disks;
-    SurfelDisks(surfels, &disks);
+    const std::vector<std::uint32_t> disks = disk_numbers(surfels);
     std::vector<PatchVote> votes(sizes.coarse.size());
     for (std::uint32_t g = 0; g < votes.size(); ++g) votes[g] = {first + g, SurfelDisks::kNobody, 0, 0};
     std::vector<Look> looks;
