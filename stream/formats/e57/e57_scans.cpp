@@ -158,7 +158,7 @@ class ScanParser : public XmlEvents {
     const char* const last = text + std::strlen(text);
     T value{};
     const auto [next, error] = std::from_chars(text, last, value);
-    if (error != std::errc() || next != last) not_a_number(name, text);
+    if (error != std::errc() || next != last) fail(not_a_number(name, text));
     return value;
   }
   double real(Attributes attributes, std::string_view name, double otherwise) const {
@@ -166,12 +166,12 @@ class ScanParser : public XmlEvents {
     if (!text) return otherwise;
     std::string_view rest = text;
     double value = 0;
-    if (!take_number(rest, value) || !rest.empty() || !std::isfinite(value)) not_a_number(name, text);
+    if (!take_number(rest, value) || !rest.empty() || !std::isfinite(value)) fail(not_a_number(name, text));
     return value;
   }
-  [[noreturn]] void not_a_number(std::string_view name, std::string_view text) const {
-    fail(std::string(name) + "=\"" + std::string(text.substr(0, 40)) + "\" of element " +
-         shown(names_.back()) + " is no number that can stand there");
+  std::string not_a_number(std::string_view name, std::string_view text) const {
+    return std::string(name) + "=\"" + std::string(text.substr(0, 40)) + "\" of element " +
+           shown(names_.back()) + " is no number that can stand there";
   }
   static std::string shown(std::string_view name) { return "'" + std::string(name.substr(0, 40)) + "'"; }
 
