@@ -19,12 +19,13 @@ namespace {
 void run_decimate(const SimplifyOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "decimated");
   cli::require_output(state.output);
-  options.has_texture() ? require_textured_extension(state.output) : require_mesh_extension(state.output);
+  options.has_texture() ? require_textured_extension(state.output, options.normal_map)
+                        : require_mesh_extension(state.output);
   const bool textured = has_textures(input);
   if (textured && !options.has_texture())
     fmt::print(stderr, "tessera: warning: {}: its textures are left out; --texture auto bakes them anew\n",
                input.string());
-  if (options.has_texture() && !textured && !open_mesh_file(input)->header().colour)
+  if (options.has_texture() && !options.normal_map && !textured && !open_mesh_file(input)->header().colour)
     throw InputError(
         input.string() +
         ": has no colours, so there is nothing for --texture to show; tessera bake takes those of a scan");

@@ -33,7 +33,8 @@ void note_site(const JobState& mesh, const cli::Site& site, const Json& of_site)
 
 void run_reconstruct(const ReconstructOptions& options, JobState state, const std::filesystem::path& tiles) {
   cli::require_output(state.output);
-  options.has_texture() ? require_textured_extension(state.output) : require_mesh_extension(state.output);
+  options.has_texture() ? require_textured_extension(state.output, options.normal_map)
+                        : require_mesh_extension(state.output);
   JobDescription job = reconstruct_job(options);
   std::optional<cli::Site> site;
   if (!tiles.empty()) {

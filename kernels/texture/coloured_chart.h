@@ -44,7 +44,8 @@ struct ColourSource {
   const MeshBlock& block;
   const AcrossEdges& edges;
   const PointColours& points;
-  Double3 origin{};  ///< of the points
+  Double3 origin{};                          ///< of the points
+  const PointColours* directions = nullptr;  ///< of normal maps, where these are other points
   FaceAcross across() const;
 };
 

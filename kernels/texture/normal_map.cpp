@@ -81,6 +81,7 @@ std::vector<std::uint32_t> normal_pixels(const ColourSource& from, const Coloure
   const ChartRaster raster = raster_chart(chart.chart, chart.texel, chart.margin);
   std::vector<std::uint32_t> pixels(raster.what.size(), 0);
   std::vector<PointColours::Near> scratch;
+  const PointColours& directions = from.directions != nullptr ? *from.directions : from.points;
   for (int y = 0; y < raster.height; ++y)
     for (int x = 0; x < raster.width; ++x) {
       if (raster.at(x, y) == ChartRaster::kEmpty) continue;
@@ -96,7 +97,7 @@ std::vector<std::uint32_t> normal_pixels(const ColourSource& from, const Coloure
       n = unit_or_zero(n);
       right = unit_or_zero(without_part(right, n));
       Double3 seen = {0, 0, 1};
-      if (from.points.find_normal(place.position - from.origin, place.normal, found, scratch))
+      if (directions.find_normal(place.position - from.origin, place.normal, found, scratch))
         seen = unit_or_zero(Double3{dot(found, right), dot(found, cross(n, right)), dot(found, n)});
       pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width) +
              static_cast<std::size_t>(x)] = packed_direction(seen);

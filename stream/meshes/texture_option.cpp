@@ -1,5 +1,7 @@
 #include "stream/meshes/texture_option.h"
 
+#include "octree/error.h"
+
 namespace tessera {
 
 void add_texture(OptionTable& table, double& texture, const std::string& from) {
@@ -12,6 +14,19 @@ void add_texture(OptionTable& table, double& texture, const std::string& from) {
                "colours of vertices, e.g. --tolerance 0.02 --texture auto -o small.glb")
       .at_least(0)
       .or_word("auto", kAutoTexture);
+}
+
+void add_normal_map(OptionTable& table, bool& normal_map, const std::string& of) {
+  table.add(
+      "normal-map", &normal_map,
+      "with --texture: a second picture of every page holds the directions of " + of +
+          " that decimation takes away, in the frame of the surface (.glb, .obj), e.g. --tolerance 0.02 "
+          "--texture auto --normal-map -o small.glb");
+}
+
+void validate_normal_map(bool normal_map, bool textured) {
+  if (normal_map && !textured)
+    throw UsageError("--normal-map: stands beside a texture; give --texture auto too");
 }
 
 }  // namespace tessera

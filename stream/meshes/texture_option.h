@@ -11,5 +11,9 @@ inline constexpr double kAutoTexture = -1.0;  ///< texels as wide as the points 
 
 /// \param from  where colours come from: "the points"
 void add_texture(OptionTable& table, double& texture, const std::string& from);
+/// `--normal-map` beside it. \param of  whose directions: "the mesh of full resolution"
+void add_normal_map(OptionTable& table, bool& normal_map, const std::string& of);
+/// \throws UsageError where there are no textures that it would stand beside
+void validate_normal_map(bool normal_map, bool textured);
 
 }  // namespace tessera

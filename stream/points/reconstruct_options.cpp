@@ -237,6 +237,7 @@ OptionTable option_table(ReconstructOptions& o) {
         "denoise from a noise of 0.02 edges on, else implicit")
       .one_of({"off", "implicit", "denoise", "auto"});
   add_texture(t, o.texture, "the points, with --tolerance,");
+  add_normal_map(t, o.normal_map, "the mesh of full resolution");
   t.add("keep-raw", &o.keep_raw,
         "with a tolerance: write the mesh of full resolution too, `site.raw.ply` for `site.ply`");
   t.add("local-output", &o.local_output,
@@ -270,6 +271,7 @@ void ReconstructOptions::validate() {
     throw UsageError(
         "--texture: means something with --tolerance only, without it every vertex has the colour of its "
         "points; give --tolerance auto, or see tessera bake");
+  validate_normal_map(normal_map, has_texture());
   if (has_texture() && colour == "none")
     throw UsageError("--texture with --colour none: there would be nothing on it; leave one of them out");
   if (tolerance == 0.0 && smooths())

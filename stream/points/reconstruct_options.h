@@ -45,7 +45,8 @@ struct ReconstructOptions {
   double tolerance = 0.0;
   std::string reference = "surface";
   std::string smooth = "off";
-  double texture = 0.0;  ///< texture_option.h: width of a texel, kAutoTexture; 0 = colours of vertices
+  double texture = 0.0;     ///< texture_option.h: width of a texel, kAutoTexture; 0 = colours of vertices
+  bool normal_map = false;  ///< beside it
   bool keep_raw = false;
   bool local_output = false;
 

@@ -1,6 +1,7 @@
 // tessera bake as a user runs it: the same bytes whatever must not matter, colours of the scan, textures that others can read.
 #include <catch2/catch.hpp>
 
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -262,6 +263,46 @@ TEST_CASE("bake: a normal map shows the ripples that a flat plate has lost", "[p
   const CommandResult ply = tessera_command(words(plate, fine, folder.path() / "o.ply", {"--normal-map"}));
   CHECK(ply.code == 2);
   CHECK(ply.errors.find("PLY has no normal maps") != std::string::npos);
+}
+
+TEST_CASE("bake: pages show the intensity of scans where that is asked for", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path mesh = write_hills(folder.path() / "in.ply"), from = folder.path() / "scan.ply",
+                 out = folder.path() / "out.ply";
+  constexpr int kFine = 4 * kSide;
+  std::string text = "ply\nformat ascii 1.0\nelement vertex " + std::to_string((kFine + 1) * (kFine + 1)) +
+                     "\nproperty double x\nproperty double y\nproperty double z\nproperty ushort intensity\n"
+                     "end_header\n";
+  for (int j = 0; j <= kFine; ++j)
+    for (int i = 0; i <= kFine; ++i) {
+      const double x = 0.25 * i, y = 0.25 * j;
+      text += std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(height(x, y)) + " " +
+              std::to_string(1000 + 50 * i) + "\n";
+    }
+  std::ofstream(from) << text;
+  const CommandResult r = tessera_command(words(mesh, from, out, {"--colour", "intensity"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(texture_of(out).at("texels").at("psnr_db").get<double>() > 40.0);
+  // Grey, from black to white.
+  const fs::path page = folder.path() / "out_0.png";
+  const TextureImage image = read_texture_image(ReadFile(page), 0, fs::file_size(page));
+  std::array<std::size_t, 4> quarter{};
+  std::size_t coloured = 0;
+  for (std::size_t i = 0; i < image.rgb.size(); i += 3) {
+    coloured += image.rgb[i] != image.rgb[i + 1] || image.rgb[i] != image.rgb[i + 2];
+    ++quarter.at(image.rgb[i] / 64);
+  }
+  CHECK(coloured == 0);
+  for (const std::size_t texels : quarter) CHECK(texels > image.rgb.size() / 3 / 8);
+  // Colours are what is asked for by default, and meshes have no intensity.
+  const CommandResult colours = tessera_command(words(mesh, from, folder.path() / "c.ply"));
+  CHECK(colours.code == 3);
+  CHECK(colours.errors.find("no colours") != std::string::npos);
+  const CommandResult fine = tessera_command(words(mesh, write_hills(folder.path() / "fine.obj"),
+                                                   folder.path() / "f.ply", {"--colour", "intensity"}));
+  CHECK(fine.code == 2);
+  CHECK(fine.errors.find("--colour intensity") != std::string::npos);
 }
 
 TEST_CASE("bake: what cannot work is refused", "[pipeline]") {

@@ -9,6 +9,7 @@
 
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/texture_image.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
@@ -122,6 +123,62 @@ TEST_CASE(
   }
 }
 
+namespace {
+
+/// Share of the texels of a normal map that lean by more than some five degrees.
+double leaning_share(const fs::path& map) {
+  const TextureImage image = read_texture_image(ReadFile(map), 0, fs::file_size(map));
+  const std::size_t texels = image.rgb.size() / 3;
+  std::size_t leaning = 0;
+  for (std::size_t i = 0; i < texels; ++i)
+    leaning += std::hypot(image.rgb[3 * i] - 127.5, image.rgb[3 * i + 1] - 127.5) > 11.0;
+  return static_cast<double>(leaning) / static_cast<double>(texels);
+}
+
+}  // namespace
+
+TEST_CASE("texture: normal maps beside it hold what decimation takes away, and change no colour",
+          "[property]") {
+  const TempFolder folder;
+  const fs::path scan = write_painted_scan(folder.path() / "in.xyz"),
+                 mesh = write_painted_mesh(folder.path() / "in.ply"), out = folder.path() / "out.obj";
+  for (const auto& [command, in] : {std::pair{"reconstruct", scan}, std::pair{"decimate", mesh}}) {
+    INFO(command);
+    std::vector<std::string> w = words(command, in, out, {"--texture", "auto"});
+    w[5] = "0.3";  // of a relief of 0.8, whose slopes are up to 14 degrees
+    bytes_of_run(w, out);
+    const std::string colours = file_bytes(folder.path() / "out_0.png");
+    w.push_back("--normal-map");
+    const fs::path map = folder.path() / "out_0_normal.png";
+    const std::string want = bytes_of_run(w, out);
+    CHECK(file_bytes(folder.path() / "out_0.png") == colours);
+    CHECK(file_bytes(folder.path() / "out.mtl").find("norm out_0_normal.png") != std::string::npos);
+    CHECK(leaning_share(map) > 0.2);
+    const std::string normals = file_bytes(map);
+    std::vector<std::string> other = w;
+    other.insert(other.end(), {"--threads", "2", "--memory", "220M"});
+    CHECK(bytes_of_run(other, out) == want);
+    CHECK(file_bytes(map) == normals);
+    fs::remove(out);
+    const CommandResult r = resumed_after_kills(w);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    CHECK(file_bytes(out) == want);
+    CHECK(file_bytes(map) == normals);
+    // Where next to nothing is taken away, next to nothing leans.
+    w[5] = "0.001";
+    bytes_of_run(w, out);
+    CHECK(leaning_share(map) < 0.02);
+    fs::remove(out);
+  }
+  // A mesh without colours has directions all the same.
+  const fs::path plain = write_painted_mesh(folder.path() / "plain.ply", false);
+  std::vector<std::string> w = words("decimate", plain, out, {"--texture", "auto", "--normal-map"});
+  w[5] = "0.3";
+  bytes_of_run(w, out);
+  CHECK(leaning_share(folder.path() / "out_0_normal.png") > 0.2);
+}
+
 TEST_CASE("texture: what bake makes of the decimated mesh, decimate --texture makes at once", "[pipeline]") {
   const TempFolder folder;
   const fs::path mesh = write_painted_mesh(folder.path() / "in.ply");
@@ -153,7 +210,7 @@ TEST_CASE("texture: what cannot have textures is refused before anything runs", 
   const TempFolder folder;
   const fs::path scan = write_painted_scan(folder.path() / "in.xyz"),
                  plain = write_painted_mesh(folder.path() / "plain.ply", false),
-                 bare = folder.path() / "bare.xyz";
+                 mesh = write_painted_mesh(folder.path() / "in.ply"), bare = folder.path() / "bare.xyz";
   std::ofstream(bare) << "0 0 0\n1 0 0\n0 1 0\n1 1 0\n";
   const auto refusal = [&](const std::vector<std::string>& w, int code) {
     const CommandResult r = tessera_command(w);
@@ -171,6 +228,11 @@ TEST_CASE("texture: what cannot have textures is refused before anything runs", 
             .find("--tolerance") != std::string::npos);
   CHECK(refusal(words("reconstruct", scan, folder.path() / "out.stl", {"--texture", "auto"}), 2)
             .find(".glb, .obj or .ply") != std::string::npos);
+  CHECK(refusal(words("decimate", mesh, out, {"--normal-map"}), 2).find("--texture auto") !=
+        std::string::npos);
+  CHECK(
+      refusal(words("reconstruct", scan, folder.path() / "out.ply", {"--texture", "auto", "--normal-map"}), 2)
+          .find("PLY has no normal maps") != std::string::npos);
 }
 
 TEST_CASE(

@@ -20,10 +20,6 @@ struct BakeCommand {
   JobState state;
 };
 
-bool is_ply(const std::filesystem::path& path) {
-  return path.extension() == ".ply" || path.extension() == ".PLY";
-}
-
 void run_bake(BakeCommand& command) {
   cli::require_inputs(command.inputs);
   command.options.validate();
@@ -32,9 +28,7 @@ void run_bake(BakeCommand& command) {
   state.also_read = cli::also_read(command.inputs);
   cli::one_input(state.inputs, "textured");
   cli::require_output(state.output);
-  require_textured_extension(state.output);
-  if (command.options.normal_map && is_ply(state.output))
-    throw UsageError(state.output.string() + ": PLY has no normal maps; give -o a .glb or an .obj");
+  require_textured_extension(state.output, command.options.normal_map);
   if (command.from.empty())
     throw UsageError("--from is missing: the scans, or the finer mesh, that colours come from");
   const std::vector<std::filesystem::path> from = cli::expand_and_tell(command.from);

@@ -180,9 +180,11 @@ class TexturedObj : public MeshWriterBase {
 
 }  // namespace
 
-void require_textured_extension(const std::filesystem::path& path) {
+void require_textured_extension(const std::filesystem::path& path, bool normals) {
   if (!has_suffix(path, ".obj") && !has_suffix(path, ".ply") && !has_suffix(path, ".glb"))
     throw UsageError(path.string() + ": textures are written with .glb, .obj or .ply");
+  if (normals && has_suffix(path, ".ply"))
+    throw UsageError(path.string() + ": PLY has no normal maps; give -o a .glb or an .obj");
 }
 
 std::unique_ptr<MeshWriter> create_textured_mesh(const std::filesystem::path& path, const MeshHeader& header,

@@ -27,7 +27,8 @@ using FaceTextures = std::function<std::vector<FaceTexture>(std::size_t faces)>;
 using FaceNormals = std::function<std::vector<std::array<Double3, 3>>()>;
 
 /// \throws UsageError for an extension other than .obj, .ply and .glb
-void require_textured_extension(const std::filesystem::path& path);
+/// \param normals  with normal maps: nor for .ply
+void require_textured_extension(const std::filesystem::path& path, bool normals = false);
 
 /// .obj or .ply. \param pages  names of the pictures, as the file shall say them \param normals  of .obj alone, or empty
 std::unique_ptr<MeshWriter> create_textured_mesh(const std::filesystem::path& path, const MeshHeader& header,

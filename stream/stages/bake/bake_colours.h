@@ -27,9 +27,16 @@ class BakeColours {
   virtual std::vector<std::string> notices() const { return {}; }
 };
 
-/// \param normals  of the points too \throws InputError for scans without colours, or normals, and as open_measured_scans()
+/// What of the points of scans pages show.
+struct ScanColourChoice {
+  bool intensity = false;  ///< as grey, in place of their colours; reads the scans twice
+  bool normals = false;    ///< of the points too
+};
+/// \throws InputError for scans without what is chosen, and as open_measured_scans()
 std::unique_ptr<BakeColours> colours_of_scans(const std::vector<std::filesystem::path>& scans,
-                                              bool normals = false);
+                                              const ScanColourChoice& choice);
+/// Colours of one, directions of the vertices of a mesh.
+std::unique_ptr<BakeColours> with_directions(std::unique_ptr<BakeColours> colours, MeshStore mesh);
 /// Vertices of a mesh, with their normals. \param colourless  white where it has no colours \throws InputError else
 std::unique_ptr<BakeColours> colours_of_store(MeshStore mesh, bool colourless = false);
 

@@ -79,10 +79,12 @@ JobDescription bake_job(const BakeOptions& options) {
       return colours_of_store(open_imported_mesh(s.work, kFineMesh), colourless);
     };
   } else {
-    stores.colours = [scans = options.scans, normals = options.normal_map](const JobState& s) {
-      const auto first = s.inputs.begin() + 1;
-      return colours_of_scans({first, first + static_cast<std::ptrdiff_t>(scans)}, normals);
-    };
+    stores.colours =
+        [scans = options.scans,
+         choice = ScanColourChoice{options.shows_intensity(), options.normal_map}](const JobState& s) {
+          const auto first = s.inputs.begin() + 1;
+          return colours_of_scans({first, first + static_cast<std::ptrdiff_t>(scans)}, choice);
+        };
   }
   for (StageEntry& entry : bake_stages(options, stores)) stages.push_back(std::move(entry));
   JobDescription job{"bake", std::move(stages), 0, summarise, {carried_crs()}, job_page()};

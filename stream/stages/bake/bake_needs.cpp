@@ -38,12 +38,16 @@ std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size
           {"texture-pages", page_size * page_size * 13 + (std::uint64_t{12} << 20), 0}};
 }
 
-StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage, double texel) {
+StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage, double texel,
+                               bool normals) {
   const auto page_size = std::uint64_t{BakeOptions{}.page_size};
   // Two texels a point where nothing else is asked for; area from the faces of full resolution.
   const double h = scan.plan.lattice.h, area = 0.5 * scan.faces * h * h;
   const double texels = texel > 0.0 ? area / (texel * texel) : 2.0 * scan.points;
-  const double per_texel = texels > 0.0 ? std::min(scan.points / texels, 4.0) : 0.0;
+  // Vertices of full resolution have directions: half as many as faces.
+  const double points = scan.points + (normals ? 0.5 * scan.faces : 0.0);
+  const double pictures = normals ? 2.0 : 1.0;
+  const double per_texel = texels > 0.0 ? std::min(points / texels, 4.0) : 0.0;
   const auto blocks =
       static_cast<std::uint64_t>(texels / (kBlockFill * static_cast<double>(kBlockTexels))) + 1;
   const auto pages =
@@ -51,8 +55,8 @@ StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage
   StageForecast told = idle_forecast();
   if (stage == "texture-points") {
     told.finish_bytes = bake_points_bytes(sort_bytes(scan.run), scan.groups.size()) + PointInputs::kReadBytes;
-    told.disk_bytes = bytes_of(scan.points, kPointBytes), told.files = 1;
-    told.processor_us = scan.points * kPointTime;
+    told.disk_bytes = bytes_of(points, kPointBytes), told.files = 1;
+    told.processor_us = points * kPointTime;
     told.moved_bytes = 4.0 * static_cast<double>(told.disk_bytes);
   } else if (stage == "texture-charts") {
     told.tasks = told.files = blocks;
@@ -68,15 +72,15 @@ StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage
   } else if (stage == "texture-texels") {
     told.tasks = told.files = blocks;
     told.task_bytes = texel_task_bytes(page_size, per_texel);
-    told.disk_bytes = bytes_of(texels, kTexelBytes);
-    told.processor_us = texels * kTexelTime;
-    told.moved_bytes = static_cast<double>(told.disk_bytes) + scan.points * kPointBytes;
+    told.disk_bytes = bytes_of(texels, pictures * kTexelBytes);
+    told.processor_us = texels * pictures * kTexelTime;
+    told.moved_bytes = static_cast<double>(told.disk_bytes) + points * kPointBytes;
   } else if (stage == "texture-pages") {
     told.tasks = told.files = pages;
     told.task_bytes = page_size * page_size * 13 + (std::uint64_t{12} << 20);
-    told.disk_bytes = bytes_of(texels, kPageBytes);
-    told.processor_us = texels * kPageTime;
-    told.moved_bytes = texels * kTexelBytes;
+    told.disk_bytes = bytes_of(texels, pictures * kPageBytes);
+    told.processor_us = texels * pictures * kPageTime;
+    told.moved_bytes = texels * pictures * kTexelBytes;
   }
   return told;
 }

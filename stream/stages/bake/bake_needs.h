@@ -18,6 +18,7 @@ std::uint64_t bake_points_bytes(std::uint64_t sort_bytes, std::uint64_t patches)
 std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size);
 
 /// Of a stage of a reconstruction with `--texture`. \param texel  units of the scan; not above 0: automatic
-StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage, double texel);
+/// \param normals  with normal maps of the mesh of full resolution
+StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage, double texel, bool normals);
 
 }  // namespace tessera

@@ -37,18 +37,26 @@ OptionTable option_table(BakeOptions& o) {
         "finer mesh or of points that have some, in the frame of the surface (.glb, .obj), e.g. bake "
         "small.ply --from "
         "fine.ply -o small.glb --normal-map");
+  t.add(
+       "colour", &o.colour,
+       "what of scans pages show; rgb: colours of the points; intensity: grey, darkest and brightest 2 % cut "
+       "off, e.g. bake small.ply --from scan.laz -o small.glb --colour intensity")
+      .one_of({"rgb", "intensity"});
   t.add("scans", &o.scans, "how many inputs follow the mesh").hidden();
   t.add("fine-mesh", &o.fine_mesh, "whether what follows is a mesh").hidden();
   return t;
 }
 
-BakeOptions BakeOptions::of_texture(double texture) {
+BakeOptions BakeOptions::of_texture(double texture, bool normal_map) {
   BakeOptions options;
+  options.normal_map = normal_map;
   options.texel = texture > 0.0 ? texture : 0.0;
   return options;
 }
 
 void BakeOptions::validate() const {
+  if (fine_mesh && shows_intensity())
+    throw UsageError("--colour intensity: meshes have none; give --from the scans");
   if (!std::has_single_bit(page_size))
     throw UsageError("--page-size " + std::to_string(page_size) + ": is no power of two; " +
                      std::to_string(std::bit_ceil(page_size)) + " is");

@@ -18,12 +18,14 @@ struct BakeOptions {
   std::string page_format = "png";
   std::uint32_t quality = 90;  ///< of JPEG
   bool normal_map = false;
+  std::string colour = "rgb";
   std::uint64_t scans = 1;  ///< inputs behind the mesh
   bool fine_mesh = false;   ///< that input is a mesh
 
   bool is_jpeg() const { return page_format == "jpeg"; }
+  bool shows_intensity() const { return colour == "intensity"; }
   /// Of a job whose result gets textures. \param texture  width of a texel, or kAutoTexture
-  static BakeOptions of_texture(double texture);
+  static BakeOptions of_texture(double texture, bool normal_map);
   /// \throws UsageError naming the option
   void validate() const;
 };

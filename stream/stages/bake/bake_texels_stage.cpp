@@ -53,11 +53,19 @@ class BakeTexelsStage : public Stage {
     const MeshBox box = store_.box_of(cut.patches);
     Double3 origin{};
     for (std::size_t a = 0; a < 3; ++a) origin[a] = 0.5 * (box.low[a] + box.high[a]);
-    const TexturePointBlock points = points_.load(grown(box, scale_.max_distance), origin);
+    TexturePointBlock points = points_.load(grown(box, scale_.max_distance), origin);
+    TexturePointBlock directed;
+    std::optional<PointColours> directions;
+    if (points_.cells().directions > 0) {
+      directed = points.take_directions();
+      if (options_.normal_map)
+        directions.emplace(directed.position, directed.rgba, directed.normal,
+                           PointColourOptions{scale_.spacing, scale_.max_distance, 8});
+    }
     const PointColours colours(points.position, points.rgba, points.normal,
                                {scale_.spacing, scale_.max_distance, 8});
     context.count_read(store_.block_bytes(cut.patches) + points.position.size() * 20);
-    const ColourSource from{block, edges, colours, origin};
+    const ColourSource from{block, edges, colours, origin, directions ? &*directions : nullptr};
     std::vector<Double3> normals;
     if (options_.normal_map) normals = star_normals(block, near.block);
     const ChartFile file(chart_file(work_, task));

@@ -88,7 +88,7 @@ std::uint64_t write_texture_points(const std::filesystem::path& path, const Mesh
   ExternalSort<SortedPoint> sort(temp, sort_bytes);
   given = kept = 0;
   give([&](const Double3& p, std::uint32_t rgba, const Double3& normal) {
-    ++given;
+    given += rgba != kNoPointColour;
     for (std::size_t a = 0; a < 3; ++a)
       if (!(p[a] >= all.low[a] && p[a] <= all.high[a])) return;  // nor a number
     if (wanted.near_only && !is_near(p)) return;
@@ -102,7 +102,7 @@ std::uint64_t write_texture_points(const std::filesystem::path& path, const Mesh
     s.x = bits[0], s.y = bits[1], s.z = bits[2];
     s.rgba = rgba, s.normal = pack_normal(normal);
     sort.add(s);
-    ++kept;
+    ++(rgba == kNoPointColour ? cells.directions : kept);
   });
   PackedWriter writer(path, kTexturePoints);
   std::vector<TextureCellEntry> table;
@@ -180,6 +180,24 @@ std::uint64_t TexturePoints::largest_cell() const {
   std::uint64_t largest = 0;
   for (const TextureCellEntry& e : impl_->table) largest = std::max(largest, e.points);
   return largest;
+}
+
+TexturePointBlock TexturePointBlock::take_directions() {
+  TexturePointBlock directions;
+  if (normal.empty()) return directions;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < rgba.size(); ++i) {
+    if (rgba[i] == kNoPointColour) {
+      directions.position.push_back(position[i]);
+      directions.rgba.push_back(rgba[i]);
+      directions.normal.push_back(normal[i]);
+      continue;
+    }
+    position[kept] = position[i], rgba[kept] = rgba[i], normal[kept] = normal[i];
+    ++kept;
+  }
+  position.resize(kept), rgba.resize(kept), normal.resize(kept);
+  return directions;
 }
 
 TexturePointBlock TexturePoints::load(const MeshBox& box, const Double3& origin) const {

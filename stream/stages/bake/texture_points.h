@@ -15,22 +15,29 @@ namespace tessera {
 struct TextureCells {
   Double3 low{};
   double edge = 1.0;
-  std::uint64_t points = 0;   ///< kept
-  std::uint64_t normals = 0;  ///< whether points have any
+  std::uint64_t points = 0;      ///< kept, with colours
+  std::uint64_t normals = 0;     ///< whether points have any
+  std::uint64_t directions = 0;  ///< kept besides, without colours
 
   /// Around the bricks of a mesh. \param share  of a brick's edge
   static TextureCells around(const MeshStore& mesh, double share);
   Int3 cell_of(const Double3& p) const;
 };
 
+/// In the colour of a point: it tells a direction alone.
+inline constexpr std::uint32_t kNoPointColour = 0x01000000u;
+
 /// Points of some cells.
 struct TexturePointBlock {
   std::vector<Float3> position;  ///< from the origin asked for
   std::vector<std::uint32_t> rgba;
   std::vector<std::uint32_t> normal;  ///< packed (point_colours.h), empty if none is known
+
+  /// Takes those without colours out, both in their order.
+  TexturePointBlock take_directions();
 };
 
-/// Hands out points in the frame of the mesh. \param normal  zero where unknown
+/// Hands out points in the frame of the mesh. \param rgba  or kNoPointColour \param normal  zero where unknown
 using TexturePointSink = std::function<void(const Double3& p, std::uint32_t rgba, const Double3& normal)>;
 
 /// How points are dealt to cells, and which are kept.

@@ -55,17 +55,23 @@ std::vector<StageEntry> texture_stages(const SimplifyOptions& options, const Sim
                                        const std::string& made_by) {
   BakeStores bake;
   bake.mesh = [=](const JobState& s) { return open_round_result(s, options.passes, last_round(s.work)); };
-  bake.colours = stores.colours;
+  bake.colours = [=](const JobState& s) {
+    std::unique_ptr<BakeColours> colours = stores.colours(s);
+    if (!options.normal_map || colours->has_normals()) return colours;
+    return with_directions(std::move(colours), stores.full(s));
+  };
   bake.comment = [=](const JobState& s) {
     return made_with(made_by, stores.requested(s, options).tolerance);
   };
   bake.placement = [=](const JobState& s) {
     return stores.placement(s, stores.requested(s, options).tolerance);
   };
-  std::vector<StageEntry> stages = bake_stages(BakeOptions::of_texture(options.texture), bake);
+  std::vector<StageEntry> stages =
+      bake_stages(BakeOptions::of_texture(options.texture, options.normal_map), bake);
   for (StageEntry& entry : stages)
-    entry.forecast = [name = entry.name, texel = options.texture](const PlannedScan& scan) {
-      return name == "write" ? forecast_store_write(scan) : forecast_texture(scan, name, texel);
+    entry.forecast = [name = entry.name, texel = options.texture,
+                      normals = options.normal_map](const PlannedScan& scan) {
+      return name == "write" ? forecast_store_write(scan) : forecast_texture(scan, name, texel, normals);
     };
   return stages;
 }
@@ -186,8 +192,9 @@ JobDescription decimate_job(const SimplifyOptions& options) {
   if (repairs)
     for (StageEntry& entry : crossing_stages(input)) stages.push_back(std::move(entry));
   SimplifyStores stores = repairs ? mended_stores(input) : imported_stores(kDecimateImport);
-  stores.colours = [given = stores.full](const JobState& s) {
-    return has_textures(s.inputs.at(0)) ? colours_of_textures(s.inputs.at(0), s) : colours_of_store(given(s));
+  stores.colours = [given = stores.full, colourless = options.normal_map](const JobState& s) {
+    return has_textures(s.inputs.at(0)) ? colours_of_textures(s.inputs.at(0), s)
+                                        : colours_of_store(given(s), colourless);
   };
   for (StageEntry& entry : simplify_stages(options, stores, "tessera decimate"))
     stages.push_back(std::move(entry));
@@ -207,8 +214,7 @@ JobDescription decimate_job(const SimplifyOptions& options) {
     }
     if (repairs) append(crossing_needs(input, mesh, ImportPlan::kBrickVertices));
     append(simplify_needs(state.run, options, mesh.faces));
-    if (options.has_texture())
-      append(bake_needs(state.run, BakeOptions::of_texture(options.texture).page_size));
+    if (options.has_texture()) append(bake_needs(state.run, BakeOptions().page_size));
     if (state.inputs.size() > 1)
       append(import_needs(state.run, {1, "reference"}, claimed_mesh_size(state.inputs[1])));
     return needs;

@@ -78,6 +78,7 @@ OptionTable option_table(SimplifyOptions& o) {
         "on, else implicit")
       .one_of({"off", "implicit", "denoise", "auto"});
   add_texture(t, o.texture, "the input, of its own textures or its vertices,");
+  add_normal_map(t, o.normal_map, "the input");
   t.add("passes", &o.passes, "passes over shifted blocks").within(1, 8);
   t.add("block-faces", &o.block_faces, "most faces of a block").at_least(1024);
   // For tests of the rounds: makes the passes bolder than the certificate allows.
@@ -90,6 +91,7 @@ OptionTable option_table(SimplifyOptions& o) {
 void SimplifyOptions::validate() const {
   if (tolerance == 0.0 && target_faces == 0)
     throw UsageError("give --tolerance above 0, or --target-faces, or both: nothing says how far to go");
+  validate_normal_map(normal_map, has_texture());
   SimplifyOptions known = *this;
   if (tolerance == kAutoTolerance) known.tolerance = 1.0;
   known.kernel(true).validate();

@@ -25,6 +25,7 @@ struct SimplifyOptions {
   double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
   std::string smooth = "off";  ///< smooth_before.h
   double texture = 0.0;        ///< texture_option.h: width of a texel, kAutoTexture; 0 = colours of vertices
+  bool normal_map = false;     ///< beside it
   int passes = 3;  ///< each with the whole tolerance: a ramp left three times the faces on terrain
   std::uint64_t block_faces = 1u << 16;  ///< with at most eight times as many of the reference below it
 

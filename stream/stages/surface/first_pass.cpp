@@ -114,6 +114,7 @@ SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) 
   simplify.tolerance = options.tolerance;
   simplify.smooth = options.smooth;
   simplify.texture = options.texture;
+  simplify.normal_map = options.normal_map;
   return simplify;
 }
 
