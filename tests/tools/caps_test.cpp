@@ -84,6 +84,20 @@ TEST_CASE("caps: jobs on meshes refuse a small cap before their first stage and 
   }
 }
 
+TEST_CASE("caps: an edit is refused before its passes, not after them", "[memory]") {
+  const Files files;
+  const Words words = {"deform", files.at("body.ply"), files.at("edit.json"), "--base-vertices",
+                       "4000",   "--no-html"};
+  const std::uint64_t named = named_cap(files.with(words, "8M"));
+  for (const std::uint64_t less : {std::uint64_t{4}, named / 16, named / 8}) {
+    CAPTURE(named, less);
+    const CommandResult refused = files.with(words, std::to_string(named - less) + "M");
+    if (refused.code == 0) continue;  // the base that came out is smaller than one may be
+    named_cap(refused);
+    CHECK_FALSE(std::filesystem::exists(files.at("out.ply.tessera")));
+  }
+}
+
 TEST_CASE("caps: a narrow and a wide cap, and no command goes over one", "[memory]") {
   const Files files;
   for (const Words& words : jobs(files)) {
