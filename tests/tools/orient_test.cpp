@@ -165,6 +165,25 @@ TEST_CASE("orient: what a wide room sees is found part by part, the same bytes u
   }
 }
 
+TEST_CASE("orient: a cap that the forecast lets pass is enough for what a room sees", "[memory]") {
+  const TempFolder folder;
+  const auto in = scan(folder, "indoor", "terrestrial", "400000");
+  const auto out = folder.path() / "mesh.ply";
+  std::string cap = "40M";
+  CommandResult r;
+  for (int tries = 0; tries < 6; ++tries) {
+    r = reconstruct(in, out, {"--resolution", "0.015", "-t", "1", "--memory", cap, "--until", "orient"});
+    if (r.code != 4) break;
+    INFO(cap << ": " << r.errors);
+    CHECK_FALSE(std::filesystem::exists(out.string() + ".tessera/normals"));
+    const auto at = r.errors.find("would do is --memory ");
+    REQUIRE(at != std::string::npos);
+    cap = std::to_string(std::stoull(r.errors.substr(at + 21))) + "M";
+  }
+  INFO(cap << ": " << r.errors);
+  CHECK(r.code == 7);
+}
+
 TEST_CASE("orient: an animal of a few rings of points is an object, in one piece", "[pipeline]") {
   // Points 2 apart along rings 5 apart, as some shape collections hold; legs are three rings' distance thick.
   const TempFolder folder;

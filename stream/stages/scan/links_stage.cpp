@@ -262,14 +262,13 @@ StageForecast forecast_links(const PlannedScan& scan) {
   if (!scan.estimates_normals) return idle_forecast();
   const OrientNeeds needs = orient_needs(scan);
   const std::uint64_t buckets = scan.plan.buckets.size();
-  return {.tasks = buckets,
-          .task_bytes = needs.links_task,
-          .finish_bytes = needs.links_finish,
-          .sure_bytes = links_finish_bytes(0, 0, 0, 0),
-          .disk_bytes = needs.links_disk,
-          .files = buckets,
-          .processor_us = scan.points * (scan.knows_sides ? kSeenLinksTime : kLinksTime),
-          .moved_bytes = static_cast<double>(scan.overlay_bytes)};
+  return all_sure({.tasks = buckets,
+                   .task_bytes = needs.links_task,
+                   .finish_bytes = needs.links_finish,
+                   .disk_bytes = needs.links_disk,
+                   .files = buckets,
+                   .processor_us = scan.points * (scan.knows_sides ? kSeenLinksTime : kLinksTime),
+                   .moved_bytes = static_cast<double>(scan.overlay_bytes)});
 }
 
 }  // namespace tessera

@@ -16,8 +16,9 @@ namespace {
 constexpr PackedKind kSightKind = {"TSSIGHT1", "a file of what surfels see"};
 /// Votes of what surfels see, of one surfel, against those of its links.
 constexpr double kVisibilityScale = kVoteScale;
-/// Of the job's memory: disks of surfels, as many bytes again while they are made, and rays.
-constexpr std::uint64_t kDisksShare = 8, kRaysShare = 10;
+/// Of the job's memory: disks of surfels, as many bytes again while they are made, and rays. What else is held takes 75 MiB in large
+/// scans, and no stage that every scan has needs much more: with these shares this one fits wherever those do.
+constexpr std::uint64_t kDisksShare = 16, kRaysShare = 20;
 constexpr std::uint64_t kRayBytes = 64 * (sizeof(SightRay) + 4);  ///< of one looker
 constexpr std::uint64_t kMinLookers = 256, kMaxLookers = 1u << 16;
 

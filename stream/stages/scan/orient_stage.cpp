@@ -233,13 +233,12 @@ StageForecast forecast_orient(const PlannedScan& scan) {
   if (!scan.estimates_normals) return idle_forecast();
   const OrientNeeds needs = orient_needs(scan);
   const std::uint64_t buckets = scan.plan.buckets.size();
-  return {.tasks = buckets,
-          .task_bytes = needs.task,
-          .finish_bytes = needs.finish,
-          .sure_bytes = block_orientation_bytes(0, 0, 0, 0),
-          .files = buckets,
-          .processor_us = scan.points * (scan.knows_sides ? kSeenOrientTime : kOrientTime),
-          .moved_bytes = static_cast<double>(scan.overlay_bytes)};
+  return all_sure({.tasks = buckets,
+                   .task_bytes = needs.task,
+                   .finish_bytes = needs.finish,
+                   .files = buckets,
+                   .processor_us = scan.points * (scan.knows_sides ? kSeenOrientTime : kOrientTime),
+                   .moved_bytes = static_cast<double>(scan.overlay_bytes)});
 }
 
 }  // namespace tessera

@@ -221,6 +221,9 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   check_forecast(forecasted, reserved, same);
   CHECK(names_of(forecasted.forecast, false) == names);
   CHECK(names_of(forecasted.forecast, true) == stages_of_the_run(setup.options));
+  // Minutes of work come before these: what they may need is asked for by then.
+  for (const StageForecast& f : forecasted.forecast.stages)
+    if (f.stage == "links" || f.stage == "orient") CHECK((f.is_idle() || f.sure_bytes == f.memory_bytes()));
 }
 
 TEST_CASE("forecast: points that merge, hot bricks and noise stay below what is told", "[unit]") {
