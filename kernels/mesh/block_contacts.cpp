@@ -194,8 +194,39 @@ class SheetCells {
     std::uint32_t other : 29, rises : 1,
         corner : 2;  ///< of the higher vertex what tells most apart; the side begins at the corner
   };
+  void doubt_edge(std::uint32_t f, std::size_t corner) {
+    const Double3 &a = faces_.corner(f, corner), &b = faces_.corner(f, after(corner));
+    each_mark(
+        range(std::min(a[x_], b[x_]), std::max(a[x_], b[x_]), std::min(a[y_], b[y_]), std::max(a[y_], b[y_])),
+        [](std::uint8_t& mark, std::size_t, std::size_t) { mark = kDoubt; });
+  }
+
+  /// Where marks tell of which edges there is another side. All others have one face in each direction if these cancel out.
+  bool mark_told_borders() {
+    std::uint64_t sum = 0;
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+      const unsigned open = faces_.open_edges(f);
+      for (unsigned k = 0; k < 3; ++k) {
+        if ((open >> k & 1u) != 0) {
+          doubt_edge(f, k);
+          continue;
+        }
+        const std::uint64_t a = faces_.vertex(f, k), b = faces_.vertex(f, after(k));
+        sum += a < b ? edge_hash(a, b) : ~edge_hash(b, a) + 1;
+      }
+    }
+    return sum == 0;
+  }
+  static std::uint64_t edge_hash(std::uint64_t low, std::uint64_t high) {
+    std::uint64_t x = (low << 32 ^ high) * 0x9e3779b97f4a7c15u;
+    x = (x ^ x >> 32) * 0xd6e8feb86659fd93u;
+    return x ^ x >> 32;
+  }
+
   /// Cells of edges that have not exactly one face on each side.
   bool mark_borders() {
+    if constexpr (requires(const Faces& some) { some.open_edges(0u); })
+      if (mark_told_borders()) return true;
     std::size_t buckets = 1;
     while (buckets < faces_.size() / 2) buckets *= 2;
     const std::uint64_t mask = buckets - 1;
@@ -233,10 +264,7 @@ class SheetCells {
           ++(t.rises == s.rises ? same : across);
         }
       if (same == 1 && across == 1) continue;
-      const Double3 &a = faces_.corner(s.face, s.corner), &b = faces_.corner(s.face, after(s.corner));
-      each_mark(range(std::min(a[x_], b[x_]), std::max(a[x_], b[x_]), std::min(a[y_], b[y_]),
-                      std::max(a[y_], b[y_])),
-                [](std::uint8_t& mark, std::size_t, std::size_t) { mark = kDoubt; });
+      doubt_edge(s.face, s.corner);
     }
   }
   static std::size_t after(std::size_t corner) { return corner < 2 ? corner + 1 : 0; }
@@ -267,6 +295,28 @@ struct BlockFaces {
   std::size_t size() const { return block.faces.size(); }
   const Double3& corner(std::size_t f, std::size_t k) const { return block.position[block.faces[f][k]]; }
   std::uint64_t vertex(std::size_t f, std::size_t k) const { return block.faces[f][k]; }
+};
+
+/// Some faces of a block.
+struct CoreFaces {
+  const MeshBlock& block;
+  std::span<const std::uint32_t> some;  ///< empty: all of them
+  std::span<const std::uint8_t> outer;  ///< per vertex: a face that is not of them has it; or empty
+  std::size_t size() const { return some.empty() ? block.faces.size() : some.size(); }
+  std::uint32_t number(std::size_t f) const { return some.empty() ? static_cast<std::uint32_t>(f) : some[f]; }
+  const Double3& corner(std::size_t f, std::size_t k) const {
+    return block.position[block.faces[number(f)][k]];
+  }
+  std::uint64_t vertex(std::size_t f, std::size_t k) const { return block.faces[number(f)][k]; }
+  /// A bit for each edge, of corner 0 and 1 first, that has no other side here.
+  unsigned open_edges(std::size_t f) const {
+    const std::uint32_t n = number(f);
+    unsigned open = block.face_flags[n] & unsigned{kFaceBorder01 | kFaceBorder12 | kFaceBorder20};
+    if (outer.empty()) return open;
+    const auto& c = block.faces[n];
+    const unsigned a = outer[c[0]], b = outer[c[1]], d = outer[c[2]];
+    return open | (a & b) | (b & d) << 1 | (d & a) << 2;
+  }
 };
 
 class ContactTree {
@@ -459,6 +509,34 @@ std::vector<ContactFace> doubtful_faces(const MeshBlock& block, std::vector<std:
   faces.reserve(some.size());
   for (const std::uint32_t i : some) add_contact_face(block, i, faces, number);
   return faces;
+}
+
+void core_contacts(const MeshBlock& block, std::span<const std::uint8_t> core,
+                   const std::function<void(const ContactFace&, const ContactFace&)>& use) {
+  std::vector<std::uint32_t> own, some;
+  std::vector<std::uint8_t> outer;
+  if (std::find(core.begin(), core.end(), std::uint8_t{0}) != core.end()) {
+    outer.resize(block.position.size(), 0);
+    for (std::uint32_t f = 0; f < core.size(); ++f)
+      if (core[f] != 0)
+        own.push_back(f);
+      else
+        for (const std::uint32_t v : block.faces[f]) outer[v] = 1;
+    if (own.empty()) return;
+  }
+  const CoreFaces faces{block, own, outer};
+  const bool sheet = SheetCells(faces).doubtful(some);
+  const std::size_t count = sheet ? some.size() : faces.size();
+  std::vector<ContactFace> found;
+  found.reserve(count);
+  for (std::uint32_t f = 0; f < count; ++f)
+    add_contact_face(block, faces.number(sheet ? some[f] : f), found, nullptr);
+  some = {};
+  if (found.size() < 2) return;
+  ContactTree(found, kAllSpace).each_pair([&](std::uint32_t i, std::uint32_t j, FaceContact) {
+    if (!meet_in_copies(found[i], found[j])) use(found[i], found[j]);
+    return true;
+  });
 }
 
 std::size_t count_contacts(const MeshBlock& block, std::size_t enough) {

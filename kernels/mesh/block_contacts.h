@@ -51,6 +51,12 @@ inline constexpr ContactCell kAllSpace = {
 [[nodiscard]] std::vector<ContactFace> doubtful_faces(const MeshBlock& block,
                                                       std::vector<std::uint32_t>* number = nullptr);
 
+/// Calls use(one, other) for the pairs of some faces of a block that meet so, but for those that meet in copies of a vertex alone.
+/// Sooner than asking doubtful_faces(): where the surface ends is told by MeshBlock::face_flags, and it counts as ended where
+/// others of the block lie around. \param core  1 for those faces
+void core_contacts(const MeshBlock& block, std::span<const std::uint8_t> core,
+                   const std::function<void(const ContactFace&, const ContactFace&)>& use);
+
 /// How many pairs of faces of a block meet so, whatever the kind, but for those that meet in copies of a vertex alone; those
 /// without an area meet none. It stops at `enough`.
 /// \cost  as above, and 96 bytes a face

@@ -271,7 +271,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"crossing_mend_stage", "crossing_pairs", "crossing_parts", "crossing_search_stage", "crossing_stages",
         "mended_mesh", "self_union_stage"});
     by("tools/mend_crossings", "stream/stages/decimate", {"result_mend"});
-    by("tools/untangle", "stream/stages/smooth", {"tangled_tile", "untangle_stages", "vertices_back"});
+    by("tools/untangle", "stream/stages/smooth",
+       {"contact_regions", "tangled_tile", "untangle_stages", "vertices_back"});
     by("tools/reconstruct_tolerance", "stream/stages/surface",
        {"first_pass", "islands_stage", "samples_stage"});
     by("stream/stages/surface/surface", "stream/stages/surface",

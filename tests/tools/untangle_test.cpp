@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "stream/files/json.h"
+#include "stream/stages/smooth/contact_regions.h"
 #include "stream/stages/smooth/vertices_back.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
@@ -197,25 +198,59 @@ TEST_CASE("vertices back: half the way, three quarters, all of it, by key", "[un
     VerticesBack::save(folder / name, found);
     return std::vector<fs::path>{folder / name};
   };
-  MeshBlock given, block;
+  MeshBlock block;
   for (const std::uint64_t key : {3, 5, 8, 9}) {
-    given.key.push_back(key), given.position.push_back({0, 0, static_cast<double>(key)});
     block.key.push_back(key), block.position.push_back({4, 0, static_cast<double>(key)});
   }
-  const VertexBack three{3, {4, 0, 3}}, five{5, {4, 0, 5}}, nine{9, {4, 0, 9}}, elsewhere{7, {1, 1, 1}};
+  const VertexBack three{3, {4, 0, 3}, {0, 0, 3}}, five{5, {4, 0, 5}, {0, 0, 5}},
+      nine{9, {4, 0, 9}, {0, 0, 9}}, elsewhere{7, {1, 1, 1}, {0, 0, 7}};
   const VerticesBack back(
       {save("1", {nine, five, nine}), save("2", {nine, three, elsewhere}), save("3", {nine})});
   CHECK(back.size() == 4);
   REQUIRE(back.last().size() == 1);
   CHECK(back.last()[0] == nine.at);
-  std::vector<std::uint32_t> moved;
-  back.apply(block, given, false, &moved);
-  CHECK(moved == std::vector<std::uint32_t>{0, 1, 3});
+  const auto moved = back.apply(block, false);
+  REQUIRE(moved.size() == 3);
+  CHECK(moved[0] == std::pair<std::uint32_t, Double3>{0, {4, 0, 3}});
+  CHECK(moved[1] == std::pair<std::uint32_t, Double3>{1, {4, 0, 5}});
+  CHECK(moved[2] == std::pair<std::uint32_t, Double3>{3, {4, 0, 9}});
   CHECK(block.position[0] == Double3{2, 0, 3});
   CHECK(block.position[1] == Double3{2, 0, 5});
   CHECK(block.position[2] == Double3{4, 0, 8});
   CHECK(block.position[3] == Double3{0, 0, 9});
   CHECK(VerticesBack().empty());
+}
+
+TEST_CASE("contact regions: where own faces of tiles meet and where tiles overlap, nothing else", "[unit]") {
+  const TempFolder folder;
+  MeshBlock block;
+  const auto add = [&](const Double3& a, const Double3& b, const Double3& c) {
+    const auto first = static_cast<std::uint32_t>(block.position.size());
+    for (const Double3& p : {a, b, c}) block.key.push_back(block.key.size()), block.position.push_back(p);
+    block.faces.push_back({first, first + 1, first + 2});
+    block.face_flags.push_back(kFaceBorder01 | kFaceBorder12 | kFaceBorder20);
+  };
+  add({0, 0, 0}, {4, 0, 0}, {0, 4, 0});
+  add({1, 1, -1}, {1, 1, 1}, {2, 1, 1});
+  add({9, 9, 0}, {10, 9, 0}, {9, 10, 0});
+  add({20, 9, 0}, {22, 9, 0}, {20, 10, 0});
+  const MeshBox whole = {{0, 0, -1}, {22, 10, 1}};
+  const auto regions = [&](const std::vector<SearchedTile>& tiles) {
+    save_searched(folder / "1.met", tiles);
+    return ContactRegions({folder / "1.met"}).faces(block, whole);
+  };
+  using Faces = std::vector<std::uint8_t>;
+  const SearchedTile all = search_tile(block, Faces{1, 1, 1, 1});
+  CHECK(all.contacts.size() == 1);
+  CHECK(regions({all}) == Faces{1, 1, 0, 0});
+  const SearchedTile one = search_tile(block, Faces{1, 0, 1, 0}),
+                     other = search_tile(block, Faces{0, 1, 0, 1});
+  CHECK(one.contacts.empty());
+  CHECK(other.contacts.empty());
+  CHECK(regions({one}) == Faces{0, 0, 0, 0});
+  CHECK(regions({one, other}) == Faces{1, 1, 1, 0});
+  CHECK(regions({unsearched_tile(std::vector<Double3>{{9, 9, -1}, {30, 9.5, 1}})}) == Faces{0, 0, 1, 1});
+  CHECK_THROWS_WITH(ContactRegions(std::vector<fs::path>{}), Catch::Contains("run again with --force"));
 }
 
 }  // namespace untangle_test

@@ -6,6 +6,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
+#include "stream/stages/smooth/contact_regions.h"
 
 namespace tessera {
 namespace {
@@ -79,7 +80,8 @@ std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices,
   const std::uint64_t now = rule.cycle >= 0 ? TileState::bytes(vertices) : 0;
   const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + now;
   return std::max(tile_loading_bytes(vertices, faces),
-                  loaded + smooth_bytes(vertices, faces, rule) + 4 * vertices) +
+                  loaded + std::max(smooth_bytes(vertices, faces, rule) + 4 * vertices,
+                                    24 * vertices + search_tile_bytes(faces))) +
          3 * patch_bytes + kTileSlackBytes;
 }
 

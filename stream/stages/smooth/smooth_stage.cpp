@@ -17,6 +17,7 @@
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/smooth/coarse_files.h"
+#include "stream/stages/smooth/contact_regions.h"
 #include "stream/stages/smooth/smooth_stages.h"
 #include "stream/stages/smooth/smooth_tiles.h"
 #include "stream/stages/smooth/smoothed_patch.h"
@@ -114,9 +115,11 @@ class SmoothStage : public Stage {
     Json edges = Json::array();
     std::uint64_t core = 0, flipped = 0;
     TileCounts counts;
+    const bool searches = last_ && !keep_crossings_;
+    std::vector<SearchedTile> searched;
     const auto finish_patch = [&](std::size_t p, const SmoothedPatch& smoothed) {
       core += store_.patches()[p].faces;
-      const std::vector<Double3> positions = limited_moves(p, smoothed, moved);
+      std::vector<Double3> positions = limited_moves(p, smoothed, moved);
       write(p, positions, writer);
       if (laplacians) laplacians->add(p, smoothed.laplacian);
       if (!last_) {
@@ -126,14 +129,23 @@ class SmoothStage : public Stage {
       if (fits_ && (round_ == 1 || last_))
         flipped += count_flipped_faces(last_ ? with_positions(p, positions) : store_.load({&p, 1}));
       context.advance(store_.patches()[p].faces);
+      return positions;
     };
     for (const SmoothTile& tile : tasks_[task]) {
-      if (tile.by_rings)
+      if (tile.by_rings) {
         counts.read += smooth_by_rings(
-            store_, rule_, tile.patches, tile.bytes, [&] { context.check_stop(); }, finish_patch);
-      else
-        each_patch(tile, context, counts, finish_patch);
+            store_, rule_, tile.patches, tile.bytes, [&] { context.check_stop(); },
+            [&](std::size_t p, const SmoothedPatch& smoothed) {
+              searched.push_back(unsearched_tile(finish_patch(p, smoothed)));
+            });
+      } else {
+        const MeshHaloBlock own = each_patch(tile, context, counts, finish_patch);
+        if (searches) searched.push_back(search_tile(own.block, own.core));
+      }
     }
+    if (searches)
+      context.count_written(save_searched(
+          context.create(smooth_folder(round_) + "/" + task_file_stem(task) + ".met"), searched));
     context.count_written(writer.finish() + (laplacians ? laplacians->finish() : 0));
     return {{"vertices", moved.vertices},
             {"on_lines", moved.line},
@@ -199,10 +211,12 @@ class SmoothStage : public Stage {
   bool from_original() const { return tolerance_ > 0.0 || last_; }
 
   /// Hands out the patches of a tile that its margin holds the rings of.
-  void each_patch(const SmoothTile& tile, const TaskContext& context, TileCounts& counts,
-                  const std::function<void(std::size_t, const SmoothedPatch&)>& use) const {
+  /// \param use  tells where the vertices of a patch come to rest   \returns what was loaded, with these at rest
+  MeshHaloBlock each_patch(
+      const SmoothTile& tile, const TaskContext& context, TileCounts& counts,
+      const std::function<std::vector<Double3>(std::size_t, const SmoothedPatch&)>& use) const {
     context.check_stop();
-    const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
+    MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
     context.check_stop();
     std::vector<std::uint8_t> wanted(near.block.key.size(), 0);
     for (const auto& patch : near.core_vertices)
@@ -212,11 +226,16 @@ class SmoothStage : public Stage {
     counts.degenerate += smoothed.counts.degenerate_faces;
     counts.systems += smoothed.counts.flow_systems;
     counts.as_one += smoothed.counts.faces_as_one;
+    std::vector<std::vector<Double3>> at_rest;
     for (std::size_t k = 0; k < tile.patches.size(); ++k) {
       context.check_stop();
       const std::size_t p = tile.patches[k];
-      use(p, SmoothedPatch::of(near, k, p, smoothed));
+      at_rest.push_back(use(p, SmoothedPatch::of(near, k, p, smoothed)));
     }
+    for (std::size_t k = 0; k < at_rest.size(); ++k)
+      for (std::size_t v = 0; v < at_rest[k].size(); ++v)
+        near.block.position[near.core_vertices[k][v]] = at_rest[k][v];
+    return near;
   }
 
   MeshBlock with_positions(std::size_t p, const std::vector<Double3>& positions) const {

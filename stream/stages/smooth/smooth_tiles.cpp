@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 #include <span>
+#include <utility>
 
 #include "octree/error.h"
 
@@ -135,12 +136,17 @@ std::uint64_t task_bytes(const SmoothTask& task) {
 
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,
                                           const SmoothTiling& tiling) {
+  std::vector<std::size_t> all(store.patches().size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return make_smooth_tasks(store, range, tiling, std::move(all));
+}
+
+std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,
+                                          const SmoothTiling& tiling, std::vector<std::size_t> patches) {
   if (range.longest_edge.size() != store.patches().size())
     throw InputError("the list of longest edges belongs to another mesh; run again with --force");
   Cutter cutter(store, range, tiling);
-  std::vector<std::size_t> all(store.patches().size());
-  std::iota(all.begin(), all.end(), std::size_t{0});
-  cutter.cut(all);
+  cutter.cut(patches);
   const std::uint64_t target = std::max(kTaskFaces, store.face_count() / kMaxTasks);
   std::vector<SmoothTask> tasks;
   SmoothTask task;

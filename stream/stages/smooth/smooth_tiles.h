@@ -41,5 +41,8 @@ struct SmoothTiling {
 /// Every patch is in exactly one tile.
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,
                                           const SmoothTiling& tiling);
+/// The same of some patches.
+std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRange& range,
+                                          const SmoothTiling& tiling, std::vector<std::size_t> patches);
 
 }  // namespace tessera

@@ -53,27 +53,34 @@ class UntangleStage : public Stage {
  public:
   UntangleStage(const JobState& state, const SmoothPlan& plan, int round)
       : round_(round),
-        move_(longest_move(state.work, plan.rounds.size())),
         smoothed_(smoothed_store(state, plan)),
         given_(plan.mesh(state)),
         back_(found_in_rounds(state, round - 1)) {
     if (round > 1 && back_.last().empty()) return;
-    if (round > 1) wanted_ = patches_with_last(smoothed_, back_);
+    const double move = longest_move(state.work, plan.rounds.size());
+    // What meets now and did not in the round before has vertices that went back then.
+    const PatchRange range = load_range(state.work, 0);
+    regions_ = round > 1
+                   ? ContactRegions(smoothed_, back_.last(), range, move, round >= kWideRound)
+                   : ContactRegions(list_task_files(state.work / smooth_folder(plan.rounds.size()), ".met"));
     SmoothTiling tiling;
     tiling.rings = 0;
     // Vertices that went back may come near from so far away.
-    tiling.range = round > 1 ? TangledTile::reach(move_) : 0.0;
+    tiling.range = round > 1 ? TangledTile::reach(move) : 0.0;
     tiling.tile_bricks = state.run.tile_cells / kBrickCells;
     tiling.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
-    tiling.bytes = [bytes = back_.bytes()](std::uint64_t vertices, std::uint64_t faces) {
+    tiling.bytes = [bytes = back_.bytes() + regions_.bytes()](std::uint64_t vertices, std::uint64_t faces) {
       return untangle_tile_bytes(vertices, faces) + bytes;
     };
-    tasks_ = make_smooth_tasks(smoothed_, load_range(state.work, 0), tiling);
+    tasks_ = make_smooth_tasks(smoothed_, range, tiling, regions_.patches(smoothed_));
+    for (const SmoothTask& task : tasks_)
+      for (const SmoothTile& tile : task)
+        for (const std::size_t p : tile.patches) faces_ += smoothed_.patches()[p].faces;
   }
 
   std::string name() const override { return round_name(round_); }
   std::size_t task_count() const override { return tasks_.size(); }
-  std::uint64_t units() const override { return tasks_.empty() ? 0 : smoothed_.face_count(); }
+  std::uint64_t units() const override { return faces_; }
   std::string unit_name() const override { return "faces"; }
   std::uint64_t task_bytes(std::size_t task) const override { return tessera::task_bytes(tasks_[task]); }
 
@@ -82,8 +89,7 @@ class UntangleStage : public Stage {
     std::uint64_t pairs = 0;
     for (const SmoothTile& tile : tasks_[task]) {
       context.check_stop();
-      if (wanted(tile))
-        pairs += TangledTile(smoothed_, given_, tile, move_, back_).find(round_ >= kWideRound, found);
+      pairs += TangledTile(smoothed_, given_, tile, back_, regions_).find(round_ >= kWideRound, found);
       for (const std::size_t p : tile.patches) context.advance(smoothed_.patches()[p].faces);
     }
     if (round_ == kUntangleRounds) found.clear();
@@ -107,16 +113,11 @@ class UntangleStage : public Stage {
   }
 
  private:
-  bool wanted(const SmoothTile& tile) const {
-    return wanted_.empty() || std::any_of(tile.patches.begin(), tile.patches.end(),
-                                          [&](std::size_t p) { return wanted_[p] != 0; });
-  }
-
   int round_;
-  double move_;
   MeshStore smoothed_, given_;
   VerticesBack back_;
-  std::vector<std::uint8_t> wanted_;  ///< by patch; empty: all of them
+  ContactRegions regions_;
+  std::uint64_t faces_ = 0;
   std::vector<SmoothTask> tasks_;
 };
 
@@ -124,7 +125,6 @@ class UntangleStage : public Stage {
 class UntangledStage : public Stage {
  public:
   UntangledStage(const JobState& state, const SmoothPlan& plan)
-
       : mesh_folder_(plan.mesh_folder),
         smoothed_(smoothed_store(state, plan)),
         given_(plan.mesh(state)),
@@ -160,17 +160,15 @@ class UntangledStage : public Stage {
       const std::size_t p = patches_[i];
       MeshBlock patch = smoothed_.load({&p, 1});
       const MeshBlock given = given_.load({&p, 1});
-      const std::vector<Double3> before = patch.position;
-      std::vector<std::uint32_t> moved;
-      back_.apply(patch, given, !smoothed_.info().double_positions, &moved);
+      const auto moved = back_.apply(patch, !smoothed_.info().double_positions);
       if (moved.empty()) continue;
       writer.add_moved(smoothed_, p, patch.position);
       const std::vector<std::uint8_t> own = first_here(p);
-      for (const std::uint32_t v : moved) {
+      for (const auto& [v, before] : moved) {
         if (own[v] == 0) continue;
         ++returned;
         change += squared_distance(patch.position[v], given.position[v]) -
-                  squared_distance(before[v], given.position[v]);
+                  squared_distance(before, given.position[v]);
       }
     }
     context.count_written(writer.finish());

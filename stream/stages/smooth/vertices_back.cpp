@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <stdexcept>
-#include <string>
 
 #include "stream/files/direct_file.h"
 #include "stream/files/record_file.h"
@@ -29,24 +27,28 @@ Double3 part_way(const Double3& given, const Double3& smoothed, std::size_t time
 }  // namespace
 
 VerticesBack::VerticesBack(const std::vector<std::vector<std::filesystem::path>>& rounds) {
-  std::vector<std::uint64_t> all;
+  struct Found {
+    std::uint64_t key;
+    Double3 given;
+  };
+  std::vector<std::pair<Found, std::size_t>> all;  // and how much a round counts
   for (std::size_t r = 0; r < rounds.size(); ++r) {
-    const auto& files = rounds[r];
-    std::vector<std::uint64_t> round;
+    std::vector<Found> round;
     last_.clear();
-    for (const std::filesystem::path& file : files)
+    for (const std::filesystem::path& file : rounds[r])
       for_each_page<VertexBack>(file, kBackPage, [&](std::span<const VertexBack> page) {
-        for (const VertexBack& v : page) round.push_back(v.key), last_.push_back(v.at);
+        for (const VertexBack& v : page) round.push_back({v.key, v.given}), last_.push_back(v.at);
       });
-    std::sort(round.begin(), round.end());
-    round.erase(std::unique(round.begin(), round.end()), round.end());
-    for (std::size_t times = r < kImpatient ? 1 : kWayLeft.size(); times > 0; --times)
-      all.insert(all.end(), round.begin(), round.end());
+    std::sort(round.begin(), round.end(), [](const Found& a, const Found& b) { return a.key < b.key; });
+    const auto same = [](const Found& a, const Found& b) { return a.key == b.key; };
+    round.erase(std::unique(round.begin(), round.end(), same), round.end());
+    for (const Found& v : round) all.emplace_back(v, r < kImpatient ? 1 : kWayLeft.size());
   }
-  std::sort(all.begin(), all.end());
-  for (const std::uint64_t key : all) {
-    if (keys_.empty() || keys_.back() != key) keys_.push_back(key), times_.push_back(0);
-    ++times_.back();
+  std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.first.key < b.first.key; });
+  for (const auto& [v, counts] : all) {
+    if (keys_.empty() || keys_.back() != v.key)
+      keys_.push_back(v.key), times_.push_back(0), given_.push_back(v.given);
+    times_.back() = static_cast<std::uint8_t>(times_.back() + counts);
   }
 }
 
@@ -60,26 +62,20 @@ std::uint64_t VerticesBack::save(const std::filesystem::path& path, std::vector<
   return file.finish();
 }
 
-void VerticesBack::apply(MeshBlock& block, const MeshBlock& given, bool floats,
-                         std::vector<std::uint32_t>* moved) const {
-  if (block.key.empty()) return;
-  const auto at = [](const MeshBlock& b, std::uint64_t key) {
-    const auto found = std::lower_bound(b.key.begin(), b.key.end(), key);
-    return found != b.key.end() && *found == key ? static_cast<std::size_t>(found - b.key.begin())
-                                                 : b.key.size();
-  };
+std::vector<std::pair<std::uint32_t, Double3>> VerticesBack::apply(MeshBlock& block, bool floats) const {
+  std::vector<std::pair<std::uint32_t, Double3>> moved;
+  if (block.key.empty()) return moved;
   const auto first = std::lower_bound(keys_.begin(), keys_.end(), block.key.front());
+  auto at = block.key.begin();
   for (auto key = first; key != keys_.end() && *key <= block.key.back(); ++key) {
-    const std::size_t v = at(block, *key);
-    if (v == block.key.size()) continue;
-    const std::size_t from = at(given, *key);
-    if (from == given.key.size())
-      throw std::logic_error("untangle: vertex " + std::to_string(*key) +
-                             " is not in the given mesh's block");
-    const std::uint8_t times = times_[static_cast<std::size_t>(key - keys_.begin())];
-    block.position[v] = part_way(given.position[from], block.position[v], times, floats);
-    if (moved != nullptr) moved->push_back(static_cast<std::uint32_t>(v));
+    at = std::lower_bound(at, block.key.end(), *key);
+    if (at == block.key.end() || *at != *key) continue;
+    const auto v = static_cast<std::size_t>(at - block.key.begin());
+    const auto n = static_cast<std::size_t>(key - keys_.begin());
+    moved.emplace_back(static_cast<std::uint32_t>(v), block.position[v]);
+    block.position[v] = part_way(given_[n], block.position[v], times_[n], floats);
   }
+  return moved;
 }
 
 }  // namespace tessera

@@ -125,6 +125,33 @@ std::vector<Pair> found_any(const std::vector<ContactFace>& faces) {
   return pairs;
 }
 
+/// Of a block whose borders are marked, all of it and a part: the pairs of core_contacts() against all pairs.
+void check_core(MeshBlock block) {
+  block.face_flags.assign(block.faces.size(), 0);
+  for (std::size_t f = 0; f < block.faces.size(); ++f)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t a = block.faces[f][k], b = block.faces[f][(k + 1) % 3];
+      const bool shared = std::any_of(block.faces.begin(), block.faces.end(), [&](const auto& g) {
+        return (g[0] == b && g[1] == a) || (g[1] == b && g[2] == a) || (g[2] == b && g[0] == a);
+      });
+      if (!shared) block.face_flags[f] = static_cast<std::uint8_t>(block.face_flags[f] | 1u << k);
+    }
+  for (const std::size_t first : {std::size_t{0}, block.faces.size() / 3}) {
+    std::vector<std::uint8_t> core(block.faces.size(), 1);
+    std::fill_n(core.begin(), first, std::uint8_t{0});
+    std::vector<std::uint32_t> number;
+    const std::vector<ContactFace> faces = contact_faces(block, &number);
+    std::size_t expected = 0, pairs = 0;
+    for (const auto& [i, j, contact] : all_pairs(faces))
+      expected += core[number[i]] != 0 && core[number[j]] != 0 && !meet_in_copies(faces[i], faces[j]);
+    core_contacts(block, core, [&](const ContactFace& one, const ContactFace& other) {
+      CHECK(face_contact(one, other) != FaceContact::kNone);
+      ++pairs;
+    });
+    CHECK(pairs == expected);
+  }
+}
+
 /// Against all pairs, however it is asked. \returns how many
 std::size_t check_block(const MeshBlock& block) {
   std::vector<std::uint32_t> number, every;
@@ -141,6 +168,7 @@ std::size_t check_block(const MeshBlock& block) {
   for (const Pair& p : all)
     for (const std::uint32_t f : {every[std::get<0>(p)], every[std::get<1>(p)]})
       CHECK(std::binary_search(number.begin(), number.end(), f));
+  check_core(block);
   return all.size();
 }
 
