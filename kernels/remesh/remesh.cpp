@@ -104,7 +104,7 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   if (options.find_creases) surface.mark(block);
   const auto remeshed = [&](bool guarded, RemeshReport& r) {
     CollapseMesh mesh(block, origin);
-    Remesher remesher(mesh, block, surface, options, pinned, guarded);
+    Remesher remesher(mesh, block, origin, surface, options, pinned, guarded);
     remesher.run(r);
     MeshBlock out = to_block(mesh, remesher, block, reference, surface, origin, options.float_positions);
     mend_flat_faces(out);

@@ -67,7 +67,7 @@ struct RemeshReport {
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold. If more faces of the
 ///         block meet others beyond what they share (face_contact.h) than before, it is done again with all that would
-///         make them refused, as long as that is not too much to look at, and the better of both stays.
+///         make them refused, as they will be written, as long as that is not too much to look at, and the better of both stays.
 /// \throws InputError  an edge with more than two faces or with two faces of the same direction
 /// \throws UsageError  from options.validate()
 RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOptions& options,

@@ -25,9 +25,11 @@ constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a flo
 
 }  // namespace
 
-Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
-                   const RemeshOptions& options, std::span<const std::uint64_t> pinned, bool guarded)
+Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const Double3& origin,
+                   const ReferenceSurface& surface, const RemeshOptions& options,
+                   std::span<const std::uint64_t> pinned, bool guarded)
     : mesh_(mesh),
+      origin_(origin),
       surface_(surface),
       options_(options),
       guard_(mesh),
@@ -274,7 +276,7 @@ bool Remesher::too_thin_to_split(std::uint32_t c) const {
 /// False where that would leave faces without area.
 bool Remesher::split(const Edge& e) {
   const std::uint32_t c = e.corner, o = mesh_.opposite(c);
-  const Double3 pa = mesh_.at(e.a), pb = mesh_.at(e.b), middle = (pa + pb) * 0.5;
+  const Double3 pa = mesh_.at(e.a), pb = mesh_.at(e.b), middle = as_put((pa + pb) * 0.5);
   const double square = squared_distance(pa, pb);
   Info info;
   info.target = 0.5f * (info_[e.a].target + info_[e.b].target);
@@ -287,7 +289,7 @@ bool Remesher::split(const Edge& e) {
         from.line ? surface_.slide(middle, from.foot) : surface_.closest_on_lines(middle);
     if (foot.square > 0.0625 * square) foot = surface_.closest_on_lines(middle);
     info.foot = foot.slot;
-    if (foot.slot != ReferenceSurface::kNone && foot.square <= 0.0625 * square) at = foot.at;
+    if (foot.slot != ReferenceSurface::kNone && foot.square <= 0.0625 * square) at = as_put(foot.at);
   } else {
     const std::uint32_t hint = !info_[e.a].line && info_[e.a].foot != ReferenceSurface::kNone
                                    ? info_[e.a].foot
@@ -297,7 +299,7 @@ bool Remesher::split(const Edge& e) {
     info.foot = foot.slot;
     if (foot.slot != ReferenceSurface::kNone) {
       info.normal = surface_.normal(foot.slot);
-      if (foot.square <= 0.25 * square) at = foot.at;
+      if (foot.square <= 0.25 * square) at = as_put(foot.at);
     }
   }
   if (guarded_ && !refining_) at = middle;  // on the edge as it was it meets nothing new

@@ -16,9 +16,9 @@ inline constexpr double kFlatRoom = 4.0;
 
 class Remesher {
  public:
-  /// \param mesh     of `block`, creases marked \param surface  with the same origin
+  /// \param mesh     of `block`, creases marked \param origin  of both \param surface  with the same one
   /// \param guarded  refuse what would make faces cross; where the tolerance asks for splits these are not looked at
-  Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
+  Remesher(CollapseMesh& mesh, const MeshBlock& block, const Double3& origin, const ReferenceSurface& surface,
            const RemeshOptions& options, std::span<const std::uint64_t> pinned, bool guarded);
   void run(RemeshReport& report);
 
@@ -66,6 +66,10 @@ class Remesher {
   bool guarding() {
     if (guarded_ && guard_.looked_at() > kMaxLooks * info_.size()) guarded_ = false, guard_spent_ = true;
     return guarded_;
+  }
+  /// Where a vertex is put. Guarded, it lies where the output will hold it: sheets nearer to each other than floats are would meet in what is written.
+  [[nodiscard]] Double3 as_put(const Double3& p) const {
+    return guarded_ && options_.float_positions ? wide(narrow(origin_ + p)) - origin_ : p;
   }
   void set_lines();
   void find_feet(const std::vector<std::uint32_t>& own);
@@ -144,6 +148,7 @@ class Remesher {
   void set_target(Info& info, const Double3& at) const;
 
   CollapseMesh& mesh_;
+  Double3 origin_;
   const ReferenceSurface& surface_;
   const RemeshOptions& options_;
   double min_normal_cosine_ = -1.0;  ///< cosine of max_normal_deviation_deg

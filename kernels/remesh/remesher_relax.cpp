@@ -68,10 +68,11 @@ bool Remesher::move_vertex(std::uint32_t v, const Double3& to, RemeshReport& rep
   Info info = info_[v];
   const Double3 old = mesh_.at(v);
   const double far = info.target;
-  const ReferenceSurface::Foot foot =
+  ReferenceSurface::Foot foot =
       info.line ? surface_.slide(to, info.foot)
                 : surface_.near(to, far * far, kFlat * squared_distance(to, old), info.foot);
   if (foot.slot == ReferenceSurface::kNone || foot.square > far * far) return false;
+  foot.at = as_put(foot.at);
   info.foot = foot.slot;
   if (!info.line) {
     const Double3 before = wide(info.normal);

@@ -24,6 +24,7 @@ namespace {
 constexpr std::size_t kMaxGroupFaces =
     1000;  ///< in pairs that hang together: more of them are no small bad place
 constexpr std::size_t kMaxAroundFaces = 30'000;   ///< looked at around a group
+constexpr int kMaxHalvings = 3;                   ///< of a box with more
 constexpr std::uint64_t kMendedPairBytes = 8192;  ///< what is held for a pair: itself, what it is replaced by
 constexpr std::size_t kListedPlaces = 20;
 constexpr std::uint64_t kFacesForPair = 100;  ///< a result that crosses itself more often is none
@@ -183,10 +184,10 @@ class CrossingMendStage : public SerialStage {
                 {"faces_added", c.added},
                 {"new_vertices", c.new_vertices},
                 {"left", c.places}};
-    if (plan_.final && c.left_pairs > 0 && c.all_looked_at) {
+    if (plan_.final && c.left_pairs > 0 && (c.all_looked_at || plan_.strict)) {
       const std::string sentence = of_its_own(c);
       // What crossed as given is told from what came by places alone.
-      if (c.inherited_pairs == 0 && c.left_pairs > mesh_.face_count() / kFacesForPair)
+      if (plan_.strict || (c.inherited_pairs == 0 && c.left_pairs > mesh_.face_count() / kFacesForPair))
         throw ValidationError(sentence);
       out["warnings"].push_back(sentence);
     }
@@ -208,13 +209,26 @@ class CrossingMendStage : public SerialStage {
   /// Whether what the mesh was made of has a pair where one of the group's is, or cannot be looked at.
   bool is_inherited(const PairGroup& group, const std::vector<CrossingPair>& pairs,
                     TaskContext& context) const {
-    for (const std::size_t p : group.pairs) {
-      context.check_stop();
-      const MeshBox box = grown(pairs[p].shared_box(), given_margin_);
-      for (const MeshStore& store : given_) {
-        const auto block = load_faces(store, box, kMaxAroundFaces);
-        if (!block || meets(*block, nullptr)) return true;
-      }
+    const auto any_meet = [&](const MeshBox& box) {
+      return std::any_of(given_.begin(), given_.end(),
+                         [&](const MeshStore& store) { return meets_in(store, box, 0, context); });
+    };
+    // Nearly always: nothing meets anywhere around.
+    if (!any_meet(grown(group.box, given_margin_))) return false;
+    return std::any_of(group.pairs.begin(), group.pairs.end(),
+                       [&](std::size_t p) { return any_meet(grown(pairs[p].shared_box(), given_margin_)); });
+  }
+
+  /// Whether faces meet that both lie in a part of the box, or whether there are more than can be looked at.
+  bool meets_in(const MeshStore& store, const MeshBox& box, int halvings, TaskContext& context) const {
+    context.check_stop();
+    if (const auto block = load_faces(store, box, kMaxAroundFaces)) return meets(*block, nullptr);
+    if (halvings == kMaxHalvings) return true;
+    const Double3 middle = box.low * 0.5 + box.high * 0.5;
+    for (unsigned part = 0; part < 8; ++part) {
+      MeshBox octant = box;
+      for (std::size_t a = 0; a < 3; ++a) ((part >> a & 1u) != 0 ? octant.low : octant.high)[a] = middle[a];
+      if (meets_in(store, octant, halvings + 1, context)) return true;
     }
     return false;
   }

@@ -43,6 +43,7 @@ struct CrossingPlan {
   bool asked_for = false;  ///< by --crossings repair: nothing may be left
   bool final =
       false;  ///< of a result that nothing comes after: what is left is warned of, much of it is refused
+  bool strict = false;  ///< whatever the final one leaves is refused
   bool hands_on =
       false;            ///< faces of pairs that stay go to kLeftFacesFile: another round keeps away from them
   bool gentle = false;  ///< borders go inwards before faces are taken out (CrossingMendOptions)

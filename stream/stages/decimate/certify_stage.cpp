@@ -65,7 +65,7 @@ class CertifyStage : public Stage {
         ++kept;
       else
         result = compare_cell(mesh_, reference_, begun_, cells_[c].box, alone() ? 0.0 : begun_.tolerance,
-                              retry() ? &failed : nullptr, [&] { context.check_stop(); });
+                              retry() && proves() ? &failed : nullptr, [&] { context.check_stop(); });
       if (failed.size() > kMaxFailedFaces) failed.resize(kMaxFailedFaces);
       file.write(&result, sizeof result);
       context.advance(1);
@@ -124,7 +124,7 @@ class CertifyStage : public Stage {
 
   /// What is left to a round behind this one goes with the work directory.
   std::vector<std::string> obsolete() const override {
-    return retry() ? std::vector<std::string>{} : std::vector<std::string>{request_.name + "/"};
+    return retry() && proves() ? std::vector<std::string>{} : std::vector<std::string>{request_.name + "/"};
   }
 
  private:
@@ -184,7 +184,8 @@ class CertifyStage : public Stage {
     faces.resize(std::min(faces.size(), kMaxFailedFaces / 2));
     return faces;
   }
-  bool retry() const { return request_.tolerance > 0.0 && !request_.failed_file.empty(); }
+  bool proves() const { return request_.tolerance > 0.0; }
+  bool retry() const { return !request_.failed_file.empty(); }
 
   std::filesystem::path work_;
   CertifyRequest request_;

@@ -22,7 +22,8 @@ struct CertifyRequest {
   /// How the job's output holds the mesh: what rounding may move its vertices by is added to every bound, and to the
   /// tolerance, which is what the job left of its own (tolerance_before_rounding).
   MeshPlacement placement = {};
-  std::string failed_file;  ///< name of the file of faces that are not proven, if any; empty = no other round
+  std::string
+      failed_file;  ///< name of the file of faces that are not proven, or cross, if any; empty = no other round
   std::string
       crossing_file;  ///< name of a file of faces that cross though they are proven, if it is there: another round as well
   /// The stage and mesh of the round before, same reference: what has not changed since is taken from it. Empty = none.

@@ -13,11 +13,11 @@ PassBlocks::PassBlocks(const JobState& state, const SimplifyStores& stores, cons
     : in_(open_pass_input(state, stores, pass)), reference_(stores.full(state)) {
   if (rules.tolerance > 0.0) require_provable(reference_, rules.tolerance);
   double radius = rules.failed_radius;
-  for (int round = rules.anew ? -1 : pass.round - 1; round >= 0; --round, radius *= 4.0)
+  for (int round = pass.round - 1; round >= rules.first_round; --round, radius *= 4.0)
     failed_.add(read_failed_faces(state.work / failed_faces_file(round)), radius);
-  for (int round = 2; round <= pass.round && !rules.anew; ++round) careful_ *= 0.5;
+  for (int round = rules.first_round + 2; round <= pass.round; ++round) careful_ *= 0.5;
   blocks_ = rules.cut(in_, reference_);
-  if (pass.round > 0 && !rules.anew) {
+  if (pass.round > rules.first_round) {
     SimplifyPass before = pass;
     --before.round;
     SimplifyPass next = before;

@@ -23,7 +23,8 @@ class PassBlocks {
         0.0;  ///< around what failed a round ago; four times as wide around what failed before that
     std::uint64_t task_faces = 0;  ///< of blocks and their weights, from which on a task is worth a file
     std::function<std::vector<MeshBlockCut>(const MeshStore& in, const MeshStore& reference)> cut;
-    bool anew = false;  ///< rounds before failed at no place, and nothing is taken from them
+    int first_round =
+        0;  ///< nothing is taken from rounds before this one, and where they failed says nothing
   };
   /// \throws InputError when what an earlier stage left is damaged; what require_provable() throws
   PassBlocks(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass,

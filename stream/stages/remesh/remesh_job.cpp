@@ -58,8 +58,24 @@ RemeshJobOptions before_rounding(const JobState& state, RemeshJobOptions options
 }
 
 /// How long edges were in the end.
-Sizing last_sizing(const JobState& state, const RemeshJobOptions& options) {
-  return Sizing::of_work(state.work, options.keeps_faces() ? last_remesh_round(state.work) : 0);
+Sizing last_sizing(const JobState& state) {
+  return Sizing::of_work(state.work, last_remesh_round(state.work));
+}
+
+/// Where a round left faces that cross the next one keeps away from them, whether there is a tolerance to prove or not.
+CrossingPlan mend_of_round(const RemeshJobOptions& options, const SimplifyStores& stores, int round) {
+  const auto margin = [=](const JobState& state) {
+    return options.tolerance > 0.0 ? options.tolerance : kMeasuredShare * last_sizing(state).edge;
+  };
+  CrossingPlan mend = result_mend(stores, margin, options.passes, round, kMaxRounds);
+  mend.strict = options.crossings == "repair";
+  if (options.tolerance > 0.0) return mend;
+  mend.may_cut = true;
+  mend.tells_only = false;
+  mend.due = [=](const JobState& state) {
+    return round <= last_remesh_round(state.work) && !was_too_fine(state.work, round);
+  };
+  return mend;
 }
 
 StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& stores, int round,
@@ -70,19 +86,19 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
   request.mesh = [=](const JobState& s) { return open_round_result(s, options.passes, round); };
   request.reference = stores.full;
   const bool proves = options.tolerance > 0.0;
-  if (!last && proves) request.failed_file = failed_faces_file(round);
+  if (!last) request.failed_file = failed_faces_file(round);
   request.crossing_file = left_faces_file(round);
   if (round > 0 && proves) {
     request.name_before = certify_name(round - 1);
     request.mesh_before = [=](const JobState& s) { return open_round_result(s, options.passes, round - 1); };
   }
   return {request.name, [=](const JobState& state) {
-            const int last_one = last_remesh_round(state.work);
-            if (round > last_one || (!proves && round < last_one)) return make_idle_stage(request.name);
+            if (round > last_remesh_round(state.work) || was_too_fine(state.work, round))
+              return make_idle_stage(request.name);
             CertifyRequest now = request;
             now.tolerance = before_rounding(state, options).tolerance;
             now.placement = placement(state, options);
-            now.scale = kMeasuredShare * last_sizing(state, options).edge;
+            now.scale = kMeasuredShare * last_sizing(state).edge;
             return make_certify_stage(state, now);
           }};
 }
@@ -100,31 +116,21 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
   if (repairs)
     for (StageEntry& entry : crossing_stages(input)) stages.push_back(std::move(entry));
   const SimplifyStores stores = repairs ? mended_stores(input) : imported_stores(kRemeshImport);
-  // Of the proof, or with longer edges, which do all anew.
-  const bool again = options.tolerance > 0.0 || options.keeps_faces();
-  const int rounds = again ? kMaxRounds : 1;
-  const auto margin = [=](const JobState& state) {
-    return options.tolerance > 0.0 ? options.tolerance : kMeasuredShare * last_sizing(state, options).edge;
-  };
-  for (int round = 0; round < rounds; ++round) {
+  for (int round = 0; round < kMaxRounds; ++round) {
     for (int p = 0; p < options.passes; ++p) {
       const SimplifyPass pass{p, round, false};
       stages.push_back({pass.stage_name(), [=](const JobState& state) {
                           return make_remesh_stage(state, before_rounding(state, options), stores, pass);
                         }});
     }
-    CrossingPlan mend =
-        result_mend(stores, margin, options.passes, round, options.tolerance > 0.0 ? rounds : 1);
-    if (options.keeps_faces())
-      mend.due = [=](const JobState& state) { return round == last_remesh_round(state.work); };
-    for (StageEntry& entry : crossing_stages(mend)) stages.push_back(std::move(entry));
-    stages.push_back(certify_entry(options, stores, round, round + 1 == rounds));
+    for (StageEntry& entry : crossing_stages(mend_of_round(options, stores, round)))
+      stages.push_back(std::move(entry));
+    stages.push_back(certify_entry(options, stores, round, round + 1 == kMaxRounds));
   }
   stages.push_back({"write", [=](const JobState& state) {
                       return make_store_write_stage(
                           state, open_round_result(state, options.passes, last_remesh_round(state.work)),
-                          "made by tessera remesh, edges of " +
-                              dump_json(Json(last_sizing(state, options).edge)),
+                          "made by tessera remesh, edges of " + dump_json(Json(last_sizing(state).edge)),
                           sort_bytes(state.run), placement(state, options));
                     }});
   JobDescription job = {"remesh", std::move(stages), 0, summarise, {known_origin()}, job_page()};

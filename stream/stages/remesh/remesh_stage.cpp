@@ -105,7 +105,7 @@ class RemeshStage : public Stage {
               const SimplifyPass& pass)
       : options_(options),
         pass_(pass),
-        sizing_(Sizing::of_work(state.work, options.keeps_faces() ? pass.round : 0)),
+        sizing_(Sizing::of_work(state.work, pass.round)),
         blocks_(state, stores, pass,
                 {options.tolerance,
                  std::max(options.tolerance, 0.25 * (options.adaptive ? sizing_.shortest : sizing_.edge)),
@@ -113,7 +113,7 @@ class RemeshStage : public Stage {
                  [&](const MeshStore& in, const MeshStore& reference) {
                    return remesh_blocks(in, reference, options, sizing_, pass.pass);
                  },
-                 options.keeps_faces()}),
+                 first_round_of_size(state.work, pass.round)}),
         in_(blocks_.in()),
         reference_(blocks_.reference()) {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);

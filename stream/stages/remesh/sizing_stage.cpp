@@ -228,7 +228,7 @@ Json Sizing::to_json() const {
 }
 
 Sizing Sizing::of_work(const std::filesystem::path& work, int round) {
-  const Json j = parse_json(read_text(work / sizing_file(round)));
+  const Json j = parse_json(read_text(work / sizing_file(first_round_of_size(work, round))));
   Sizing sizing;
   j.at("edge").get_to(sizing.edge);
   j.at("shortest").get_to(sizing.shortest);
@@ -242,9 +242,20 @@ std::string sizing_file(int round) {
   return round == 0 ? "sizing.json" : "again-" + std::to_string(round) + "-sizing.json";
 }
 
+bool was_too_fine(const std::filesystem::path& work, int round) {
+  return std::filesystem::exists(work / sizing_file(round + 1));
+}
+
+int first_round_of_size(const std::filesystem::path& work, int round) {
+  while (round > 0 && !was_too_fine(work, round - 1)) --round;
+  return round;
+}
+
 int last_remesh_round(const std::filesystem::path& work) {
-  int round = last_round(work);
-  while (round + 1 < kMaxRounds && std::filesystem::exists(work / sizing_file(round + 1))) ++round;
+  int round = 0;
+  while (round + 1 < kMaxRounds &&
+         (was_too_fine(work, round) || std::filesystem::exists(work / failed_faces_file(round))))
+    ++round;
   return round;
 }
 

@@ -21,12 +21,17 @@ struct Sizing {
   std::uint64_t expected(const MeshPatchEntry& patch) const;
   /// With edges so many times longer, where what there is has `found` faces.
   Sizing longer(double times, std::uint64_t found) const;
+  /// Of a round.
   static Sizing of_work(const std::filesystem::path& work, int round = 0);
   Json to_json() const;
 };
 std::string sizing_file(int round);
+/// The round in which edges got the length that they have in this one.
+int first_round_of_size(const std::filesystem::path& work, int round);
+/// Whether a round left far more faces than asked for: the next one makes edges longer, and does all anew.
+bool was_too_fine(const std::filesystem::path& work, int round);
 
-/// The last round that there is so far: of the proof, or with longer edges.
+/// The last round that there is so far: of the proof, around faces that crossed, or with longer edges.
 int last_remesh_round(const std::filesystem::path& work);
 
 /// Sums areas, and with a tolerance alone curvatures, patch by patch.

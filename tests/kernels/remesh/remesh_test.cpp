@@ -473,4 +473,21 @@ TEST_CASE("remesh: a block that does not meet itself does not afterwards", "[pro
   CHECK(checks_of(b).defects() == 0);
 }
 
+TEST_CASE("remesh: sheets a few floats apart do not meet in what is written", "[property]") {
+  const std::uint64_t seed = GENERATE(5u, 6u, 7u);
+  // Floats there are a 16th apart, the sheets a fifth: what is put between two of them passes through a sheet as near as that once it is rounded.
+  MeshBlock sheets = rough_sheets(24, 3, 0.01, seed);
+  for (Double3& p : sheets.position) p = wide(narrow(p + Double3{0x1p19, 0x1p19, 0x1p19}));
+  REQUIRE(count_contacts(sheets) == 0);
+  RemeshOptions o = options_for(5.0);
+  o.float_positions = true;
+  RemeshReport report;
+  const MeshBlock b = remeshed(sheets, o, &report);
+  CHECK(report.by_crossing > 0);
+  CHECK(report.moves > 0);
+  CHECK(count_contacts(b) == 0);
+  for (const Double3& p : b.position) CHECK(p == wide(narrow(p)));
+  CHECK(checks_of(b).defects() == 0);
+}
+
 }  // namespace remesh_test
