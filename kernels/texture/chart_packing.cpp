@@ -16,7 +16,7 @@ constexpr double kOfferedShare = 1.5;  ///< of a page's area is offered to it; w
 constexpr double kTightest = 0.97;     ///< no page gets fuller
 constexpr std::ptrdiff_t kTriedSizes = 4;
 constexpr std::uint64_t kManyPages = 4;
-constexpr std::uint32_t kNoTop = 0xffffffffu;
+constexpr std::uint64_t kNoRows = ~std::uint64_t{0};
 
 using Words = std::vector<std::uint64_t>;
 
@@ -138,6 +138,23 @@ struct FilledPage {
   }
 };
 
+/// Rows of all cells, summed, of a mask at row y: how high its centre lies.
+std::uint64_t sum_of_rows(const std::vector<MaskRun>& runs, std::uint32_t y) {
+  std::uint64_t sum = 0;
+  for (const MaskRun& run : runs) sum += std::uint64_t{run.length} * (y + run.row);
+  return sum;
+}
+
+/// The first row at which a mask would lie no lower than that.
+std::uint32_t highest_of(const std::vector<MaskRun>& runs, std::uint64_t sum) {
+  constexpr std::uint32_t kAny = 0xffffffffu;
+  if (sum == kNoRows) return kAny;
+  std::uint64_t cells = 0;
+  for (const MaskRun& run : runs) cells += run.length;
+  const std::uint64_t own = sum_of_rows(runs, 0);
+  return own >= sum ? 0 : static_cast<std::uint32_t>((sum - own + cells - 1) / cells);
+}
+
 /// In which order charts are put on a page: the largest first, by what they take, by their boxes, by the shorter or the
 /// longer sides of those.
 enum class ChartOrder : std::uint8_t { kCells, kBox, kShort, kLong };
@@ -168,15 +185,16 @@ FilledPage fill_with_charts(std::span<const ChartMask> charts, std::span<const s
   for (const std::uint32_t c : order) {
     ChartSpot spot;
     std::vector<MaskRun> best;
-    std::uint32_t top = kNoTop;  // lowest so far
+    std::uint64_t lowest = kNoRows;
     ChartMask mask = charts[c];
     for (std::uint32_t turns = 0; turns < 4; ++turns) {
       if (turns > 0) mask = turned(mask);
       std::vector<MaskRun> runs = runs_of(mask);
       std::uint32_t x = 0, y = 0;
-      if (top < mask.height || !page.find(mask, runs, x, y, top == kNoTop ? top : top - mask.height))
-        continue;
-      top = y + mask.height;
+      if (!page.find(mask, runs, x, y, highest_of(runs, lowest))) continue;
+      const std::uint64_t rows = sum_of_rows(runs, y);
+      if (rows >= lowest) continue;
+      lowest = rows;
       spot.x = x, spot.y = y, spot.turns = turns;
       best = std::move(runs);
     }

@@ -2,10 +2,10 @@
 /// Charts packed into pages whose sides are powers of two, by their shapes, not their boxes.
 ///
 /// Shapes are masks of square cells. The first page in the order of sizes is filled with charts in the order given, as many
-/// as it is likely to hold, large ones first, each at the lowest and then leftmost place where it fits as it is or turned by
-/// right angles ("bottom left", Baker, Coffman, Rivest 1980, on bits; Levy et al. 2002 pack horizons). What does not fit comes
-/// first on the next page. A page that all that is left nearly fills is tried in several orders. The last pages are as small
-/// as what is left, and up to eight times as high as wide.
+/// as it is likely to hold, large ones first, each at the lowest and then leftmost place where it fits ("bottom left", Baker,
+/// Coffman, Rivest 1980, on bits; Levy et al. 2002 pack horizons), as it is or turned by right angles, so that its centre is
+/// lowest. What does not fit comes first on the next page. A page that all that is left nearly fills is tried in several
+/// orders. The last pages are as small as what is left, and up to eight times as high as wide.
 #pragma once
 #include <array>
 #include <cstdint>

@@ -288,7 +288,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"bake_charts_stage", "bake_colours", "bake_job", "bake_needs", "bake_options", "bake_pack_stage",
         "bake_pages", "bake_scale", "bake_pages_stage", "bake_points_stage", "bake_scale_stage",
         "bake_stages", "bake_texels_stage", "bake_write_stage", "chart_files", "texel_files",
-        "texture_colours", "texture_points"});
+        "texture_colours", "texture_points", "full_page"});
     by("tools/texture_jobs", "stream/stages/reconstruct", {"scan_colours"});
     by("tools/tiles", "stream/stages/tiles",
        {"cluster_stage", "colour_stage", "folder_stage", "tile_levels", "tiles_job", "tiles_options",

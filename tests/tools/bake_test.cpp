@@ -265,6 +265,39 @@ TEST_CASE("bake: a normal map shows the ripples that a flat plate has lost", "[p
   CHECK(ply.errors.find("PLY has no normal maps") != std::string::npos);
 }
 
+TEST_CASE("bake: one page is full, with the finest texels that fit, whatever memory and kills",
+          "[property]") {
+  const TempFolder folder;
+  const fs::path mesh = write_hills(folder.path() / "in.ply"), from = write_points(folder.path() / "in.xyz"),
+                 out = folder.path() / "out.glb", killed = folder.path() / "killed.glb";
+  for (const std::vector<std::string>& more :
+       std::vector<std::vector<std::string>>{{"--one-page", "--page-size", "256"}, {}}) {
+    const CommandResult r = tessera_command(words(mesh, from, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    const Json texture = texture_of(out);
+    const Json& pages = texture.at("pack").at("pages");
+    CHECK(pages.size() == 1);
+    if (!more.empty()) CHECK(pages[0] == Json::array({256, 256}));
+    if (!more.empty()) CHECK(texture.at("pack").at("used_share").get<double>() > 0.5);
+    CHECK(texture.at("charts").at("stretch_l2").get<double>() < 1.3);
+    const CommandResult check = tessera_command({"check", out.string(), "--textures", "--strict"});
+    INFO(check.errors);
+    CHECK(check.code == 0);
+    std::vector<std::string> other = more;
+    other.insert(other.end(), {"--threads", "2", "--memory", "160M"});
+    const std::vector<std::string> w = words(mesh, from, killed, other);
+    const CommandResult resumed = more.empty() ? tessera_command(w) : resumed_after_kills(w);
+    INFO(resumed.errors);
+    REQUIRE(resumed.code == 0);
+    CHECK(file_bytes(killed) == file_bytes(out));
+    fs::remove(out), fs::remove(killed);
+  }
+  const CommandResult both = tessera_command(words(mesh, from, out, {"--one-page", "--texel", "0.1"}));
+  CHECK(both.code == 2);
+  CHECK(both.errors.find("--texel with --one-page") != std::string::npos);
+}
+
 TEST_CASE("bake: pages show the intensity of scans where that is asked for", "[pipeline]") {
   const TempFolder folder;
   const fs::path mesh = write_hills(folder.path() / "in.ply"), from = folder.path() / "scan.ply",

@@ -46,6 +46,8 @@ void summarise_texture(Json& report) {
       result.erase("warnings");
       texture[stage] = result;
     }
+  if (texture.contains("scale") && texture.contains("pack"))  // pages may have asked for finer ones
+    texture["scale"]["texel"] = texture["pack"].at("texel");
   if (texture.is_object()) report["texture"] = std::move(texture);
 }
 

@@ -9,7 +9,7 @@ namespace tessera {
 OptionTable option_table(BakeOptions& o) {
   OptionTable t("What it computes");
   t.add("texel", &o.texel,
-        "width of a texel, units of the mesh; auto = 0.5 to 0.7 times the mean spacing of the points along "
+        "width of a texel, units of the mesh; auto = 0.4 to 0.8 times the mean spacing of the points along "
         "the surface, so that pages are full")
       .at_least(0)
       .or_word("auto", 0.0);
@@ -20,6 +20,9 @@ OptionTable option_table(BakeOptions& o) {
       .or_word("auto", 0.0);
   t.add("page-size", &o.page_size, "largest width and height of a page, texels, a power of two")
       .within(64, 16384);
+  t.add("one-page", &o.one_page,
+        "texels as fine as fit on one page of --page-size, e.g. bake model.ply --from scan.laz -o model.glb "
+        "--one-page --page-size 4096");
   t.add("margin", &o.margin, "texels around each chart that continue the surface beyond its border")
       .within(1, 16);
   t.add(
@@ -60,6 +63,8 @@ void BakeOptions::validate() const {
   if (!std::has_single_bit(page_size))
     throw UsageError("--page-size " + std::to_string(page_size) + ": is no power of two; " +
                      std::to_string(std::bit_ceil(page_size)) + " is");
+  if (one_page && texel > 0.0)
+    throw UsageError("--texel with --one-page: the page tells the width of texels; leave one of them out");
   if (4 * margin > page_size)
     throw UsageError("--margin " + std::to_string(margin) + " leaves no room on pages of " +
                      std::to_string(page_size) + " texels: give less");

@@ -10,9 +10,10 @@ namespace tessera {
 
 struct BakeOptions {
   double texel =
-      0.0;  ///< units of the mesh; 0 = 0.5 to 0.7 times the mean spacing of the points on the surface
+      0.0;  ///< units of the mesh; 0 = 0.4 to 0.8 times the mean spacing of the points on the surface
   double max_distance = 0.0;  ///< units of the mesh; 0 = so many spacings (BakeScale)
   std::uint32_t page_size = 2048;
+  bool one_page = false;
   std::uint32_t margin = 2;  ///< texels
   double max_stretch = 1.12;
   std::string page_format = "png";

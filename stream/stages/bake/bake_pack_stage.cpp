@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <array>
+#include <optional>
+#include <utility>
 
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
@@ -8,12 +10,18 @@
 #include "stream/files/task_files.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/bake/bake_pages.h"
+#include "stream/stages/bake/bake_scale.h"
 #include "stream/stages/bake/bake_stages.h"
+#include "stream/stages/bake/full_page.h"
 
 namespace tessera {
 namespace {
 
-constexpr std::size_t kSpotPage = 4096;  ///< records read at a time
+constexpr std::size_t kSpotPage = 4096;   ///< records read at a time
+constexpr double kFinestSpacings = 0.45;  ///< of the points: width of texels that are automatic
+/// Masks as they were cut, and those of a trial with finer texels.
+constexpr std::uint64_t kTrialShare = 4;
+constexpr std::uint64_t kRasterCellBytes = 2 * 4 * kMaskCell * kMaskCell;
 
 class BakePackStage : public SerialStage {
  public:
@@ -22,14 +30,19 @@ class BakePackStage : public SerialStage {
     for (const std::filesystem::path& file : files_) {
       const ChartFile charts(file);
       charts_ += charts.entries().size();
-      for (const ChartEntry& e : charts.entries()) mask_bytes_ += e.mask.bytes + 8;
+      for (const ChartEntry& e : charts.entries()) {
+        mask_bytes_ += e.mask.bytes + 8;
+        raster_bytes_ =
+            std::max(raster_bytes_, std::uint64_t{e.mask_width} * e.mask_height * kRasterCellBytes);
+      }
     }
   }
   std::string name() const override { return "texture-pack"; }
   std::uint64_t units() const override { return charts_; }
   std::string unit_name() const override { return "charts"; }
   std::uint64_t finish_bytes() const override {
-    return mask_bytes_ + charts_ * (sizeof(ChartMask) + 4 * sizeof(ChartSpot) + 64) +
+    return kTrialShare * mask_bytes_ + raster_bytes_ +
+           charts_ * (sizeof(ChartMask) + 4 * sizeof(ChartSpot) + 64) +
            std::uint64_t{options_.page_size} * options_.page_size / 32 + (std::uint64_t{4} << 20);
   }
 
@@ -48,7 +61,15 @@ class BakePackStage : public SerialStage {
       }
       first.push_back(masks.size());
     }
-    const ChartPacking packing = pack_charts(masks, options_.page_size / kMaskCell);
+    double cells = 0.0;
+    for (const ChartMask& mask : masks) cells += mask.cells;
+    const BakeScale made_for = BakeScale::of_work(work_);
+    std::optional<FullPage> full = fill_one_page(
+        files_, cells, options_, std::min(1.0, kFinestSpacings * made_for.spacing / made_for.texel), context);
+    const double scale = full ? full->texel_scale : 1.0;
+    inside /= scale * scale;
+    const ChartPacking packing =
+        full ? std::move(full->packing) : pack_charts(masks, options_.page_size / kMaskCell);
     DirectFile spots(context.create(kBakeSpots), std::size_t{1} << 18);
     spots.write(packing.spots.data(), packing.spots.size() * sizeof(ChartSpot));
     context.count_written(spots.finish());
@@ -58,20 +79,19 @@ class BakePackStage : public SerialStage {
       pages.push_back({p.width * kMaskCell, p.height * kMaskCell});
       texels += static_cast<double>(p.width * kMaskCell) * (p.height * kMaskCell);
     }
-    write_durably(context.create(kBakePages), dump_json(Json{{"pages", pages}, {"first_chart", first}}));
+    write_durably(context.create(kBakePages),
+                  dump_json(Json{{"pages", pages}, {"first_chart", first}, {"texel_scale", scale}}));
     context.advance(charts_);
-    return {{"pages", pages},
-            {"charts", charts_},
-            {"texels", texels},
-            {"chart_texels", inside},
-            {"used_share", texels > 0.0 ? inside / texels : 0.0}};
+    return {
+        {"pages", pages},   {"charts", charts_},      {"texel", scale * made_for.texel},
+        {"texels", texels}, {"chart_texels", inside}, {"used_share", texels > 0.0 ? inside / texels : 0.0}};
   }
 
  private:
   std::filesystem::path work_;
   BakeOptions options_;
   std::vector<std::filesystem::path> files_;
-  std::uint64_t charts_ = 0, mask_bytes_ = 0;
+  std::uint64_t charts_ = 0, mask_bytes_ = 0, raster_bytes_ = 0;
 };
 
 }  // namespace
@@ -80,6 +100,7 @@ BakePages BakePages::of_work(const std::filesystem::path& work) {
   const Json j = parse_json(read_text(work / kBakePages));
   BakePages out;
   j.at("first_chart").get_to(out.first_chart);
+  j.at("texel_scale").get_to(out.texel_scale);
   for (const Json& p : j.at("pages"))
     out.pages.push_back({p[0].get<std::uint32_t>(), p[1].get<std::uint32_t>()});
   for_each_page<ChartSpot>(work / kBakeSpots, kSpotPage, [&](std::span<const ChartSpot> spots) {

@@ -20,6 +20,7 @@ struct BakePages {
   std::vector<ChartSpot> spots;            ///< in cells of masks
   std::vector<std::uint64_t> first_chart;  ///< per block, one more at the end
   std::vector<Size> pages;
+  double texel_scale = 1.0;  ///< of the texels that the charts were cut for (ChartFile)
 
   static BakePages of_work(const std::filesystem::path& work);
   /// Charts of a page, ascending.

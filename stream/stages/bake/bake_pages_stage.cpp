@@ -69,7 +69,8 @@ class BakePagesStage : public Stage {
       context.check_stop();
       if (const std::size_t block = pages_.block_of(chart); block != open_block) {
         open_block = block;
-        charts = std::make_unique<ChartFile>(chart_file(work_, block));
+        charts = std::make_unique<ChartFile>(chart_file(work_, block), pages_.texel_scale,
+                                             static_cast<int>(options_.margin));
         texels = std::make_unique<PackedFile>(work_ / texel_file(block), kTexelKind, sizeof(TexelEntry));
         table = texels->table<TexelEntry>();
       }

@@ -77,7 +77,8 @@ class BakeScaleStage : public Stage {
     const TexturePoints points(work_ / kBakePoints);
     BakeScale scale;
     scale.spacing = std::sqrt(area / static_cast<double>(points.cells().points));
-    scale.texel = options_.texel > 0.0
+    scale.texel = options_.one_page ? std::sqrt(area / kFilledShare) / options_.page_size
+                  : options_.texel > 0.0
                       ? options_.texel
                       : texel_that_fills_pages(area, kTexelSpacings * scale.spacing, options_.page_size);
     scale.max_distance =

@@ -24,9 +24,8 @@ class BakeTexelsStage : public Stage {
         store_(stores.mesh(state)),
         scale_(BakeScale::of_work(state.work)),
         blocks_(scale_.blocks(store_)),
-        points_(state.work / kBakePoints) {
-    if (options.normal_map) pages_ = BakePages::of_work(state.work);
-  }
+        points_(state.work / kBakePoints),
+        pages_(BakePages::of_work(state.work)) {}
 
   std::string name() const override { return "texture-texels"; }
   std::size_t task_count() const override { return blocks_.size(); }
@@ -41,7 +40,9 @@ class BakeTexelsStage : public Stage {
     return 2 * store_.block_bytes(near) + faces * kTexelFaceBytes +
            points_.count(grown(box, scale_.max_distance)) *
                (TexturePoints::bytes_per_point() + PointColours::bytes_per_point()) +
-           block_raster_bytes(scale_.block_texels(cut), options_.page_size, 12) + (std::uint64_t{3} << 20);
+           block_raster_bytes(scale_.block_texels(cut) / (pages_.texel_scale * pages_.texel_scale),
+                              options_.page_size, 12) +
+           (std::uint64_t{3} << 20);
   }
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
@@ -68,7 +69,7 @@ class BakeTexelsStage : public Stage {
     const ColourSource from{block, edges, colours, origin, directions ? &*directions : nullptr};
     std::vector<Double3> normals;
     if (options_.normal_map) normals = star_normals(block, near.block);
-    const ChartFile file(chart_file(work_, task));
+    const ChartFile file(chart_file(work_, task), pages_.texel_scale, static_cast<int>(options_.margin));
     PackedWriter writer(context.create(texel_file(task)), kTexelKind, std::size_t{1} << 20);
     std::vector<TexelEntry> table;
     std::vector<ColouredChart> charts;
@@ -81,7 +82,7 @@ class BakeTexelsStage : public Stage {
       entry.pixels = writer.append(bytes_of(done.pixels));
       if (options_.normal_map)
         entry.normals = writer.append(
-            bytes_of(normal_pixels(from, done, normals, pages_->spots[pages_->first_chart[task] + c].turns)));
+            bytes_of(normal_pixels(from, done, normals, pages_.spots[pages_.first_chart[task] + c].turns)));
       entry.width = static_cast<std::uint32_t>(done.width);
       entry.height = static_cast<std::uint32_t>(done.height);
       table.push_back(entry);
@@ -121,7 +122,7 @@ class BakeTexelsStage : public Stage {
   BakeScale scale_;
   std::vector<MeshBlockCut> blocks_;
   TexturePoints points_;
-  std::optional<BakePages> pages_;  ///< for normal maps
+  BakePages pages_;
 };
 
 }  // namespace

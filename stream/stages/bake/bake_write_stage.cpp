@@ -111,7 +111,7 @@ class BakeWriteStage : public SerialStage {
     open.block = store_.load(blocks_[number].patches);
     open.normals = normals_of(number, open.block);
     open.textures.assign(open.block.faces.size(), {});
-    const ChartFile file(chart_file(state_.work, number));
+    const ChartFile file(chart_file(state_.work, number), pages_.texel_scale, margin_);
     for (std::size_t c = 0; c < file.entries().size(); ++c) {
       const ChartSpot& spot = pages_.spots[pages_.first_chart[number] + c];
       const MeshChart chart = file.load(c);
@@ -165,7 +165,7 @@ class BakeWriteStage : public SerialStage {
         open = number;
         block = store_.load(blocks_[number].patches);
         normals = normals_of(number, block);
-        file = std::make_unique<ChartFile>(chart_file(state_.work, number));
+        file = std::make_unique<ChartFile>(chart_file(state_.work, number), pages_.texel_scale, margin_);
       }
       const auto c = static_cast<std::size_t>(chart - pages_.first_chart[open]);
       use(file->load(c), file->entries()[c], pages_.spots[chart], block, normals);

@@ -1,6 +1,7 @@
 #include "stream/stages/bake/chart_files.h"
 
 #include <algorithm>
+#include <array>
 
 #include "stream/files/task_files.h"
 #include "stream/stages/bake/bake_stages.h"
@@ -8,7 +9,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kChartKind = {"TSCHART1", "a file of charts"};
+constexpr PackedKind kChartKind = {"TSCHART2", "a file of charts"};
 
 }  // namespace
 
@@ -24,6 +25,7 @@ void ChartFileWriter::add(const MeshChart& chart, const ChartMask& mask, ChartEn
   entry.vertices = static_cast<std::uint32_t>(chart.vertices.size());
   entry.mask_width = mask.width, entry.mask_height = mask.height, entry.mask_cells = mask.cells;
   entry.unfolded = chart.unfolded ? 1 : 0;
+  entry.extent = chart.extent;
   entry.mesh = writer_.append(
       {bytes_of(chart.faces), bytes_of(chart.vertices), bytes_of(chart.corners), bytes_of(chart.uv)});
   entry.mask = writer_.append(bytes_of(mask.bits));
@@ -34,8 +36,18 @@ std::uint64_t ChartFileWriter::finish() {
   return writer_.finish(table_);
 }
 
-ChartFile::ChartFile(const std::filesystem::path& path) : file_(path, kChartKind, sizeof(ChartEntry)) {
+ChartFile::ChartFile(const std::filesystem::path& path, double scale, int margin)
+    : file_(path, kChartKind, sizeof(ChartEntry)) {
   file_.append_table(table_);
+  if (scale == 1.0) return;
+  for (ChartEntry& entry : table_) {
+    MeshChart chart;
+    chart.extent = entry.extent;
+    entry.texel *= scale;
+    const std::array<int, 2> size = raster_size(chart, entry.texel, margin);
+    entry.mask_width = static_cast<std::uint32_t>((size[0] + kMaskCell - 1) / kMaskCell);
+    entry.mask_height = static_cast<std::uint32_t>((size[1] + kMaskCell - 1) / kMaskCell);
+  }
 }
 
 MeshChart ChartFile::load(std::size_t chart) const {

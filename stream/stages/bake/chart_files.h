@@ -19,6 +19,7 @@ struct ChartEntry {
   std::uint32_t unfolded = 0, flipped = 0, overlapping = 0;
   double texel = 0.0;  ///< of this chart: coarser than that of the job where a page would be too small for it
   double surface = 0.0, plane = 0.0, stretch = 0.0;  ///< ChartStretch
+  Double2 extent{};                                  ///< of the chart
 };
 
 /// Texels of a side of a cell of the masks.
@@ -42,7 +43,8 @@ class ChartFileWriter {
 
 class ChartFile {
  public:
-  explicit ChartFile(const std::filesystem::path& path);
+  /// \param scale  of the texels of all charts, of which the entries tell then (masks are those that were written)
+  explicit ChartFile(const std::filesystem::path& path, double scale = 1.0, int margin = 0);
   const std::vector<ChartEntry>& entries() const { return table_; }
   MeshChart load(std::size_t chart) const;
   ChartMask mask(std::size_t chart) const;
