@@ -294,7 +294,7 @@ std::unique_ptr<Stage> make_blunt_stage(const JobState& state) {
 
 namespace {
 
-constexpr double kBluntTime = 0.3;  ///< microseconds a face
+constexpr double kBluntTime = 1.0;  ///< microseconds a face: 0.7 to 2.2 on field scans
 
 }  // namespace
 
