@@ -214,8 +214,7 @@ std::vector<std::uint8_t> bare_steps(const SurfaceModel& model, const std::vecto
         const std::size_t j = axis == 0 ? model.at(u + 1, v) : model.at(u, v + 1);
         if (wanted[j] == 0 || model.height[j] == kNoHeight) continue;
         if (std::abs(std::int64_t{model.height[i]} - model.height[j]) >= kBareStep &&
-            (model.use != ModelUse::kStandIn ||
-             !is_measured(model, {u, v, axis, model.height[i], model.height[j]})))
+            (is_skin(model.use) || !is_measured(model, {u, v, axis, model.height[i], model.height[j]})))
           out[i] = out[j] = 1;
       }
     }
@@ -342,7 +341,7 @@ void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> l
 
 std::int32_t SurfaceModel::reach(std::size_t column) const {
   const std::int32_t level = 2 * kCell + 2 * noise[column];
-  if (use == ModelUse::kStandIn || height[column] == kNoHeight) return level;
+  if (!is_skin(use) || height[column] == kNoHeight) return level;
   // Within the column the skin rises by no more than this from its middle; beyond a step samples stand anyway.
   std::int32_t rise = 0;
   const auto row = static_cast<std::size_t>(edge);
@@ -358,7 +357,8 @@ SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse
   SurfaceModel model;
   model.edge = edge;
   model.use = use;
-  const bool skin = use != ModelUse::kStandIn;
+  // A layer of the ground follows the layers around: opening it and closing its pits would go beyond the halo.
+  const bool skin = is_skin(use), ground = use == ModelUse::kGround || use == ModelUse::kCleared;
   const std::size_t n = layers.size();
   model.wall_low.resize(n), model.wall_high.resize(n), model.wall_u.resize(n), model.wall_v.resize(n);
   model.height.resize(n), model.noise.resize(n), model.rgba.resize(n), model.flags.assign(n, 0);
@@ -388,7 +388,7 @@ SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse
   std::vector<std::uint8_t> strewn(n);
   for (std::size_t i = 0; i < n; ++i) strewn[i] = closed[i] != 0 && majority[i] > 0;
   // What is thin hangs over points of its own that stay; a skin has nothing else there.
-  if (!skin) strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
+  if (!skin && !ground) strewn = dilate(s, erode(s, strewn, kOpenRadius), kOpenRadius);
   strewn = erode(s, dilate(s, strewn, kCloseRadius), kCloseRadius);
   model.height = smooth;
   const std::vector<std::uint8_t> beside = dilate(s, bare_steps(model, measured), kBareMargin);
@@ -404,7 +404,7 @@ SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse
   const std::vector<std::uint8_t> near = dilate(s, unsure, kActiveMargin + kFillRounds);
   fill_empty(s, closed, model.height, model.rgba);
   model.height = median5(s, model.height, near);
-  if (use != ModelUse::kGround) close_pits(s, unsure, model.height);
+  if (!ground) close_pits(s, unsure, model.height);
   std::vector<std::int64_t> off(n, 0), counted(n, 0);
   for (std::size_t i = 0; i < n; ++i)
     if (measured[i] != 0 && near[i] != 0 && !layers[i].synthetic)
@@ -423,12 +423,13 @@ SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse
       continue;
     }
     if (stands[i] != 0) model.flags[i] |= kModelStands;
+    if (layers[i].cleared) model.flags[i] |= kModelCleared;
     if (by_step[i] != 0) model.flags[i] |= kModelStep;
     if (skin) model.flags[i] |= use == ModelUse::kGround ? kModelSkin | kModelGround : kModelSkin;
   }
   if (skin)
     settle_skin(s, layers, model);
-  else
+  else if (!ground)
     find_ground(s, layers, measured, model);
   return model;
 }
@@ -511,9 +512,9 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
         const std::int64_t rise = std::int64_t{model.height[j]} - model.height[i];
         const Step step = {u, v, axis, model.height[i], model.height[j]};
         const bool tall = std::abs(rise) >= kBareStep, measured = tall && is_measured(model, step);
-        const bool skin = model.use != ModelUse::kStandIn;
-        const bool filled =
-            model.use == ModelUse::kGround && (model.flags[i] & model.flags[j] & kModelFilled) != 0;
+        const bool skin = is_skin(model.use);
+        const bool filled = (model.use == ModelUse::kGround || model.use == ModelUse::kCleared) &&
+                            (model.flags[i] & model.flags[j] & kModelFilled) != 0;
         if (!tall && !stands(i) && !stands(j)) continue;
         const std::int64_t lines = std::abs(rise) / (skin ? kSkinStep : kSampleStep);
         const float steep = static_cast<float>(rise) / kQuantaPerCell;

@@ -47,8 +47,11 @@ struct ColumnLayers {
   PointLayer top, bottom;
   std::int32_t wall_low = 0, wall_high = 0;  ///< where steep surfaces were measured; equal where none
   std::int8_t wall_u = 0, wall_v = 0;        ///< their mean normal across up, 127 = 1
-  std::uint16_t between = 0;                 ///< points below the top layer and above the bottom one
-  bool synthetic = false;  ///< nothing was measured: its top tells where the surface should go on
+  std::int32_t terrain =
+      kNoHeight;  ///< below layers of the ground and synthetic ones: what follow_measured() measures from
+  std::uint16_t between = 0;  ///< points below the top layer and above the bottom one
+  bool synthetic = false;     ///< nothing was measured: its top tells where the surface should go on
+  bool cleared = false;       ///< strewn points over the ground were taken out of it
 };
 
 /// The median height of points and the mean of their colours. \pre at least one; in order of height
@@ -61,18 +64,25 @@ void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> l
 /// What a model and its samples are for.
 enum class ModelUse {
   kStandIn,  ///< for points on no surface of their own; measured walls, and what lies below, are left to their points
-  kSkin,    ///< all that one sees: one height per column, joined by walls, and nothing below
-  kGround,  ///< a skin too, of layers of the ground alone (terrain.h): no pits in it are closed
+  kSkin,     ///< all that one sees: one height per column, joined by walls, and nothing below
+  kGround,   ///< a skin too, of layers of the ground alone (terrain.h): no pits in it are closed
+  kCleared,  ///< as kStandIn, of layers without what is strewn over the ground (terrain.h), which is left out
 };
+
+/// Whether it is one height per column and nothing else.
+[[nodiscard]] constexpr bool is_skin(ModelUse use) {
+  return use == ModelUse::kSkin || use == ModelUse::kGround;
+}
 
 /// Bits of SurfaceModel::flags.
 enum ModelFlag : std::uint8_t {
-  kModelStands = 1,   ///< samples of the model stand in for what was measured
-  kModelFilled = 2,   ///< nothing of it was measured here, but all around
-  kModelStep = 4,     ///< near a step whose wall was not measured; of a skin near any
-  kModelSkin = 8,     ///< the model has a height here, and is a skin
-  kModelGround = 16,  ///< that is the ground's: no steep points lie on it, and all show up
-  kModelThin = 32,    ///< wires hang over it, which the model leaves out
+  kModelStands = 1,    ///< samples of the model stand in for what was measured
+  kModelFilled = 2,    ///< nothing of it was measured here, but all around
+  kModelStep = 4,      ///< near a step whose wall was not measured; of a skin near any
+  kModelSkin = 8,      ///< the model has a height here, and is a skin
+  kModelGround = 16,   ///< that is the ground's: no steep points lie on it, and all show up
+  kModelThin = 32,     ///< wires hang over it, which the model leaves out
+  kModelCleared = 64,  ///< the ground below what is strewn, which the model leaves out
 };
 
 /// The model over a square of columns, u fastest.

@@ -5,6 +5,9 @@
 #include <bit>
 #include <cstdlib>
 #include <limits>
+#include <set>
+
+#include "kernels/points/column_filters.h"
 
 namespace tessera {
 namespace {
@@ -152,23 +155,57 @@ const TerrainNode& BrickTerrain::node(int u, int v) const {
   return nodes_[static_cast<std::size_t>((v / columns + 1) * surface_.width + u / columns + 1)];
 }
 
+namespace {
+
+constexpr std::size_t kBrickColumns = std::size_t{kBrickCells} * kBrickCells;
+/// Columns around one whose points say whether what stands there is strewn.
+constexpr int kStrewnRadius = 2;
+
+/// The terrain at the columns of a brick column, quanta.
+struct ColumnGround {
+  std::vector<std::int32_t> height, tolerance;
+
+  explicit ColumnGround(const BrickTerrain& terrain) : height(kBrickColumns), tolerance(kBrickColumns) {
+    for (int v = 0; v < kBrickCells; ++v)
+      for (int u = 0; u < kBrickCells; ++u) {
+        const GroundAt ground = terrain.at(u, v);
+        const auto i = static_cast<std::size_t>(v * kBrickCells + u);
+        height[i] = static_cast<std::int32_t>(ground.height);
+        tolerance[i] =
+            static_cast<std::int32_t>(std::min<double>(ground.tolerance, kQuantaPerCell << kBrickBits));
+      }
+  }
+  [[nodiscard]] std::int64_t above(const ColumnPoint& p) const {
+    return std::int64_t{p.height} - height[p.column];
+  }
+  [[nodiscard]] bool holds(const ColumnPoint& p) const {
+    return !p.steep && std::abs(above(p)) <= tolerance[p.column];
+  }
+};
+
+/// Columns with points above the ground, most of which are strewn around there.
+std::vector<std::uint8_t> strewn_columns(std::span<const ColumnPoint> points, const ColumnGround& ground) {
+  std::vector<std::int64_t> votes(kBrickColumns, 0);
+  std::vector<std::uint8_t> out(kBrickColumns, 0);
+  for (const ColumnPoint& p : points) {
+    if (ground.above(p) <= ground.tolerance[p.column]) continue;
+    votes[p.column] += p.volumetric ? 1 : -1;
+    out[p.column] = 1;
+  }
+  const std::vector<std::int64_t> sums = box_sums({kBrickCells}, votes, kStrewnRadius);
+  for (std::size_t i = 0; i < kBrickColumns; ++i) out[i] &= static_cast<std::uint8_t>(sums[i] > 0);
+  return out;
+}
+
+}  // namespace
+
 void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
                         std::span<ColumnLayers> layers) {
-  constexpr std::size_t kColumns = std::size_t{kBrickCells} * kBrickCells;
-  std::vector<std::int32_t> height(kColumns), tolerance(kColumns);
-  for (int v = 0; v < kBrickCells; ++v)
-    for (int u = 0; u < kBrickCells; ++u) {
-      const GroundAt ground = terrain.at(u, v);
-      const auto i = static_cast<std::size_t>(v * kBrickCells + u);
-      height[i] = static_cast<std::int32_t>(ground.height);
-      tolerance[i] =
-          static_cast<std::int32_t>(std::min<double>(ground.tolerance, kQuantaPerCell << kBrickBits));
-    }
-  std::vector<std::uint8_t> seen(kColumns, 0);
+  const ColumnGround ground(terrain);
+  std::vector<std::uint8_t> seen(kBrickColumns, 0);
   for (const ColumnPoint& p : points) seen[p.column] = 1;
-  const auto above = std::partition(points.begin(), points.end(), [&](const ColumnPoint& p) {
-    return !p.steep && std::abs(std::int64_t{p.height} - height[p.column]) <= tolerance[p.column];
-  });
+  const auto above =
+      std::partition(points.begin(), points.end(), [&](const ColumnPoint& p) { return ground.holds(p); });
   find_column_layers({points.begin(), above}, layers);
   for (int v = 0; v < kBrickCells; ++v)
     for (int u = 0; u < kBrickCells; ++u) {
@@ -178,10 +215,43 @@ void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terra
       if (column.bottom.height != kNoHeight) {
         column.top = column.bottom;
       } else if (seen[i] != 0 || (node.flags & kTerrainInside) != 0) {
-        column.top = {height[i], 0, 0, terrain.rgba(u, v)};
+        column.top = {ground.height[i], 0, 0, terrain.rgba(u, v)};
         column.synthetic = true;
       }
-      column.bottom = {height[i], 0, 0, 0};
+      column.bottom = {ground.height[i], 0, 0, 0};
+      column.terrain = ground.height[i];
+    }
+}
+
+void find_cleared_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
+                         std::span<ColumnLayers> layers) {
+  const ColumnGround ground(terrain);
+  const std::vector<std::uint8_t> strewn = strewn_columns(points, ground);
+  const auto left = std::partition(points.begin(), points.end(), [&](const ColumnPoint& p) {
+    return strewn[p.column] == 0 || ground.holds(p);
+  });
+  find_column_layers({points.begin(), left}, layers);
+  // Cells below crowns, whose ground shows here and there, are filled whole.
+  std::set<const TerrainNode*> below;
+  for (int i = 0; i < static_cast<int>(kBrickColumns); ++i)
+    if (strewn[static_cast<std::size_t>(i)] != 0)
+      below.insert(&terrain.node(i % kBrickCells, i / kBrickCells));
+  for (int v = 0; v < kBrickCells; ++v)
+    for (int u = 0; u < kBrickCells; ++u) {
+      const auto i = static_cast<std::size_t>(v * kBrickCells + u);
+      ColumnLayers& column = layers[i];
+      const TerrainNode& node = terrain.node(u, v);
+      const bool unseen = (node.flags & (kTerrainSeen | kTerrainStands)) == 0;
+      column.cleared = strewn[i] != 0;
+      if (column.cleared && column.bottom.height != kNoHeight) column.top = column.bottom;
+      if (column.top.height == kNoHeight &&
+          (column.cleared || below.count(&node) > 0 || (unseen && (node.flags & kTerrainInside) != 0))) {
+        column.top = column.bottom = {ground.height[i], 0, 0, terrain.rgba(u, v)};
+        column.synthetic = true;
+      }
+      if (column.top.height != kNoHeight &&
+          std::abs(std::int64_t{column.top.height} - ground.height[i]) <= ground.tolerance[i])
+        column.terrain = ground.height[i];
     }
 }
 
@@ -193,9 +263,9 @@ void follow_measured(std::span<ColumnLayers> layers, int edge) {
   for (int v = 0; v < edge; ++v)
     for (int u = 0; u < edge; ++u) {
       const auto i = static_cast<std::size_t>(v * edge + u);
-      if (layers[i].top.height == kNoHeight) continue;
+      if (layers[i].top.height == kNoHeight || layers[i].terrain == kNoHeight) continue;
       if (!layers[i].synthetic)
-        off[i] = layers[i].top.height - layers[i].bottom.height;
+        off[i] = layers[i].top.height - layers[i].terrain;
       else if (u > 0 && v > 0 && u + 1 < edge && v + 1 < edge)
         columns.push_back(i);
     }

@@ -78,9 +78,16 @@ class BrickTerrain {
 void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
                         std::span<ColumnLayers> layers);
 
+/// Takes what is strewn over the ground out of a brick column: where most points high above the terrain are strewn, its layer is
+/// what lies near the terrain, or a synthetic one on it; so is that of places where nothing was measured inside. Columns of
+/// bare ground and of buildings keep their layers. \pre terrain.known()
+/// \param points  get sorted \param layers  kBrickCells^2, u fastest
+void find_cleared_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
+                         std::span<ColumnLayers> layers);
+
 /// Moves synthetic layers towards measured ones up to kFollowColumns away: cells of the terrain are coarser than columns.
 /// A layer depends on nothing farther away, so that a model of it stays within kSurfaceModelHalo.
-/// \param layers  edge^2 of find_ground_layers(), u fastest
+/// \param layers  edge^2 of find_ground_layers() or find_cleared_layers(), u fastest
 inline constexpr int kFollowColumns = 22;
 void follow_measured(std::span<ColumnLayers> layers, int edge);
 

@@ -54,8 +54,9 @@ void validate_ground(const ReconstructOptions& o) {
   for (const auto& [name, given] : {std::pair{"--ground-slope", o.ground_slope != defaults.ground_slope},
                                     {"--ground-window", o.ground_window != defaults.ground_window},
                                     {"--ground-threshold", o.ground_threshold != defaults.ground_threshold}})
-    if (given && o.surface != "ground")
-      throw UsageError(std::string(name) + ": means something with --surface ground only");
+    if (given && !o.finds_ground())
+      throw UsageError(std::string(name) +
+                       ": means something with --surface ground or --vegetation drop only");
 }
 
 /// \throws UsageError for what excludes one product of a scene from above
@@ -136,7 +137,8 @@ OptionTable option_table(ReconstructOptions& o) {
   t.add("vegetation", &o.vegetation,
         "estimated normals: points that are strewn through space instead of lying on a surface, as leaves, "
         "spray and passers-by; top: the smooth surface that one sees of them from above, down to the ground "
-        "beside it; drop: no surface for them; keep: closed bodies around them; surface: as if they lay on "
+        "beside it; drop: no surface for them, and in scenes from above the ground below them, a smooth "
+        "membrane, marked, where nobody saw it; keep: closed bodies around them; surface: as if they lay on "
         "one, which comes out torn; auto: top in scenes from above (drop with "
         "--levels or --reference points), else surface")
       .one_of({"auto", "top", "drop", "keep", "surface"});
@@ -149,13 +151,16 @@ OptionTable option_table(ReconstructOptions& o) {
         "cars, one skin too, with a smooth membrane, marked, where they stood")
       .one_of({"all", "top", "ground"});
   t.add("ground-slope", &o.ground_slope,
-        "with --surface ground: steepest ground, rise over run: steeper steps are objects")
+        "with --surface ground or --vegetation drop: steepest ground, rise over run: steeper steps are "
+        "objects")
       .within(0, 10);
   t.add("ground-window", &o.ground_window,
-        "with --surface ground: half the width of the widest object to take away, scan units; 0 = 18 m")
+        "with --surface ground or --vegetation drop: half the width of the widest object to take away, scan "
+        "units; 0 = 18 m")
       .at_least(0);
   t.add("ground-threshold", &o.ground_threshold,
-        "with --surface ground: distance from the terrain up to which points of level ground are ground, "
+        "with --surface ground or --vegetation drop: distance from the terrain up to which points of level "
+        "ground are ground, "
         "scan units; 0 = 0.5 m")
       .at_least(0);
   t.add(

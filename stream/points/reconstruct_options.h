@@ -55,8 +55,11 @@ struct ReconstructOptions {
   /// every point of a surface is to be measured, for it replaces some.
   bool models_top() const {
     return surface != "all" || vegetation == "top" ||
-           (vegetation == "auto" && !has_levels() && reference != "points");
+           ((vegetation == "auto" || vegetation == "drop") && !has_levels() && reference != "points");
   }
+  /// Whether the ground goes on below strewn points that are left out, in scenes from above.
+  bool clears_ground() const { return surface == "all" && vegetation == "drop" && models_top(); }
+  bool finds_ground() const { return surface == "ground" || clears_ground(); }
   bool smooths_border() const {
     return border == "smooth" || (border == "auto" && tolerance == 0.0 && !has_levels());
   }

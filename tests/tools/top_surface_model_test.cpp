@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -76,6 +77,33 @@ std::string hall(const TempFolder& folder, bool reversed = false) {
   return folder.write(reversed ? "reversed.xyz" : "hall.xyz", text);
 }
 
+/// A slope with a house of 20 x 20 on it, and trees on its left side, below which one point in thirty reaches the ground; one
+/// point a line, `reversed` from the last to the first.
+std::string grove(const TempFolder& folder, bool reversed = false) {
+  Random random(9);
+  std::vector<std::string> lines;
+  const auto point = [&](double x, double y, double z) {
+    lines.push_back(std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n");
+  };
+  std::vector<std::array<double, 2>> trees;
+  for (int tree = 0; tree < 40; ++tree) trees.push_back({random.in(4, 27), random.in(4, kSide - 4)});
+  for (int i = 0; i < 100000; ++i) {
+    const double x = random.in(0, kSide), y = random.in(0, kSide);
+    const bool house = x > 50 && x < 70 && y > 30 && y < 50;
+    bool hidden = false;
+    for (const auto& [tx, ty] : trees)
+      hidden = hidden || (std::hypot(x - tx, y - ty) < 3.5 && random.in(0, 30) > 1.0);
+    if (!hidden) point(x, y, house ? 6.0 : 0.01 * x);
+  }
+  for (const auto& [tx, ty] : trees)
+    for (int i = 0; i < 1500; ++i)
+      point(tx + 1.2 * random.gaussian(), ty + 1.2 * random.gaussian(), 9.0 + 1.2 * random.gaussian());
+  if (reversed) std::reverse(lines.begin(), lines.end());
+  std::string text;
+  for (const std::string& line : lines) text += line;
+  return folder.write(reversed ? "reversed.xyz" : "grove.xyz", text);
+}
+
 /// A field, and three wires 1.5 apart over it, or a roof as wide as they are together, a line a point.
 std::string field_below(const TempFolder& folder, bool roof) {
   Random random(7);
@@ -137,8 +165,44 @@ TEST_CASE("top surface: crowns become one smooth skin, the ground stays, holes a
   CHECK(downwards(mesh) < 0.01);
   const auto dropped = folder.path() / "dropped.ply";
   const tessera::Json ground = reconstructed(in, dropped, {"--vegetation", "drop"});
-  CHECK_FALSE(stage_result(ground, "top").at("needed").get<bool>());
-  CHECK(covered(read_whole(dropped), 6, 25, 6, kSide - 6, 6, 20) < 0.1);
+  CHECK(stage_result(ground, "orient").at("vegetation").at("as") == "dropped");
+  CHECK(ground.at("ground").at("cleared_columns").get<int>() > 1000);
+  const WholeMesh bare = read_whole(dropped);
+  CHECK(covered(bare, 0, kSide, 0, kSide, 2, 30) == 0.0);
+  CHECK(covered(bare, 1, kSide - 1, 1, kSide - 1, -1, 1) > 0.999);
+}
+
+TEST_CASE("top surface: without vegetation the ground goes on, and houses stay, whatever runs",
+          "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const auto in = grove(folder);
+  const tessera::Json report = reconstructed(in, out, {"--vegetation", "drop"});
+  const tessera::Json ground = report.at("ground");
+  INFO(tessera::dump_json(ground));
+  CHECK(ground.at("cleared_columns").get<int>() > 300);
+  CHECK(ground.at("unseen_columns").get<int>() > 100);
+  const WholeMesh mesh = read_whole(out);
+  CHECK(covered(mesh, 51, 69, 31, 49, 5.5, 6.5) > 0.99);       // the roof
+  CHECK(covered(mesh, 2, 30, 2, kSide - 2, -1, 1.5) > 0.999);  // under the trees
+  CHECK(covered(mesh, 0, 40, 0, kSide, 1.5, 30) == 0.0);       // nothing is left of them
+  CHECK(report.at("mesh").at("synthetic_faces").get<int>() > 100);
+  CHECK(checked(out, folder.path()).components <= 2);
+  const auto bytes = file_bytes(out);
+  reconstructed(
+      grove(folder, true), out,
+      {"--vegetation", "drop", "--force", "--threads", "3", "--tile-size", "64", "--memory", "192M"});
+  CHECK(file_bytes(out) == bytes);
+  // What was not seen from above has no ground.
+  const tessera::Json around =
+      reconstructed(in, out, {"--vegetation", "drop", "--from", "around", "--max-uncertain", "1", "--force"});
+  CHECK_FALSE(stage_result(around, "top").at("needed").get<bool>());
+  CHECK_FALSE(stage_result(around, "ground").at("needed").get<bool>());
+  CHECK_FALSE(around.contains("ground"));
+  const CommandResult none = tessera_command(
+      reconstruct_words(in, out, {"--ground-slope", "0.3", "--vegetation", "top", "--force"}));
+  CHECK(none.code == 2);
+  CHECK(none.errors.find("--surface ground or --vegetation drop only") != std::string::npos);
 }
 
 TEST_CASE("top surface: gaps in steep faces are closed, longer than a brick too, whatever runs",

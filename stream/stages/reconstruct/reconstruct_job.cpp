@@ -54,13 +54,15 @@
 namespace tessera {
 namespace {
 
-/// Of the terrain: its cells, and how much of it is a membrane below what stood there.
-Json ground_figures(const Json& ground, const Json& top) {
-  const auto columns = top.at("skin_columns").get<std::uint64_t>();
-  const auto unseen = top.at("filled_columns").get<std::uint64_t>();
-  const double share = columns > 0 ? static_cast<double>(unseen) / static_cast<double>(columns) : 0.0;
-  return {{"cell", ground.at("cell")}, {"window", ground.at("window")}, {"slope", ground.at("slope")},
-          {"columns", columns},        {"unseen_columns", unseen},      {"unseen_share", share}};
+/// Of the terrain: its cells, and how much of it is a membrane below what stood or was strewn there.
+Json ground_figures(Json told, const Json& top) {
+  told.erase("needed"), told.erase("warnings");
+  const auto columns = top.at("skin_columns").get<double>();
+  told["unseen_columns"] = top.at("filled_columns");
+  told[columns > 0.0 ? "columns" : "cleared_columns"] =
+      top.at(columns > 0.0 ? "skin_columns" : "cleared_columns");
+  if (columns > 0.0) told["unseen_share"] = top.at("filled_columns").get<double>() / columns;
+  return told;
 }
 
 void summarise(Json& report) {
@@ -221,7 +223,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"rims", make_boundaries_stage, forecast_boundaries},
       {"close", make_close_stage, forecast_close},
   };
-  if (options.surface == "ground") {
+  if (options.finds_ground()) {
     const auto top =
         std::find_if(stages.begin(), stages.end(), [](const StageEntry& e) { return e.name == "top"; });
     stages.insert(top, {{"ground-cells", make_ground_cells_stage, forecast_ground_cells},

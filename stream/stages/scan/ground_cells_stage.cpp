@@ -88,7 +88,9 @@ GroundSetup ground_setup(const ReconstructOptions& options, const Plan& plan) {
   while (setup.cell_columns < kMaxCellColumns && setup.cell_columns * h < wanted) setup.cell_columns *= 2;
   const double cell = setup.cell_columns * h;
   const double length = options.ground_window > 0.0 ? options.ground_window : kDefaultWindow * metre;
-  const double window = std::ceil(length / cell);
+  // What nobody has asked for must not be too much for a scene of another scale.
+  const double asked = std::ceil(length / cell);
+  const double window = options.ground_window > 0.0 ? asked : std::min(asked, kMaxGroundWindow);
   if (!(window <= kMaxGroundWindow))
     throw UsageError(
         fmt::format("--ground-window {:g}: is {:.0f} cells of {:g}, at most {:.0f} are possible; give a "

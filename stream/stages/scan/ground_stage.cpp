@@ -87,6 +87,7 @@ class GroundStage : public Stage {
         setup_(ground_setup(state)),
         h_(Plan::of_work(state.work).lattice.h),
         asks_unit_(asks_unit(state)),
+        ground_alone_(reconstruct_options(state).surface == "ground"),
         cells_(open_ground_cells(state.work)),
         edge_(cells_a_brick(setup_)),
         u_(setup_, 0),
@@ -140,7 +141,7 @@ class GroundStage : public Stage {
   std::uint64_t finish_bytes() const override { return ground_finish_bytes(cells_.keys().size()); }
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     if (tasks_.empty()) return {{"needed", false}};
-    if (std::filesystem::exists(work_ / kSeenSampleFile)) keep_ground_sample(context);
+    if (ground_alone_ && std::filesystem::exists(work_ / kSeenSampleFile)) keep_ground_sample(context);
     Json sum = {{"needed", true},
                 {"cell", h_ * setup_.cell_columns},
                 {"window", h_ * setup_.cell_columns * setup_.rules.max_window},
@@ -252,7 +253,8 @@ class GroundStage : public Stage {
   ViewAxes axes_;
   GroundSetup setup_;
   double h_;
-  bool asks_unit_;  ///< lengths were not given, and nobody says what metres are
+  bool asks_unit_;     ///< lengths were not given, and nobody says what metres are
+  bool ground_alone_;  ///< nothing but it is wanted in the mesh
   GroundFiles<TerrainCell> cells_;
   std::int64_t edge_;  ///< cells of a brick
   BlockAxis u_, v_;

@@ -1,5 +1,5 @@
 /// \file ground_stages.h
-/// Passes of --surface ground, of scenes seen from above; no task in others.
+/// Passes of --surface ground and --vegetation drop, of scenes seen from above; no task in others.
 ///   ground-cells  points -> the lowest heights of cells of columns, by brick column
 ///   ground        lowest heights -> the terrain, by blocks of cells with their halo
 /// The top stages make the surface model of it.

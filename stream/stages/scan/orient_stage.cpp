@@ -125,7 +125,9 @@ class OrientStage : public Stage {
       throw UsageError("--surface " + surface_ + ": the scene was not seen from above (" + scene +
                        "); give --from above if it was, or leave --surface out");
     if (mode_.propagate())
-      entry["vegetation"] = {{"points", volumetric_count()}, {"as", name_of(decisions.volumetric)}};
+      entry["vegetation"] = {
+          {"points", volumetric_count()},
+          {"as", name_of(vegetation_ == "drop" ? VolumetricUse::kDrop : decisions.volumetric)}};
     decisions.save(context.create(PointOverlay::kDecisionsFile));
     return entry;
   }

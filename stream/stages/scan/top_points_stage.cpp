@@ -76,11 +76,9 @@ class TopPointsStage : public Stage {
       counts.points += sorted.size();
     });
     context.count_written(writer.finish());
-    return {{"points", counts.points},
-            {"volumetric_covered", counts.covered},
-            {"volumetric_left_out", counts.left_out},
-            {"thin_left_out", counts.thin},
-            {"measured_at_top", counts.at_top},
+    return {{"points", counts.points},         {"volumetric_covered", counts.covered},
+            {"cleared", counts.cleared},       {"volumetric_left_out", counts.left_out},
+            {"thin_left_out", counts.thin},    {"measured_at_top", counts.at_top},
             {"measured_behind", counts.behind}};
   }
 
@@ -103,6 +101,7 @@ class TopPointsStage : public Stage {
     std::uint64_t covered = 0;   ///< strewn points in columns that samples stand in for
     std::uint64_t left_out = 0;  ///< strewn points elsewhere: poles, what lies below a surface
     std::uint64_t thin = 0;      ///< points of wires, strewn or not
+    std::uint64_t cleared = 0;   ///< of surfaces among strewn points over the ground that are left out
     std::uint64_t at_top = 0;    ///< points of surfaces that samples stand in for
     std::uint64_t behind = 0;    ///< points of surfaces behind the walls of samples, of a skin all off it
   };
@@ -142,6 +141,11 @@ class TopPointsStage : public Stage {
                                                 (p.q[axes_.u] >> kQuantumBits & kMask))];
       if (c && (c->flags & kModelThin) != 0 && axes_.sign * p.q[axes_.up] - c->height > kThinRise) {
         ++counts.thin;
+        return true;
+      }
+      if (!strewn && c && (c->flags & kModelCleared) != 0 &&
+          axes_.sign * p.q[axes_.up] - c->height > static_cast<std::int32_t>(c->reach)) {
+        ++counts.cleared;
         return true;
       }
       const bool stands = c && (c->flags & kModelStands) != 0;
@@ -213,7 +217,7 @@ constexpr std::uint64_t kBrickSamples = std::uint64_t{4} * kBrickCells * kBrickC
 
 StageForecast forecast_top_points(const PlannedScan& scan) {
   if (!scan.columns) return idle_forecast();
-  const std::uint64_t skins = model_use(scan.options) == ModelUse::kStandIn ? 1 : 2;
+  const std::uint64_t skins = is_skin(model_use(scan.options)) ? 2 : 1;
   const std::uint64_t buckets = scan.plan.buckets.size();
   const double used = scan.columns->look_closed() ? 0.0 : 1.0;  // as of the surface model
   return {.tasks = buckets,

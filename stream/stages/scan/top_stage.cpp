@@ -39,7 +39,7 @@ class TopStage : public Stage {
     if (!columns_.wanted()) return;
     const auto add = [&](int u, int v) { groups_.emplace_back(u / edge_, v / edge_); };
     for (const auto& [at, bricks] : columns_.bricks()) add(at.first, at.second);
-    if (use_ == ModelUse::kGround) {
+    if (use_ == ModelUse::kGround || use_ == ModelUse::kCleared) {
       ground_ = std::make_unique<GroundFiles<TerrainNode>>(open_ground(state.work));
       rules_ = ground_setup(state).rules;
       for (const std::uint64_t key : ground_->keys()) {
@@ -100,6 +100,7 @@ class TopStage : public Stage {
     return sum_counts(summaries, {{"needed", true},
                                   {"skin_columns", 0},
                                   {"columns", 0},
+                                  {"cleared_columns", 0},
                                   {"filled_columns", 0},
                                   {"samples", 0},
                                   {"step_samples", 0}});
@@ -115,11 +116,11 @@ class TopStage : public Stage {
     if (!ground_)
       find_column_layers(points, layers);
     else if (const BrickTerrain below = terrain(u, v); below.known())
-      find_ground_layers(points, below, layers);
+      (use_ == ModelUse::kCleared ? find_cleared_layers : find_ground_layers)(points, below, layers);
   }
 
   Json write(const SurfaceModel& model, int gu, int gv, TopFileWriter& writer) const {
-    std::uint64_t skin = 0, stands = 0, filled = 0, samples = 0, steps = 0;
+    std::uint64_t skin = 0, stands = 0, cleared = 0, filled = 0, samples = 0, steps = 0;
     for (int u = 1; u <= edge_; ++u)
       for (int v = 1; v <= edge_; ++v) {
         std::vector<ModelColumn> columns(std::size_t{kBrickCells} * kBrickCells);
@@ -131,13 +132,14 @@ class TopStage : public Stage {
             any = true;
             skin += (model.flags[i] & kModelSkin) != 0;
             stands += (model.flags[i] & kModelStands) != 0;
+            cleared += (model.flags[i] & kModelCleared) != 0;
             filled += (model.flags[i] & kModelFilled) != 0;
             ModelColumn& c = columns[static_cast<std::size_t>(row * kBrickCells + k)];
             c.height = model.height[i], c.flags = model.flags[i], c.foot = model.foot[i];
             c.reach = static_cast<std::uint32_t>(model.reach(i));
           }
         if (!any) continue;
-        if (ground_) narrow_reach(gu + u, gv + v, columns);
+        if (use_ == ModelUse::kGround) narrow_reach(gu + u, gv + v, columns);
         writer.model(columns_.key(gu + u, gv + v), columns);
       }
     std::map<std::uint64_t, std::vector<PointRecord>> bricks;
@@ -162,11 +164,8 @@ class TopStage : public Stage {
       const std::span<const PointRecord> sorted = sorter.sort(records);
       writer.samples(key, {sorted.begin(), sorted.end()});
     }
-    return {{"skin_columns", skin},
-            {"columns", stands},
-            {"filled_columns", filled},
-            {"samples", samples},
-            {"step_samples", steps}};
+    return {{"skin_columns", skin},     {"columns", stands},  {"cleared_columns", cleared},
+            {"filled_columns", filled}, {"samples", samples}, {"step_samples", steps}};
   }
 
   /// Points of a column lie on ground no farther from it than those that told it.
@@ -212,13 +211,14 @@ std::uint64_t top_task_bytes(int group_columns, std::uint64_t column_points, std
     return columns * columns;
   };
   return square(group_columns + 2) * kModelColumnBytes +
-         square(group_columns) * (use == ModelUse::kStandIn ? kColumnSampleBytes : kSkinColumnBytes) +
+         square(group_columns) * (is_skin(use) ? kSkinColumnBytes : kColumnSampleBytes) +
          column_points * sizeof(ColumnPoint) + BrickColumns::load_bytes(brick_points) + kTopFixedBytes;
 }
 
 ModelUse model_use(const ReconstructOptions& options) {
   return options.surface == "ground" ? ModelUse::kGround
          : options.surface == "top"  ? ModelUse::kSkin
+         : options.clears_ground()   ? ModelUse::kCleared
                                      : ModelUse::kStandIn;
 }
 
@@ -243,7 +243,7 @@ StageForecast forecast_top(const PlannedScan& scan) {
   const double used = scan.columns->look_closed() ? 0.0 : 1.0;  // told with its memory, but not done in rooms
   return {.tasks = groups.size(),
           .task_bytes = top_task_bytes(edge, scan.columns->fullest, scan.largest_brick, use),
-          .disk_bytes = bytes_of(scan.points, use == ModelUse::kStandIn ? kForestBytes : kSkinBytes),
+          .disk_bytes = bytes_of(scan.points, is_skin(use) ? kSkinBytes : kForestBytes),
           .files = groups.size(),
           .processor_us = used * scan.points * kTopTime,
           .moved_bytes = used * static_cast<double>(scan.store_bytes + scan.overlay_bytes)};

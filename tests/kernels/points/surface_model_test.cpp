@@ -280,10 +280,34 @@ TEST_CASE("surface model: ground keeps its pits, and synthetic columns are sampl
   }
 }
 
+TEST_CASE("surface model: below what was cleared the ground goes on, and roofs stay", "[unit]") {
+  const std::vector<ColumnLayers> layers = layers_of([](int u, int v) {
+    ColumnLayers c = column(3 + 0.01 * u);
+    if (in_square(u, v, 70, 90)) c.cleared = true, c.synthetic = u >= 80;
+    if (in_square(u, v, 100, 110)) c.top = column(20).top;
+    return c;
+  });
+  const SurfaceModel model = fit_surface_model(layers, kEdge, ModelUse::kCleared);
+  for (const int u : {72, 85, 88}) {
+    const std::size_t i = model.at(u, 80);
+    CHECK((model.flags[i] & kModelCleared) != 0);
+    CHECK((model.flags[i] & kModelSkin) == 0);
+    CHECK(((model.flags[i] & kModelStands) != 0) == (u >= 80));
+    CHECK(std::abs(model.height[i] - cells(3 + 0.01 * u)) < kCell / 4);
+  }
+  CHECK((model.flags[model.at(60, 80)] & (kModelCleared | kModelStands)) == 0);
+  CHECK(std::abs(model.height[model.at(105, 105)] - cells(20)) < kCell / 4);
+  std::size_t unseen = 0;
+  for (const ModelSample& m : samples_of(model))
+    unseen += m.unseen && !m.step && in_square(m.u / kCell, m.v / kCell, 81, 89);
+  CHECK(unseen == 8 * 8);
+}
+
 TEST_CASE("surface model: a column depends on nothing beyond the halo", "[property]") {
   // The same scene in a raster and in one shifted by a brick: equal where both know their surroundings.
-  const ModelUse use = GENERATE(ModelUse::kStandIn, ModelUse::kSkin, ModelUse::kGround);
-  const auto height = [use](int u, int v) {
+  const ModelUse use = GENERATE(ModelUse::kStandIn, ModelUse::kSkin, ModelUse::kGround, ModelUse::kCleared);
+  const bool on_terrain = use == ModelUse::kGround || use == ModelUse::kCleared;
+  const auto height = [on_terrain](int u, int v) {
     const std::uint32_t mixed =
         (static_cast<std::uint32_t>(u) * 2654435761u) ^ (static_cast<std::uint32_t>(v) * 40503u);
     const std::uint32_t r = (mixed ^ mixed >> 13) * 2246822519u >> 16;
@@ -291,7 +315,8 @@ TEST_CASE("surface model: a column depends on nothing beyond the halo", "[proper
     const bool crown = (u / 23 + v / 17) % 3 == 0;
     ColumnLayers c = column((crown ? 30 : 3) + (r % 100) * (crown ? 0.05 : 0.002), crown && r % 5 != 0);
     c.bottom = column(3 + (r % 7) * 0.01, crown).bottom;
-    c.synthetic = u / 31 % 4 == 0 && use == ModelUse::kGround;
+    c.synthetic = u / 31 % 4 == 0 && on_terrain;
+    if (on_terrain) c.terrain = c.bottom.height;
     return c;
   };
   constexpr int kWide = 4 * kBrickCells;
@@ -300,7 +325,7 @@ TEST_CASE("surface model: a column depends on nothing beyond the halo", "[proper
     for (int u = 0; u < kWide; ++u) wide.push_back(height(u, v));
   std::vector<ColumnLayers> narrow =
       layers_of([&](int u, int v) { return height(u + kBrickCells, v + kBrickCells); });
-  if (use == ModelUse::kGround) follow_measured(wide, kWide), follow_measured(narrow, kEdge);
+  if (on_terrain) follow_measured(wide, kWide), follow_measured(narrow, kEdge);
   const SurfaceModel all = fit_surface_model(wide, kWide, use);
   const SurfaceModel part = fit_surface_model(narrow, kEdge, use);
   std::uint64_t stands = 0;

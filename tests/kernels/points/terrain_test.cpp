@@ -203,6 +203,51 @@ TEST_CASE("ground layers: what stands is left out, and below it a synthetic laye
   CHECK(column(4, 3).top.rgba == 0xff112233u);
 }
 
+TEST_CASE("cleared layers: strewn points go, buildings and bare ground stay as they are", "[unit]") {
+  std::vector<ColumnPoint> points;
+  const auto strewn = [&](int u, int v, double height) {
+    points.push_back(point(u, v, height));
+    points.back().volumetric = true;
+  };
+  for (int v = 20; v < 30; ++v)
+    for (int u = 0; u < 30; ++u)
+      for (int i = 0; i < 4; ++i) {
+        const double off = 0.05 * i;
+        if (u < 10) strewn(u, v, 30.0 + 2.0 * off);                 // a crown
+        if (u < 10 && i == 0) points.push_back(point(u, v, 26.0));  // a flake of it that lies in a plane
+        if (u < 5 || u >= 20) points.push_back(point(u, v, 10.0 + off));
+        if (u >= 10 && u < 20) points.push_back(point(u, v, 40.0 + off));  // a roof
+      }
+  std::vector<ColumnLayers> layers(kBrickCells * kBrickCells);
+  const std::vector<TerrainNode> seen = level_nodes(10 * kColumn, kTerrainInside | kTerrainSeen);
+  find_cleared_layers(points, BrickTerrain(seen, rules()), layers);
+  const auto column = [&](int u, int v) { return layers[static_cast<std::size_t>(v * kBrickCells + u)]; };
+  for (const int u : {1, 3, 7, 9}) {
+    CAPTURE(u);
+    CHECK(column(u, 25).cleared);
+    CHECK(column(u, 25).synthetic == (u >= 5));
+    CHECK(std::abs(column(u, 25).top.height - 10 * kColumn) < kColumn / 2);
+    CHECK(column(u, 25).terrain == 10 * kColumn);
+  }
+  for (const int u : {12, 15}) {
+    CAPTURE(u);
+    CHECK_FALSE(column(u, 25).cleared);
+    CHECK_FALSE(column(u, 25).synthetic);
+    CHECK(column(u, 25).top.height > 39 * kColumn);
+    CHECK(column(u, 25).terrain == kNoHeight);  // nothing follows a roof
+  }
+  CHECK_FALSE(column(25, 25).cleared);
+  CHECK_FALSE(column(25, 25).synthetic);
+  CHECK(column(25, 25).top.points == 4);
+  CHECK(column(50, 50).top.height == kNoHeight);  // between samples, as ever
+  // Where a cell holds nothing at all the membrane goes on.
+  const std::vector<TerrainNode> unseen = level_nodes(10 * kColumn, kTerrainInside);
+  std::vector<ColumnLayers> filled(kBrickCells * kBrickCells);
+  find_cleared_layers(points, BrickTerrain(unseen, rules()), filled);
+  CHECK(filled[50 * kBrickCells + 50].synthetic);
+  CHECK_FALSE(filled[50 * kBrickCells + 50].cleared);
+}
+
 TEST_CASE("ground layers: synthetic ones follow the measured ones nearby, and the terrain far from them",
           "[unit]") {
   constexpr int kEdge = 120;
@@ -211,7 +256,7 @@ TEST_CASE("ground layers: synthetic ones follow the measured ones nearby, and th
   for (int v = 0; v < kEdge; ++v)
     for (int u = 0; u < kEdge; ++u) {
       ColumnLayers& c = layers[index(u, v)];
-      c.bottom.height = 4 * kColumn;
+      c.bottom.height = c.terrain = 4 * kColumn;
       c.synthetic = u > 40 || (u % 4 != 0 || v % 4 != 0);
       c.top = {c.synthetic ? 4 * kColumn : 6 * kColumn, 3, 0, 0};  // ground two cells above the terrain
     }
