@@ -260,6 +260,63 @@ void ReferenceSurface::find_lasting_corners(double min_line) {
   }
 }
 
+/// Along a line from a vertex, into the segment, as far as `left`.
+void ReferenceSurface::walk_line(std::uint32_t vertex, std::uint32_t segment, double left,
+                                 std::vector<Double3>& part) const {
+  for (std::uint32_t s = segment; s != kNone && left > 0.0;) {
+    const Segment& here = segments_[s];
+    const std::size_t end = here.vertex[0] == vertex ? 1 : 0;
+    const Double3 &from = at(vertex), &to = at(here.vertex[end]);
+    const double run = norm(to - from);
+    part.push_back(run <= left ? to : from + (to - from) * (left / run));
+    left -= run;
+    vertex = here.vertex[end];
+    s = here.beyond[end];
+    if (s == segment) break;
+  }
+}
+
+/// The longest edge around an end of a segment whose chord keeps to the line.
+float ReferenceSurface::chord_length(std::uint32_t segment, std::size_t side,
+                                     const SizingOptions& sizing) const {
+  constexpr double kStep = 0.8, kLongestEdge = 4.0 / 3.0;  // an edge is as long before it is split
+  const double shortest = kShortestOnLine * sizing.longest,
+               square = sizing.line_tolerance * sizing.line_tolerance;
+  const Segment& here = segments_[segment];
+  const std::uint32_t v = here.vertex[side];
+  std::vector<Double3> part;
+  double length = sizing.longest;
+  for (; length > shortest; length *= kStep) {
+    const double half = 0.5 * kLongestEdge * length;
+    part.assign(1, at(v));
+    walk_line(v, here.beyond[side], half, part);
+    std::reverse(part.begin(), part.end());
+    walk_line(v, segment, half, part);
+    const bool keeps = std::all_of(part.begin(), part.end(), [&](const Double3& p) {
+      return squared_distance(p, closest_on_segment(p, part.front(), part.back())) <= square;
+    });
+    if (keeps) break;
+  }
+  return static_cast<float>(std::max(length, shortest));
+}
+
+/// Per vertex of the reference the length of edges that its crease allows; empty where none asks for less than the longest.
+std::vector<float> ReferenceSurface::chords(const SizingOptions& sizing) const {
+  std::vector<float> out;
+  if (!(sizing.line_tolerance > 0.0)) return out;
+  const auto longest = static_cast<float>(sizing.longest);
+  for (std::uint32_t s = 0; s < segments_.size(); ++s)
+    for (std::size_t side = 0; side < 2; ++side) {
+      const Segment& here = segments_[s];
+      if (!here.crease || here.beyond[side] == kNone || here.beyond[side] < s) continue;
+      const float length = chord_length(s, side, sizing);
+      if (!(length < longest)) continue;
+      if (out.empty()) out.assign(at_.size(), longest);
+      out[number_[here.vertex[side]]] = length;
+    }
+  return out;
+}
+
 void ReferenceSurface::size(const SizingOptions& sizing) {
   std::vector<std::uint8_t> on_line(at_.size(), 0);
   std::vector<std::array<std::uint32_t, 3>> lines;
@@ -273,7 +330,9 @@ void ReferenceSurface::size(const SizingOptions& sizing) {
       lines.push_back(
           {number_[here.vertex[1 - side]], number_[v], number_[next.vertex[next.vertex[0] == v ? 1 : 0]]});
     }
-  const std::vector<float> length = sizing_field(*reference_, on_line, lines, sizing);
+  const std::vector<float> at_lines = chords(sizing),
+                           length = sizing_field(*reference_, on_line, lines, at_lines, sizing);
+  graded_ = sizing.tolerance > 0.0 || !at_lines.empty();
   for (const std::uint32_t v : number_) length_.push_back(length[v]);
 }
 

@@ -40,6 +40,8 @@ class ReferenceSurface {
   /// Unit normal of the face, averaged with those across its edges that are no creases; zero for none.
   [[nodiscard]] const Float3& normal(std::uint32_t face) const { return normal_[face]; }
 
+  /// Whether lengths differ.
+  [[nodiscard]] bool is_graded() const { return graded_; }
   /// How long edges may be at a foot in a face, on a segment.
   [[nodiscard]] float length_in_face(std::uint32_t face, const Double3& p) const;
   [[nodiscard]] float length_on_line(std::uint32_t segment, const Double3& p) const;
@@ -88,6 +90,9 @@ class ReferenceSurface {
   void find_lasting_corners(double min_line);
   double length_from(std::uint32_t vertex, std::uint32_t segment, double enough) const;
   void size(const SizingOptions& sizing);
+  std::vector<float> chords(const SizingOptions& sizing) const;
+  float chord_length(std::uint32_t segment, std::size_t side, const SizingOptions& sizing) const;
+  void walk_line(std::uint32_t vertex, std::uint32_t segment, double left, std::vector<Double3>& part) const;
   const Double3& at(std::uint32_t v) const { return at_[v]; }
   Foot on_segment(const Double3& p, std::uint32_t segment) const;
 
@@ -106,6 +111,7 @@ class ReferenceSurface {
   std::vector<Segment> segments_;
   std::vector<std::uint8_t> lasting_;  ///< per vertex: lasting_corners()
   std::vector<float> length_;          ///< per vertex: sizing_field.h
+  bool graded_ = false;
 };
 
 }  // namespace tessera

@@ -77,6 +77,8 @@ void RemeshOptions::validate() const {
        "a length of 0 or more");
   need(sizing_tolerance == 0.0 || (min_edge > 0.0 && min_edge <= edge), "min_edge",
        "above 0 and at most edge");
+  need(crease_tolerance >= 0.0 && std::isfinite(crease_tolerance), "crease_tolerance",
+       "a length of 0 or more");
   need(tolerance >= 0.0 && std::isfinite(tolerance), "tolerance", "a length of 0 or more");
   need(gravity >= 0.0 && gravity <= 1.0, "gravity", "in [0, 1]");
   need(last_relaxations >= 0, "last_relaxations", "0 or more");
@@ -98,9 +100,10 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   if (block.faces.empty()) return report;
   const Double3 origin = low_corner(block);
   const bool adaptive = options.sizing_tolerance > 0.0;
-  const ReferenceSurface surface(reference, origin, options.feature_angle_deg,
-                                 kMinCreaseEdges * (adaptive ? options.min_edge : options.edge),
-                                 {options.sizing_tolerance, options.min_edge, options.edge});
+  const ReferenceSurface surface(
+      reference, origin, options.feature_angle_deg,
+      kMinCreaseEdges * (adaptive ? options.min_edge : options.edge),
+      {options.sizing_tolerance, options.min_edge, options.edge, options.crease_tolerance});
   if (options.find_creases) surface.mark(block);
   const auto remeshed = [&](bool guarded, RemeshReport& r) {
     CollapseMesh mesh(block, origin);

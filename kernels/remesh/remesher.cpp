@@ -102,7 +102,7 @@ void Remesher::find_feet(const std::vector<std::uint32_t>& own) {
 
 /// From the foot of the vertex, where lengths adapt.
 void Remesher::set_target(Info& info, const Double3& at) const {
-  if (!(options_.sizing_tolerance > 0.0)) return;
+  if (!surface_.is_graded()) return;
   if (info.foot != ReferenceSurface::kNone) {
     info.target = info.line ? surface_.length_on_line(info.foot, at) : surface_.length_in_face(info.foot, at);
   } else {  // corners, and what is locked on lines

@@ -19,23 +19,13 @@ double length_for(double curvature, double tolerance, const SizingOptions& o) {
   return std::clamp(std::sqrt(std::max(square, 0.0)), o.shortest, o.longest);
 }
 
-}  // namespace
-
-std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std::uint8_t> on_line,
-                                std::span<const std::array<std::uint32_t, 3>> lines,
-                                const SizingOptions& options) {
+/// What the bend of the surface and of its lines allows.
+void bound_by_curvature(const MeshBlock& reference, std::span<const std::uint8_t> on_line,
+                        std::span<const std::array<std::uint32_t, 3>> lines,
+                        const Lists<std::uint32_t>& around, const SizingOptions& options,
+                        std::vector<float>& length) {
   const std::size_t n = reference.position.size();
-  std::vector<float> length(n, static_cast<float>(options.longest));
-  if (!(options.tolerance > 0.0)) return length;
   const auto& at = reference.position;
-  // Inner edges come twice, which costs time only.
-  const Lists<std::uint32_t> around = make_lists<std::uint32_t>(n, [&](const auto& put) {
-    for (const auto& f : reference.faces)
-      for (std::size_t k = 0; k < 3; ++k) {
-        put(f[k], f[(k + 1) % 3]);
-        put(f[(k + 1) % 3], f[k]);
-      }
-  });
   std::vector<Double3> normal(n, Double3{});
   for (const auto& f : reference.faces) {
     const Double3 face = triangle_normal(at[f[0]], at[f[1]], at[f[2]]);
@@ -70,6 +60,28 @@ std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std:
           length[v], static_cast<float>(length_for(norm(unit_or_zero(out) - unit_or_zero(in)) / distance,
                                                    0.5 * options.tolerance, options)));
   }
+}
+
+}  // namespace
+
+std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std::uint8_t> on_line,
+                                std::span<const std::array<std::uint32_t, 3>> lines,
+                                std::span<const float> at_lines, const SizingOptions& options) {
+  const std::size_t n = reference.position.size();
+  std::vector<float> length(n, static_cast<float>(options.longest));
+  if (!(options.tolerance > 0.0) && at_lines.empty()) return length;
+  const auto& at = reference.position;
+  // Inner edges come twice, which costs time only.
+  const Lists<std::uint32_t> around = make_lists<std::uint32_t>(n, [&](const auto& put) {
+    for (const auto& f : reference.faces)
+      for (std::size_t k = 0; k < 3; ++k) {
+        put(f[k], f[(k + 1) % 3]);
+        put(f[(k + 1) % 3], f[k]);
+      }
+  });
+  if (options.tolerance > 0.0) bound_by_curvature(reference, on_line, lines, around, options, length);
+  for (std::size_t v = 0; v < at_lines.size(); ++v) length[v] = std::min(length[v], at_lines[v]);
+  const double growth = options.tolerance > 0.0 ? kSizingGrowth : kLineGrowth;
   using Entry = std::pair<float, std::uint32_t>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
   for (std::uint32_t v = 0; v < n; ++v)
@@ -79,7 +91,7 @@ std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std:
     queue.pop();
     if (here > length[v]) continue;
     for (const std::uint32_t w : around[v]) {
-      const float there = here + static_cast<float>(kSizingGrowth * norm(at[w] - at[v]));
+      const float there = here + static_cast<float>(growth * norm(at[w] - at[v]));
       if (there >= length[w]) continue;
       length[w] = there;
       queue.emplace(there, w);

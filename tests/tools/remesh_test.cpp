@@ -171,6 +171,23 @@ TEST_CASE("remesh: even angles or even areas, at the other's expense", "[pipelin
   CHECK(areas(both) < areas(a));
 }
 
+TEST_CASE("remesh: creases that bend get shorter edges, the same whatever must not matter", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const fs::path out = folder.path() / "out.ply";
+  const auto bytes_with = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> all = {"--edge", "6", "--block-faces", "16384", "--no-html", "--force"};
+    all.insert(all.end(), more.begin(), more.end());
+    const CommandResult r = tessera_command(words(in, out, all));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return file_bytes(out);
+  };
+  const std::string graded = bytes_with({"--creases", "graded"});
+  CHECK(bytes_with({}) != graded);
+  CHECK(bytes_with({"--creases", "graded", "-t", "2", "--memory", "400M", "--processes"}) == graded);
+}
+
 TEST_CASE("remesh: a number of faces, or a tolerance alone, says how long edges are", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");

@@ -21,7 +21,8 @@ struct RemeshJobOptions {
   int passes = 3;
   std::uint64_t block_faces = 1u << 16;
   std::string crossings = "refuse";
-  std::string even = "both";  ///< or "angles", "areas"
+  std::string even = "both";     ///< or "angles", "areas"
+  std::string creases = "even";  ///< or "graded": shorter edges where they bend
 
   /// Without a tolerance a number of faces is kept by edges as long as it takes.
   bool keeps_faces() const { return faces > 0 && !(tolerance > 0.0); }

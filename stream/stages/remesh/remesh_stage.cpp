@@ -266,6 +266,8 @@ class RemeshStage : public Stage {
   MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), halo()); }
   double halo() const {
     const double graded = options_.adaptive ? (sizing_.edge - sizing_.shortest) / kSizingGrowth : 0.0;
+    if (options_.creases == "graded")
+      return (2.0 + (1.0 - kShortestOnLine) / kLineGrowth) * sizing_.edge + options_.tolerance;
     return std::max(kHaloEdges * sizing_.edge, 2.0 * sizing_.edge + graded) + options_.tolerance;
   }
 

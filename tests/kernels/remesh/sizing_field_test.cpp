@@ -14,7 +14,7 @@ using namespace tessera::test;
 namespace {
 
 std::vector<float> lengths(const MeshBlock& block, const SizingOptions& options) {
-  return sizing_field(block, std::vector<std::uint8_t>(block.key.size(), 0), {}, options);
+  return sizing_field(block, std::vector<std::uint8_t>(block.key.size(), 0), {}, {}, options);
 }
 
 }  // namespace
@@ -55,7 +55,7 @@ TEST_CASE("sizing field: a line that turns is cut as finely as half the toleranc
   // A right turn over two steps of unit length: curvature sqrt(2).
   const std::array<std::uint32_t, 3> corner = {10 * 21 + 9, 10 * 21 + 10, 11 * 21 + 10};
   for (const std::uint32_t v : corner) on_line[v] = 1;
-  const std::vector<float> length = sizing_field(plane, on_line, std::vector{corner}, {0.1, 0.01, 5.0});
+  const std::vector<float> length = sizing_field(plane, on_line, std::vector{corner}, {}, {0.1, 0.01, 5.0});
   const double e = 0.05;
   CHECK(static_cast<double>(length[corner[1]]) ==
         Approx(std::sqrt(6.0 * e / std::sqrt(2.0) - 3.0 * e * e)).epsilon(1e-6));
