@@ -188,6 +188,27 @@ TEST_CASE("remesh: creases that bend get shorter edges, the same whatever must n
   CHECK(bytes_with({"--creases", "graded", "-t", "2", "--memory", "400M", "--processes"}) == graded);
 }
 
+TEST_CASE("remesh: a number of faces with needles for shapes is no result", "[pipeline]") {
+  const TempFolder folder;
+  // Strips a hundred times as long as wide, apart from each other: no edge of any length makes sound faces of them.
+  WholeMesh strips;
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    const double y = 2.0 * static_cast<double>(i);
+    strips.points.insert(strips.points.end(), {{0, y, 0}, {10, y, 0}, {10, y + 0.02, 0}, {0, y + 0.02, 0}});
+    strips.faces.insert(strips.faces.end(), {{4 * i, 4 * i + 1, 4 * i + 2}, {4 * i, 4 * i + 2, 4 * i + 3}});
+  }
+  strips.header.vertices = strips.points.size();
+  strips.header.faces = strips.faces.size();
+  const fs::path in = folder.path() / "strips.ply", out = folder.path() / "out.ply";
+  write_whole(in, strips);
+  const CommandResult refused = tessera_command(words(in, out, {"--faces", "600"}));
+  CHECK(refused.code == 6);
+  CHECK(refused.errors.find("below 25 degrees") != std::string::npos);
+  CHECK(refused.errors.find("give --edge") != std::string::npos);
+  CHECK_FALSE(fs::exists(out));
+  CHECK(tessera_command(words(in, out, {"--edge", "1", "--force"})).code == 0);
+}
+
 TEST_CASE("remesh: a number of faces, or a tolerance alone, says how long edges are", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");

@@ -30,6 +30,10 @@ constexpr std::uint64_t kCapacityFactor = 3, kMinCapacity = 4096;
 /// Of the faces asked for, how many may come out, and how many more of a small number.
 constexpr double kMostTimesFaces = 1.2;
 constexpr std::uint64_t kAlwaysMoreFaces = 100;
+/// So many times the faces, of a block without seams that ran out of room, are needles, cut into pieces as long as they are wide.
+constexpr double kNeedleTimesFaces = 9.0 * kMostTimesFaces;
+/// Percent of the faces: where more have an angle below 25 degrees the result is no better than what was given.
+constexpr double kMostNarrow = 25.0, kWarnOffDegrees = 8.0;
 /// Edges get longer as long as a round leaves no more than this share of what the one before left.
 constexpr double kWorthWhile = 0.95;
 /// What creases keep grows less than the square of the length tells.
@@ -175,9 +179,9 @@ class RemeshStage : public Stage {
       s.erase("quality");
       add_counts(sum, s);
     }
-    if (!is_last()) return sum;
+    if (!is_last()) return refuse_needles(sum);
     sum["quality"] = quality_report(quality, sizing_.edge);
-    if (!are_far_more(quality.faces)) return sum;
+    if (!are_far_more(quality.faces)) return judge_shape(sum);
     const bool helped = sizing_.left == 0 ||
                         static_cast<double>(quality.faces) <= kWorthWhile * static_cast<double>(sizing_.left);
     if (pass_.round + 1 == kMaxRounds || !helped) refuse_far_more(quality.faces);
@@ -191,9 +195,9 @@ class RemeshStage : public Stage {
 
  private:
   /// A tolerance asks for as many as it needs; edges of a length for as many as there are.
-  bool are_far_more(std::uint64_t faces) const {
+  bool are_far_more(std::uint64_t faces, double times = kMostTimesFaces) const {
     return options_.keeps_faces() && faces > options_.faces + kAlwaysMoreFaces &&
-           static_cast<double>(faces) > kMostTimesFaces * static_cast<double>(options_.faces);
+           static_cast<double>(faces) > times * static_cast<double>(options_.faces);
   }
   /// \throws ValidationError  naming the way to get them all
   [[noreturn]] void refuse_far_more(std::uint64_t faces) const {
@@ -202,6 +206,33 @@ class RemeshStage : public Stage {
                           std::to_string(faces) + " faces even where edges are to be " +
                           number_text(sizing_.edge) + " long; ask for more, or give --edge " +
                           number_text(sizing_.edge) + ", which takes as many as there are");
+  }
+  /// After the first pass of all: what later ones cannot make good. \throws ValidationError  as refuse_far_more()
+  const Json& refuse_needles(const Json& sum) const {
+    const auto count = [&](const char* key) { return sum.value(key, std::uint64_t{0}); };
+    if (pass_.pass == 0 && pass_.round == 0 && count("locked_vertices") == 0 &&
+        count("refused_by_room") > 0 && are_far_more(count("faces_out"), kNeedleTimesFaces))
+      refuse_far_more(count("faces_out"));
+    return sum;
+  }
+  /// Warns of poor shapes. \throws ValidationError  where they are no shapes to go on with
+  const Json& judge_shape(Json& sum) const {
+    if (!options_.keeps_faces()) return sum;
+    const double off = sum.at("quality").value("mean_angle_deviation_deg", 0.0),
+                 narrow = std::round(100.0 * sum.at("quality").value("share_below_25_deg", 0.0));
+    const std::string
+        edge = number_text(sizing_.edge),
+        why = "creases, borders, needles or walls of this mesh lie closer together than edges of " + edge;
+    if (narrow > kMostNarrow)
+      throw ValidationError("--faces " + std::to_string(options_.faces) +
+                            " cannot be had with sound shapes: " + number_text(narrow) +
+                            " % of the faces have an angle below 25 degrees; " + why +
+                            "; ask for more faces, try --crossings repair, or give --edge " + edge +
+                            ", which takes shapes as they come");
+    if (off > kWarnOffDegrees)
+      sum["warnings"] = {"angles are " + number_text(std::round(10.0 * off) / 10.0) +
+                         " degrees off 60 in the mean: " + why + "; more faces get better shapes"};
+    return sum;
   }
   /// Of the round: the shape of what it leaves is told.
   bool is_last() const { return pass_.pass + 1 == options_.passes; }
