@@ -255,6 +255,10 @@ TEST_CASE("bake: a normal map shows the ripples that a flat plate has lost", "[p
   // The same bytes on all threads; OBJ has the map beside it and says so, PLY cannot hold it.
   const fs::path again = folder.path() / "again.glb";
   REQUIRE(tessera_command(words(plate, fine, again, {"--normal-map"})).code == 0);
+  const fs::path told = folder.path() / "told.json";
+  REQUIRE(tessera_command({"check", again.string(), "--textures", "--json", told.string()}).code == 0);
+  CHECK(parse_json(file_bytes(told)).at("textures").at("pages") ==
+        1);  // the map lies on the page, it is none
   CHECK(file_bytes(again) == glb);
   REQUIRE(tessera_command(words(plate, fine, folder.path() / "o.obj", {"--normal-map"})).code == 0);
   CHECK(fs::exists(folder.path() / "o_0_normal.png"));

@@ -5,6 +5,8 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <optional>
+#include <set>
 
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
@@ -306,7 +308,12 @@ class GlbTextures : public TextureReader {
   void find_primitives() {
     const std::string name = file_.path().string();
     const Json images = document_.value("images", Json::array());
-    for (std::size_t i = 0; i < images.size(); ++i) {
+    // Pages are what shows colours; maps of normals and the like are no pages of their own.
+    std::set<std::uint32_t> colours;
+    for (const Json& material : document_.value("materials", Json::array()))
+      if (const auto image = colour_image(material)) colours.insert(*image);
+    for (std::uint32_t i = 0; i < images.size(); ++i) {
+      if (!colours.contains(i)) continue;
       TexturePage page{"image " + std::to_string(i), file_.path(), 0, 0};
       if (images[i].contains("bufferView")) {
         const Json& view =
@@ -315,6 +322,7 @@ class GlbTextures : public TextureReader {
         const auto bytes = view.value("byteLength", std::uint64_t{0});
         if (page.offset + bytes <= file_.size()) page.bytes = bytes;
       }
+      page_of_image_[i] = static_cast<std::uint32_t>(pages_.size());
       pages_.push_back(page);
     }
     for (const Json& mesh : document_.value("meshes", Json::array()))
@@ -334,17 +342,24 @@ class GlbTextures : public TextureReader {
       }
   }
 
-  std::uint32_t page_of(const Json& primitive) const {
-    const std::string name = file_.path().string();
-    if (!primitive.contains("material")) return kNoPage;
-    const Json& material =
-        glb_item(document_, "materials", primitive.at("material").get<std::uint64_t>(), name);
+  /// Whose number may be that of an image that the file does not have.
+  std::optional<std::uint32_t> colour_image(const Json& material) const {
     const Json colour =
         material.value("pbrMetallicRoughness", Json::object()).value("baseColorTexture", Json());
-    if (!colour.is_object() || !colour.contains("index")) return kNoPage;
-    const Json& texture = glb_item(document_, "textures", colour.at("index").get<std::uint64_t>(), name);
-    if (!texture.contains("source")) return kNoPage;
+    if (!colour.is_object() || !colour.contains("index")) return std::nullopt;
+    const Json& texture =
+        glb_item(document_, "textures", colour.at("index").get<std::uint64_t>(), file_.path().string());
+    if (!texture.contains("source")) return std::nullopt;
     return texture.at("source").get<std::uint32_t>();
+  }
+
+  std::uint32_t page_of(const Json& primitive) const {
+    if (!primitive.contains("material")) return kNoPage;
+    const auto image = colour_image(glb_item(
+        document_, "materials", primitive.at("material").get<std::uint64_t>(), file_.path().string()));
+    if (!image) return kNoPage;
+    const auto known = page_of_image_.find(*image);
+    return known != page_of_image_.end() ? known->second : kUnnamedPage;
   }
 
   ReadFile file_;
@@ -352,6 +367,7 @@ class GlbTextures : public TextureReader {
   Json document_;
   std::unique_ptr<GlbBuffers> buffers_;
   std::vector<Primitive> primitives_;
+  std::map<std::uint32_t, std::uint32_t> page_of_image_;
 };
 
 }  // namespace

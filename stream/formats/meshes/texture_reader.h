@@ -26,7 +26,9 @@ struct TexturePage {
 class TextureReader {
  public:
   static constexpr std::uint32_t kNoPage = 0xffffffffu;
+  static constexpr std::uint32_t kUnnamedPage = kNoPage - 1;  ///< one that the file does not have
   virtual ~TextureReader() = default;
+  /// What shows colours; maps of normals are none.
   const std::vector<TexturePage>& pages() const { return pages_; }
   /// Of all triangles, in the order of MeshReader::read_faces(), v up; page kNoPage where a face has no texture.
   /// \throws InputError for polygons, and for numbers that name nothing
