@@ -219,13 +219,13 @@ class RemeshStage : public Stage {
   const Json& judge_shape(Json& sum) const {
     if (!options_.keeps_faces()) return sum;
     const double off = sum.at("quality").value("mean_angle_deviation_deg", 0.0),
-                 narrow = std::round(100.0 * sum.at("quality").value("share_below_25_deg", 0.0));
+                 narrow = 100.0 * sum.at("quality").value("share_below_25_deg", 0.0);
     const std::string
         edge = number_text(sizing_.edge),
         why = "creases, borders, needles or walls of this mesh lie closer together than edges of " + edge;
     if (narrow > kMostNarrow)
       throw ValidationError("--faces " + std::to_string(options_.faces) +
-                            " cannot be had with sound shapes: " + number_text(narrow) +
+                            " cannot be had with sound shapes: " + number_text(std::round(narrow)) +
                             " % of the faces have an angle below 25 degrees; " + why +
                             "; ask for more faces, try --crossings repair, or give --edge " + edge +
                             ", which takes shapes as they come");
