@@ -158,8 +158,9 @@ const TerrainNode& BrickTerrain::node(int u, int v) const {
 namespace {
 
 constexpr std::size_t kBrickColumns = std::size_t{kBrickCells} * kBrickCells;
-/// Columns around one whose points say whether what stands there is strewn.
-constexpr int kStrewnRadius = 2;
+/// Columns around one whose points say whether what stands there is strewn; and farther ones: flakes of crowns lie in a plane,
+/// but four in five columns around are strewn.
+constexpr int kStrewnRadius = 2, kCrownRadius = 16;
 
 /// The terrain at the columns of a brick column, quanta.
 struct ColumnGround {
@@ -192,8 +193,12 @@ std::vector<std::uint8_t> strewn_columns(std::span<const ColumnPoint> points, co
     votes[p.column] += p.volumetric ? 1 : -1;
     out[p.column] = 1;
   }
+  std::vector<std::int64_t> all(out.begin(), out.end()), strewn(kBrickColumns);
+  for (std::size_t i = 0; i < kBrickColumns; ++i) strewn[i] = votes[i] > 0;
   const std::vector<std::int64_t> sums = box_sums({kBrickCells}, votes, kStrewnRadius);
-  for (std::size_t i = 0; i < kBrickColumns; ++i) out[i] &= static_cast<std::uint8_t>(sums[i] > 0);
+  all = box_sums({kBrickCells}, all, kCrownRadius), strewn = box_sums({kBrickCells}, strewn, kCrownRadius);
+  for (std::size_t i = 0; i < kBrickColumns; ++i)
+    out[i] &= static_cast<std::uint8_t>(sums[i] > 0 || 5 * strewn[i] > 4 * all[i]);
   return out;
 }
 

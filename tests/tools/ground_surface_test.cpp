@@ -142,7 +142,7 @@ TEST_CASE("ground surface: it is refused where there is none", "[pipeline]") {
   refused(with(kGround, {"--normals", "given"}), "--surface ground with --normals given");
   refused(with(kGround, {"--viewpoint", "40,40,100"}), "not seen from above");
   refused(with(kGround, {"--ground-window", "1000"}), "--ground-window 1000");
-  refused({"--ground-slope", "0.3"}, "--ground-slope: means something with --surface ground only");
+  refused({"--ground-slope", "0.3"}, "--ground-slope: means something with --surface ground or");
   refused({"--surface", "top", "--ground-window", "30"}, "--ground-window: means something");
 }
 

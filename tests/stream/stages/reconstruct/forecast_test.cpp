@@ -190,16 +190,6 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
              "weld",       "border",       "blunt",         "uncross-1", "uncross-2",  "uncross-3",
              "loops",      "holes",        "uncross-holes", "coverage",  "write"};
   }
-  SECTION("the ground below vegetation that is left out") {
-    setup.options.normals = "estimate";
-    setup.options.from = "above";
-    setup.options.vegetation = "drop";
-    same.erase("surface");  // there are fewer points by then
-    names = {"distribute", "order",        "seen-spacing",  "seen",      "normals",    "links",
-             "orient",     "ground-cells", "ground",        "top",       "top-points", "surface",
-             "weld",       "border",       "blunt",         "uncross-1", "uncross-2",  "uncross-3",
-             "loops",      "holes",        "uncross-holes", "coverage",  "write"};
-  }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
     names = {"distribute", "order",  "seen-spacing", "seen", "normals", "surface",  "islands", "prune",
