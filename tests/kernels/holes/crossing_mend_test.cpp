@@ -89,6 +89,14 @@ std::vector<Surface> poked(int cells = 20) {
   return {low, high};
 }
 
+/// Two sheets that end beside each other, in walls of different slope: the corners of one border reach a little into the other.
+MeshBlock sheets_that_end_together() {
+  const Surface left = height_grid(12, 12, [](double x, double y) { return 0.3 * x + 0.05 * std::sin(y); });
+  Surface right = left;
+  for (Double3& p : right.position) p = {p[0] + 11.9, p[1] + 0.4, p[2] + 3.62 - 0.55 * p[0]};
+  return block_of({left, right});
+}
+
 }  // namespace
 
 TEST_CASE("crossing mend: a spike through another sheet goes, all else stays", "[unit]") {
@@ -197,11 +205,7 @@ TEST_CASE("crossing mend: what passes through another surface stays, unless it m
 
 TEST_CASE("crossing mend: a border that pokes into another one goes back, and nothing is left out",
           "[unit]") {
-  // Two sheets that end beside each other, in walls of different slope: the corners of one border reach a little into the other.
-  Surface left = height_grid(12, 12, [](double x, double y) { return 0.3 * x + 0.05 * std::sin(y); });
-  Surface right = left;
-  for (Double3& p : right.position) p = {p[0] + 11.9, p[1] + 0.4, p[2] + 3.62 - 0.55 * p[0]};
-  const MeshBlock block = block_of({left, right});
+  const MeshBlock block = sheets_that_end_together();
   const std::vector<std::uint32_t> crossing = crossing_faces(block);
   REQUIRE(crossing.size() > 2);
   REQUIRE(border_vertices(block, crossing).size() > 2);
@@ -251,10 +255,7 @@ TEST_CASE("crossing mend: gently, a border goes back where a filling would take 
 
 TEST_CASE("crossing mend: where no wider block comes, what rings need does not stop what needs less",
           "[unit]") {
-  Surface left = height_grid(12, 12, [](double x, double y) { return 0.3 * x + 0.05 * std::sin(y); });
-  Surface right = left;
-  for (Double3& p : right.position) p = {p[0] + 11.9, p[1] + 0.4, p[2] + 3.62 - 0.55 * p[0]};
-  const MeshBlock block = block_of({left, right});
+  const MeshBlock block = sheets_that_end_together();
   const std::vector<std::uint32_t> crossing = crossing_faces(block);
   const ContactCell two_rings = {{9.5, -2, -99}, {14.5, 14, 99}};
   CrossingMendOptions o = options();
