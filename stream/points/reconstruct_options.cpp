@@ -156,7 +156,7 @@ OptionTable option_table(ReconstructOptions& o) {
       .within(0, 10);
   t.add("ground-window", &o.ground_window,
         "with --surface ground or --vegetation drop: half the width of the widest object to take away, scan "
-        "units; 0 = 18 m")
+        "units; 0 = 18 m, or less where cells are so small that this would be too many")
       .at_least(0);
   t.add("ground-threshold", &o.ground_threshold,
         "with --surface ground or --vegetation drop: distance from the terrain up to which points of level "
