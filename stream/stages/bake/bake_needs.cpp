@@ -18,10 +18,12 @@ constexpr double kPointBytes = 20.0, kChartTexelBytes = 1.0, kTexelBytes = 6.0, 
 // Microseconds a point, a texel.
 constexpr double kPointTime = 0.6, kChartTime = 0.15, kPackTime = 0.2, kTexelTime = 2.5, kPageTime = 0.25;
 constexpr double kBlockFill = 0.5;  ///< of the texels that a block may have
+/// Of the texels that blocks are cut for: one page that has room for them gets finer ones (full_page.h), .45 spacings wide, not .71.
+constexpr double kFinerTexels = 2.5;
 
 std::uint64_t texel_task_bytes(std::uint64_t page_size, double points_per_texel) {
   const auto texels = static_cast<double>(kBlockTexels);
-  return block_raster_bytes(texels, page_size, 12) +
+  return block_raster_bytes(kFinerTexels * texels, page_size, 12) +
          static_cast<std::uint64_t>(2.0 * points_per_texel * texels) *
              (TexturePoints::bytes_per_point() + 60) +
          (std::uint64_t{8} << 20);
@@ -66,7 +68,8 @@ StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage
     told.processor_us = texels * kChartTime;
     told.moved_bytes = static_cast<double>(told.disk_bytes);
   } else if (stage == "texture-pack") {
-    told.finish_bytes = bytes_of(texels, 0.25) + (std::uint64_t{8} << 20);
+    // A chart may be as large as a page; it is drawn anew for every width of texels that is tried.
+    told.finish_bytes = bytes_of(texels, 0.25) + page_size * page_size * 8 + (std::uint64_t{8} << 20);
     told.files = 2;
     told.processor_us = texels * kPackTime * static_cast<double>(scan.run.threads);  // on one thread
   } else if (stage == "texture-texels") {
