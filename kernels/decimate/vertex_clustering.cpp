@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace tessera {
 namespace {
@@ -25,14 +26,22 @@ std::uint64_t parent(std::uint64_t key) {
 
 }  // namespace
 
-std::uint64_t cluster_key(const Double3& p, double cell) {
-  std::uint64_t key = 0;
+ClusterCell cluster_cell(const Double3& p, double cell) {
+  ClusterCell found;
+  found.key = 0;
   for (std::size_t a = 0; a < 3; ++a) {
-    const double at =
-        std::clamp(std::floor(p[a] / cell), -static_cast<double>(kMiddle), static_cast<double>(kMiddle - 1));
-    key |= static_cast<std::uint64_t>(static_cast<std::int64_t>(at) + kMiddle) << (kBits * a);
+    constexpr double kFarthest = std::numeric_limits<double>::infinity();
+    constexpr auto kFirst = -static_cast<double>(kMiddle), kLast = static_cast<double>(kMiddle - 1);
+    const double at = std::clamp(std::floor(p[a] / cell), kFirst, kLast);
+    found.key |= static_cast<std::uint64_t>(static_cast<std::int64_t>(at) + kMiddle) << (kBits * a);
+    found.low[a] = at == kFirst ? -kFarthest : at * cell;
+    found.high[a] = at == kLast ? kFarthest : (at + 1.0) * cell;
   }
-  return key;
+  return found;
+}
+
+std::uint64_t cluster_key(const Double3& p, double cell) {
+  return cluster_cell(p, cell).key;
 }
 
 void ClusterSize::insert(Grid& grid, const Double3& p) const {
@@ -41,15 +50,14 @@ void ClusterSize::insert(Grid& grid, const Double3& p) const {
     for (const std::uint64_t key : grid.occupied.keys()) coarse.add(parent(key));
     grid.occupied = std::move(coarse);
     grid.cell *= 2.0;
-    grid.last = ~std::uint64_t{0};
+    grid.last = {};
   };
+  if (grid.last.holds(p)) return;
   // A cell within the range of keys, so that no two cells of one key lie apart.
   const double farthest = std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])});
   while (farthest / grid.cell >= static_cast<double>(kMiddle - 1)) coarsen();
-  const std::uint64_t key = cluster_key(p, grid.cell);
-  if (key == grid.last) return;
-  grid.last = key;
-  grid.occupied.add(key);
+  grid.last = cluster_cell(p, grid.cell);
+  grid.occupied.add(grid.last.key);
   while (grid.occupied.size() > max_) coarsen();
 }
 
@@ -84,40 +92,45 @@ VertexClustering::VertexClustering(double cell, std::size_t max_faces)
 }
 
 /// Faces that follow one another mostly lie in the same cells.
-std::uint32_t VertexClustering::cluster_of(std::uint64_t key, const Double3& corner) {
+const VertexClustering::Recent& VertexClustering::find(const Double3& corner) {
   for (const Recent& recent : recent_)
-    if (recent.key == key) return recent.number;
-  const auto [number, is_new] = number_.add(key);
+    if (recent.cell.holds(corner)) return recent;
+  Recent& recent = recent_[next_recent_++ % recent_.size()];
+  recent.cell = cluster_cell(corner, cell_);
+  const auto [number, is_new] = number_.add(recent.cell.key);
+  recent.number = number;
   if (is_new) {
     clusters_.emplace_back();
     clusters_.back().first = corner;
   }
-  recent_[next_recent_++ % recent_.size()] = {key, number};
-  return number;
+  return recent;
 }
 
 bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba) {
   if (!finite(corners[0]) || !finite(corners[1]) || !finite(corners[2])) return true;
-  // Weighted by the area squared, as Lindstrom does. Most faces of a fine mesh lie in one cell: looked up once.
+  // Weighted by the area squared, as Lindstrom does.
   const Double3 wide = cross(corners[1] - corners[0], corners[2] - corners[0]);
-  const double square = dot(wide, wide);
-  const Double3 normal = square > 0.0 ? wide * (1.0 / std::sqrt(square)) : Double3{};
-  std::array<std::uint64_t, 3> key{};
-  for (std::size_t k = 0; k < 3; ++k) key[k] = cluster_key(corners[k], cell_);
-  const bool one_cell = key[0] == key[1] && key[1] == key[2];
+  const bool coloured = (rgba[0] | rgba[1] | rgba[2]) != 0;
+  const Recent& recent = find(corners[0]);
   std::array<std::uint32_t, 3> face{};
-  for (std::size_t k = 0; k < 3; ++k) {
-    if (k == 0 || !one_cell) {
-      face[k] = cluster_of(key[k], corners[k]);
+  face.fill(recent.number);
+  // Most faces of a fine mesh lie in one cell.
+  if (recent.cell.holds(corners[1]) && recent.cell.holds(corners[2])) {
+    Cluster& cluster = clusters_[face[0]];
+    const Double3 at = corners[0] - cluster.first;
+    const Double3 mean = (corners[0] + corners[1] + corners[2]) * (1.0 / 3.0);
+    cluster.vertex.quadric += plane_quadric(wide, at, 3.0);
+    cluster.vertex.add(mean - cluster.first, 3.0);
+    if (coloured)
+      for (const std::uint32_t colour : rgba) cluster.vertex.add_colour(colour, 1.0);
+  } else {
+    for (std::size_t k = 0; k < 3; ++k) {
+      face[k] = find(corners[k]).number;
       Cluster& cluster = clusters_[face[k]];
-      cluster.vertex.quadric +=
-          plane_quadric(normal, corners[0] - cluster.first, one_cell ? 3.0 * square : square);
-    } else {
-      face[k] = face[0];
+      cluster.vertex.quadric += plane_quadric(wide, corners[0] - cluster.first, 1.0);
+      cluster.vertex.add(corners[k] - cluster.first, 1.0);
+      if (coloured) cluster.vertex.add_colour(rgba[k], 1.0);
     }
-    Cluster& cluster = clusters_[face[k]];
-    cluster.vertex.add(corners[k] - cluster.first, 1.0);
-    cluster.vertex.add_colour(rgba[k], 1.0);
   }
   if (clusters_.size() + 3 > max_cells_) return false;
   if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) return true;

@@ -18,6 +18,21 @@ namespace tessera {
 /// \param p  finite \param cell  edge, > 0
 [[nodiscard]] std::uint64_t cluster_key(const Double3& p, double cell);
 
+/// One cell of that grid and its box: for streams whose points mostly lie in the cell of the one before, comparing is
+/// cheaper than dividing.
+struct ClusterCell {
+  std::uint64_t key = ~std::uint64_t{0};  ///< no cell has it
+  Double3 low{}, high{};                  ///< half open; none at first
+
+  [[nodiscard]] bool holds(const Double3& p) const {
+    bool in = true;  // without branches: they would be guessed wrong
+    for (std::size_t a = 0; a < 3; ++a) in = in & (p[a] >= low[a]) & (p[a] < high[a]);
+    return in;
+  }
+};
+/// The cell that holds p, of the key that cluster_key() gives. \param p  finite \param cell  edge, > 0
+[[nodiscard]] ClusterCell cluster_cell(const Double3& p, double cell);
+
 /// Finds the edge of cell at which a stream of vertices occupies about as many cells as allowed.
 class ClusterSize {
  public:
@@ -29,7 +44,7 @@ class ClusterSize {
  private:
   struct Grid {
     double cell = 0.0;
-    std::uint64_t last = ~std::uint64_t{0};
+    ClusterCell last;
     KeyTable occupied;
   };
   void insert(Grid& grid, const Double3& p) const;
@@ -65,11 +80,10 @@ class VertexClustering {
   };
 
   struct Recent {
-    std::uint64_t key = ~std::uint64_t{0};  ///< no cell has it
+    ClusterCell cell;
     std::uint32_t number = 0;
   };
-  /// \param corner  a first one of the cell, if it is new
-  std::uint32_t cluster_of(std::uint64_t key, const Double3& corner);
+  const Recent& find(const Double3& corner);
 
   double cell_;
   std::size_t max_faces_, max_cells_;
