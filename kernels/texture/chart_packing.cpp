@@ -14,20 +14,17 @@ constexpr double kGoodShare = 0.72;         ///< a page that holds all that is l
 constexpr double kFullShare = 0.7;          ///< a page so full is taken, whatever is left for the next
 constexpr double kOfferedShare = 1.5;  ///< of a page's area is offered to it; what does not fit comes next
 constexpr double kTightest = 0.97;     ///< no page gets fuller
-constexpr std::ptrdiff_t kTriedSizes = 4;
 constexpr std::uint64_t kManyPages = 4;
 constexpr std::uint64_t kNoRows = ~std::uint64_t{0};
 
 using Words = std::vector<std::uint64_t>;
 
-/// Bits from..from + count of a row, shifted down by `by`.
-void or_shifted(const std::uint64_t* row, std::size_t words, std::uint32_t by, Words& out) {
+/// To out: bit x where bit x + by of the row is set. Both end in a word that is zero; they may be the same.
+void add_shifted(const Words& row, std::uint32_t by, Words& out) {
   const std::size_t skip = by / 64, shift = by % 64;
-  for (std::size_t w = 0; w + skip < words; ++w) {
-    std::uint64_t bits = row[w + skip] >> shift;
-    if (shift > 0 && w + skip + 1 < words) bits |= row[w + skip + 1] << (64 - shift);
-    out[w] |= bits;
-  }
+  const std::uint64_t* from = row.data() + skip;
+  for (std::size_t w = 0; w + 1 + skip < row.size(); ++w)  // upwards: what is read is not yet changed
+    out[w] |= from[w] >> shift | from[w + 1] << 1 << (63 - shift);
 }
 
 struct MaskRun {
@@ -55,20 +52,28 @@ std::vector<MaskRun> runs_of(const ChartMask& mask) {
 class Page {
  public:
   Page(std::uint32_t width, std::uint32_t height)
-      : width_(width), height_(height), words_((width + 63) / 64), bits_(words_ * height, 0) {}
+      : width_(width),
+        height_(height),
+        words_((width + 63) / 64),
+        bits_(words_ * height, 0),
+        free_(height, width) {}
 
   /// The lowest, then leftmost place. \returns false where there is none
   bool find(const ChartMask& mask, const std::vector<MaskRun>& runs, std::uint32_t& at_x, std::uint32_t& at_y,
             std::uint32_t below) {
     if (mask.width > width_ || mask.height > height_) return false;
-    Words blocked(words_), dilated(words_), scratch(words_);
+    Words blocked(words_ + 1), dilated(words_ + 1);
     const std::uint32_t last = width_ - mask.width;
     for (std::uint32_t y = full_rows_; y + mask.height <= height_ && y < below; ++y) {
+      // Most rows of a page that is nearly full have no gap as long as they would have to.
+      if (std::any_of(runs.begin(), runs.end(),
+                      [&](const MaskRun& run) { return free_[y + run.row] < run.length; }))
+        continue;
       std::fill(blocked.begin(), blocked.end(), 0);
       bool open = true;
       for (const MaskRun& run : runs) {
-        dilate(&bits_[std::size_t{y + run.row} * words_], run.length, dilated, scratch);
-        or_shifted(dilated.data(), words_, run.first, blocked);
+        dilate(&bits_[std::size_t{y + run.row} * words_], run.length, dilated);
+        add_shifted(dilated, run.first, blocked);
         if (!(open = has_zero(blocked, last))) break;
       }
       if (!open) continue;
@@ -84,17 +89,17 @@ class Page {
         const std::uint32_t at = x + run.first + i;
         bits_[std::size_t{y + run.row} * words_ + at / 64] |= std::uint64_t{1} << (at % 64);
       }
-    while (full_rows_ < height_ && !has_zero_in_row(full_rows_)) ++full_rows_;
+    for (const MaskRun& run : runs) free_[y + run.row] = longest_gap(y + run.row);
+    while (full_rows_ < height_ && free_[full_rows_] == 0) ++full_rows_;
   }
 
  private:
   /// Bit x is set where any of the bits x .. x + length - 1 is.
-  void dilate(const std::uint64_t* row, std::uint32_t length, Words& out, Words& scratch) const {
+  void dilate(const std::uint64_t* row, std::uint32_t length, Words& out) const {
     std::copy(row, row + words_, out.begin());
     for (std::uint32_t done = 1; done < length;) {
       const std::uint32_t step = std::min(done, length - done);
-      scratch = out;
-      or_shifted(scratch.data(), words_, step, out);
+      add_shifted(out, step, out);
       done += step;
     }
   }
@@ -110,19 +115,32 @@ class Page {
     while (bits[w] == ~std::uint64_t{0}) ++w;
     return static_cast<std::uint32_t>(64 * w) + static_cast<std::uint32_t>(std::countr_one(bits[w]));
   }
-  bool has_zero_in_row(std::uint32_t y) const {
+  /// Cells that are free side by side in a row.
+  std::uint32_t longest_gap(std::uint32_t y) const {
     const std::uint64_t* row = &bits_[std::size_t{y} * words_];
+    std::uint32_t gap = 0, longest = 0;
     for (std::uint32_t x = 0; x < width_; x += 64) {
-      const std::uint32_t count = std::min<std::uint32_t>(64, width_ - x);
-      const std::uint64_t all = count == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << count) - 1;
-      if ((row[x / 64] & all) != all) return true;
+      std::uint64_t bits = row[x / 64];
+      for (auto left = static_cast<int>(std::min<std::uint32_t>(64, width_ - x)); left > 0;) {
+        const int zeros = std::min(std::countr_zero(bits), left);
+        gap += static_cast<std::uint32_t>(zeros);
+        longest = std::max(longest, gap);
+        left -= zeros;
+        if (left == 0) break;
+        bits >>= zeros;
+        const int ones = std::countr_one(bits);
+        gap = 0;
+        left -= ones;
+        if (left > 0) bits >>= ones;
+      }
     }
-    return false;
+    return longest;
   }
 
   std::uint32_t width_, height_;
   std::size_t words_;
   Words bits_;
+  std::vector<std::uint32_t> free_;  ///< per row: longest_gap()
   std::uint32_t full_rows_ = 0;
 };
 
@@ -174,7 +192,8 @@ std::uint64_t order_key(const ChartMask& chart, ChartOrder by) {
 }
 
 FilledPage fill_with_charts(std::span<const ChartMask> charts, std::span<const std::uint32_t> offered,
-                            const PageSize& size, ChartOrder by = ChartOrder::kCells) {
+                            const PageSize& size, const std::function<void()>& pause,
+                            ChartOrder by = ChartOrder::kCells) {
   std::vector<std::uint32_t> order(offered.begin(), offered.end());
   std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
     return order_key(charts[a], by) > order_key(charts[b], by);
@@ -183,6 +202,7 @@ FilledPage fill_with_charts(std::span<const ChartMask> charts, std::span<const s
   out.size = size;
   Page page(size.width, size.height);
   for (const std::uint32_t c : order) {
+    if (pause) pause();
     ChartSpot spot;
     std::vector<MaskRun> best;
     std::uint64_t lowest = kNoRows;
@@ -212,10 +232,10 @@ FilledPage fill_with_charts(std::span<const ChartMask> charts, std::span<const s
 
 /// The order that leaves the fewest cells, as soon as one leaves none.
 FilledPage fill_with_all(std::span<const ChartMask> charts, std::span<const std::uint32_t> offered,
-                         const PageSize& size) {
+                         const PageSize& size, const std::function<void()>& pause) {
   FilledPage best;
   for (const ChartOrder by : {ChartOrder::kCells, ChartOrder::kBox, ChartOrder::kShort, ChartOrder::kLong}) {
-    FilledPage filled = fill_with_charts(charts, offered, size, by);
+    FilledPage filled = fill_with_charts(charts, offered, size, pause, by);
     if (best.placed.empty() || filled.cells > best.cells) best = std::move(filled);
     if (best.left.empty()) break;
   }
@@ -270,20 +290,22 @@ ChartMask turned(const ChartMask& mask) {
   return out;
 }
 
-std::optional<std::vector<ChartSpot>> pack_on_page(std::span<const ChartMask> charts, const PageSize& size) {
+std::optional<std::vector<ChartSpot>> pack_on_page(std::span<const ChartMask> charts, const PageSize& size,
+                                                   const std::function<void()>& pause) {
   std::uint64_t cells = 0;
   for (const ChartMask& c : charts) cells += c.cells;
   if (static_cast<double>(cells) > kTightest * static_cast<double>(area_of(size))) return std::nullopt;
   std::vector<std::uint32_t> all(charts.size());
   std::iota(all.begin(), all.end(), 0u);
-  const FilledPage filled = fill_with_all(charts, all, size);
+  const FilledPage filled = fill_with_all(charts, all, size, pause);
   if (!filled.left.empty()) return std::nullopt;
   std::vector<ChartSpot> spots(charts.size());
   for (const auto& [c, spot] : filled.placed) spots[c] = spot;
   return spots;
 }
 
-ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side) {
+ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side,
+                         const std::function<void()>& pause, const std::function<void(std::size_t)>& packed) {
   ChartPacking out;
   out.spots.resize(charts.size());
   std::vector<std::uint32_t> queue(charts.size());
@@ -308,36 +330,27 @@ ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_si
       const double share = static_cast<double>(area) / static_cast<double>(area_of(s));
       if (!holds(s) || share > kTightest) continue;
       if (share < kGoodShare && area_of(s) > area_of(sizes.front())) break;
-      best = fill_with_all(charts, queue, s);
+      best = fill_with_all(charts, queue, s, pause);
       if (best.left.empty() || best.share() >= kFullShare) break;
       best = {};
     }
     if (best.placed.empty()) {
-      // Else the best filled of the largest pages that what is left can fill; where charts are too large for those, the
-      // smallest that holds them.
-      std::vector<PageSize> candidates;
+      // Else the largest page that what is left can fill, or the smallest that holds its largest chart.
+      const PageSize* size = nullptr;
       for (const PageSize& s : sizes)
-        if (holds(s) &&
-            (candidates.empty() || (area_of(s) <= area && area_of(s) > area_of(candidates.back()))))
-          candidates.push_back(s);
-      if (candidates.size() > kTriedSizes)
-        candidates.erase(candidates.begin(), candidates.end() - kTriedSizes);
-      // Many pages are to come: the largest size is full enough, and its charts lie together.
-      const bool many = area > kManyPages * area_of(candidates.back());
-      candidates = {candidates.back()};
-      for (const PageSize& s : candidates) {
-        std::size_t count = many ? 0 : queue.size();
+        if (holds(s) && (size == nullptr || (area_of(s) <= area && area_of(s) > area_of(*size)))) size = &s;
+      // While many pages are to come it is full enough, and its charts lie together.
+      std::size_t count = queue.size();
+      if (area > kManyPages * area_of(*size)) {
+        count = 0;
         for (std::uint64_t sum = 0; count < queue.size(); ++count) {
           sum += charts[queue[count]].cells;
-          if (static_cast<double>(sum) > kOfferedShare * static_cast<double>(area_of(s))) break;
+          if (static_cast<double>(sum) > kOfferedShare * static_cast<double>(area_of(*size))) break;
         }
-        FilledPage filled =
-            fill_with_charts(charts, std::span(queue).first(std::max<std::size_t>(count, 1)), s);
-        filled.left.insert(filled.left.end(),
-                           queue.begin() + static_cast<std::ptrdiff_t>(std::max<std::size_t>(count, 1)),
-                           queue.end());
-        if (best.placed.empty() || filled.share() >= best.share()) best = std::move(filled);
+        count = std::max<std::size_t>(count, 1);
       }
+      best = fill_with_charts(charts, std::span(queue).first(count), *size, pause);
+      best.left.insert(best.left.end(), queue.begin() + static_cast<std::ptrdiff_t>(count), queue.end());
     }
     for (auto& [c, spot] : best.placed) {
       spot.page = static_cast<std::uint32_t>(out.pages.size());
@@ -346,6 +359,7 @@ ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_si
     out.pages.push_back(best.size);
     queue = std::move(best.left);
     area -= best.cells;
+    if (packed) packed(charts.size() - queue.size());
   }
   return out;
 }

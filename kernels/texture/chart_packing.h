@@ -9,6 +9,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -45,10 +46,15 @@ struct ChartPacking {
 };
 
 /// \param max_side  cells, a power of two; no mask is wider or higher
+/// \param pause     called before every trial of a chart; may throw to end
+/// \param packed    called after every page with the number of charts that lie on pages
 /// \throws std::logic_error for a mask that fits no page
-[[nodiscard]] ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side);
+[[nodiscard]] ChartPacking pack_charts(std::span<const ChartMask> charts, std::uint32_t max_side,
+                                       const std::function<void()>& pause = {},
+                                       const std::function<void(std::size_t)>& packed = {});
 
 /// All charts on one page of this size, by the first of several orders that holds them; nothing where none does.
-std::optional<std::vector<ChartSpot>> pack_on_page(std::span<const ChartMask> charts, const PageSize& size);
+std::optional<std::vector<ChartSpot>> pack_on_page(std::span<const ChartMask> charts, const PageSize& size,
+                                                   const std::function<void()>& pause = {});
 
 }  // namespace tessera

@@ -68,8 +68,15 @@ class BakePackStage : public SerialStage {
         files_, cells, options_, std::min(1.0, kFinestSpacings * made_for.spacing / made_for.texel), context);
     const double scale = full ? full->texel_scale : 1.0;
     inside /= scale * scale;
+    std::uint64_t advanced = 0;
+    const auto packed = [&](std::size_t charts) {
+      context.advance(charts - advanced);
+      advanced = charts;
+    };
     const ChartPacking packing =
-        full ? std::move(full->packing) : pack_charts(masks, options_.page_size / kMaskCell);
+        full ? std::move(full->packing)
+             : pack_charts(
+                   masks, options_.page_size / kMaskCell, [&] { context.check_stop(); }, packed);
     DirectFile spots(context.create(kBakeSpots), std::size_t{1} << 18);
     spots.write(packing.spots.data(), packing.spots.size() * sizeof(ChartSpot));
     context.count_written(spots.finish());
@@ -81,7 +88,7 @@ class BakePackStage : public SerialStage {
     }
     write_durably(context.create(kBakePages),
                   dump_json(Json{{"pages", pages}, {"first_chart", first}, {"texel_scale", scale}}));
-    context.advance(charts_);
+    context.advance(charts_ - advanced);
     return {
         {"pages", pages},   {"charts", charts_},      {"texel", scale * made_for.texel},
         {"texels", texels}, {"chart_texels", inside}, {"used_share", texels > 0.0 ? inside / texels : 0.0}};

@@ -51,7 +51,7 @@ std::optional<FullPage> fill_page_of(std::span<const std::filesystem::path> file
     const std::vector<ChartMask> masks =
         scaled_masks(files, scale, static_cast<int>(options.margin), page, context);
     if (masks.empty()) return std::nullopt;
-    auto spots = pack_on_page(masks, page);
+    auto spots = pack_on_page(masks, page, [&] { context.check_stop(); });
     if (!spots) return std::nullopt;
     return FullPage{scale, {std::move(*spots), {page}}};
   };

@@ -1,5 +1,6 @@
 #include "kernels/texture/chart_packing.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -106,6 +107,28 @@ TEST_CASE("chart packing: on one page of a size that is given, or not at all", "
   }
   CHECK(twice == 0);
   CHECK(beyond == 0);
+}
+
+TEST_CASE("chart packing: tells of every page and ends where it is told to", "[unit]") {
+  std::vector<ChartMask> masks;
+  for (std::uint64_t i = 0; i < 600; ++i) masks.push_back(random_mask(i));
+  std::vector<std::size_t> told;
+  std::size_t trials = 0;
+  const ChartPacking packing = pack_charts(
+      masks, 128, [&] { ++trials; }, [&](std::size_t charts) { told.push_back(charts); });
+  REQUIRE(packing.pages.size() > 2);
+  CHECK(told.size() == packing.pages.size());
+  CHECK(std::is_sorted(told.begin(), told.end()));
+  CHECK(told.back() == masks.size());
+  CHECK(trials >= masks.size());
+  struct Stopped {};
+  const auto stop = [&] {
+    if (--trials == 0) throw Stopped();
+  };
+  trials = 50;
+  CHECK_THROWS_AS(pack_charts(masks, 128, stop), Stopped);
+  trials = 50;
+  CHECK_THROWS_AS(pack_on_page(masks, {512, 512}, stop), Stopped);
 }
 
 }  // namespace chart_packing_test
