@@ -36,6 +36,15 @@ ContactCell core_of(const MeshBlock& block) {
 
 }  // namespace
 
+void take_back(MeshBlock& block, std::span<const SafePlace> places) {
+  std::size_t v = 0;
+  for (const SafePlace& place : places) {
+    while (v < block.key.size() && block.key[v] < place.key) ++v;
+    if (v == block.key.size()) return;
+    if (block.key[v] == place.key) block.position[v] = place.at;
+  }
+}
+
 Uncrossed uncross_block(MeshBlock& block, std::span<const SafePlace> safe,
                         std::span<const std::uint8_t> complete, double cell) {
   Uncrossed result;
@@ -69,7 +78,7 @@ Uncrossed uncross_block(MeshBlock& block, std::span<const SafePlace> safe,
     }
   }
   for (std::size_t v = 0; v < back.size(); ++v)
-    if (back[v] != 0) result.returned.push_back(block.key[v]);
+    if (back[v] != 0) result.returned.push_back(safe[place[v]]);
   block.position = std::move(mesh.position);
   return result;
 }

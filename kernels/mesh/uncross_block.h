@@ -17,9 +17,13 @@ struct SafePlace {
 };
 
 struct Uncrossed {
-  std::vector<std::uint64_t> returned;  ///< keys of the vertices that lie at their safe places now, ascending
-  std::size_t pairs = 0;                ///< of faces that crossed or overlapped before
+  std::vector<SafePlace> returned;  ///< vertices that lie at their safe places now, keys ascending
+  std::size_t pairs = 0;            ///< of faces that crossed or overlapped before
 };
+
+/// Moves the vertices of a block to these places, those of them that it has.
+/// \param places  keys ascending
+void take_back(MeshBlock& block, std::span<const SafePlace> places);
 
 /// Moves the corners of faces that cross others to their safe places, in a few rounds.
 /// \param block     canonical, its faces not risky (risky_crossings.h) but for those at moved vertices

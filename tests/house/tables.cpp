@@ -85,6 +85,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/surface/close_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/multipole_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/rims_stage.cpp", "stream/stages/surface/closing_stages.h"},
+      {"stream/stages/surface/prune_stage.cpp", "stream/stages/surface/islands_stage.h"},
       {"stream/stages/surface/tiling.cpp", "stream/stages/surface/surface_stage.h"},
       {"stream/stages/solid/csg_scene.cpp", "stream/stages/solid/csg_job.h"},
       {"stream/stages/solid/inside_stage.cpp", "stream/stages/solid/solid_stages.h"},
@@ -279,7 +280,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"close_stage", "closing_stages", "hole_limit", "holes_stage", "loops_stage", "multipole_stage",
         "output_frame", "rims_stage", "surface_stage", "tiling", "write_stage"});
     by("tools/top_surface_model", "stream/stages/surface", {"hole_rounding", "loop_batches"});
-    by("tools/uncross", "stream/stages/surface", {"uncross_holes_stage"});
+    by("tools/uncross", "stream/stages/surface",
+       {"block_sides", "prune_stage", "sides_stage", "uncross_holes_stage"});
     by("tools/top_surface_model", "stream/stages/weld", {"blunt_stage"});
     by("tools/uncross", "stream/stages/weld",
        {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",

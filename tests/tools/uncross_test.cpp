@@ -204,6 +204,32 @@ TEST_CASE(
   CHECK(run({"-t", "2", "--tile-size", "64"}) == bytes);
 }
 
+TEST_CASE(
+    "uncross: faces that cross at the sides of the blocks of the first pass do not in the end, the same "
+    "bytes whatever runs",
+    "[property]") {
+  const TempFolder folder;
+  const std::string scan = (folder / "scan.ply").string();
+  REQUIRE(tessera_command({"synth", "--scene", "indoor", "--points", "200k", "--noise", "1.5s",
+                           "--noise-length", "4s", "-o", scan})
+              .code == 0);
+  const fs::path out = folder / "out.ply";
+  const auto run = [&](std::vector<std::string> more) {
+    more.insert(more.end(), {"--resolution", "0.04", "--tolerance", "auto", "--keep-raw", "--force"});
+    reconstructed(scan, out, more);
+    return file_bytes(out) + file_bytes(folder / "out.raw.ply");
+  };
+  const std::string bytes = run({"-t", "1"});
+  const Json report = parse_json(file_bytes(out.string() + ".report.json"));
+  CHECK(stage_result(report, "sides-1").at("crossing_pairs").get<std::uint64_t>() > 10);
+  CHECK(stage_result(report, "prune").at("vertices_back").get<std::uint64_t>() > 4);
+  CHECK(stage_result(report, "prune").at("blocks_anew").get<std::uint64_t>() > 1);
+  CHECK(stage_result(report, "mend").at("left_pairs") == 0);
+  check_sound(out);
+  check_sound(folder / "out.raw.ply");
+  CHECK(run({"-t", "2", "--tile-size", "64", "--memory", "300M"}) == bytes);
+}
+
 TEST_CASE("uncross: decimating and remeshing a mesh of thin walls make none cross", "[property]") {
   const TempFolder folder;
   const fs::path sheets = folder / "sheets.ply", out = folder / "out.ply";

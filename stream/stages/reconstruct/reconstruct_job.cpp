@@ -265,7 +265,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
                                        forecast_store_write});
   };
   if (fuses_stores(options)) {
-    append({{"islands", make_islands_stage, forecast_islands}, {"prune", make_prune_stage, forecast_prune}});
+    append(store_end_stages(options));
     CrossingPlan mend;
     mend.may_cut = true;
     mend.mesh = [](const JobState& state) {

@@ -16,6 +16,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/surface/block_sides.h"
 #include "stream/stages/surface/level_files.h"
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/weld/weld_stage.h"
@@ -36,18 +37,6 @@ struct Piece {
   MeshBlock mesh;
   std::vector<SafePlace> safe;
 };
-
-/// Vertices of `to` get the positions that those of these keys, ascending, have in `from`. Both are canonical.
-void copy_positions(const MeshBlock& from, std::span<const std::uint64_t> keys, MeshBlock& to) {
-  std::size_t i = 0, j = 0;
-  for (const std::uint64_t key : keys) {
-    while (i < to.key.size() && to.key[i] < key) ++i;
-    if (i == to.key.size()) return;
-    if (to.key[i] != key) continue;
-    while (from.key[j] < key) ++j;
-    to.position[i] = from.position[j];
-  }
-}
 
 MeshFrame frame_of(const JobState& state) {
   Plan plan = Plan::of_work(state.work);
@@ -154,13 +143,23 @@ std::string island_file(std::size_t task) {
   return kIslandFolder + task_file_stem(task) + ".tsi";
 }
 
-MeshBlock load_island_block(const MeshStore& store, std::uint64_t brick, std::uint32_t bricks,
-                            std::vector<std::size_t>& patches) {
-  patches.clear();
-  for (std::uint64_t b = brick; b < brick + bricks; ++b)
-    if (const std::int64_t patch = store.find(b); patch >= 0)
-      patches.push_back(static_cast<std::size_t>(patch));
-  return store.load(patches);
+DecimateOptions first_pass_kernel(const JobState& state, bool double_positions) {
+  SimplifyOptions simplify = reconstruct_simplify_options(reconstruct_options(state));
+  simplify.tolerance = reconstruct_tolerance(state);
+  return simplify.kernel(!double_positions);
+}
+
+Json decimate_first_block(MeshBlock& block, std::uint64_t first_brick, std::uint64_t bricks,
+                          const Lattice& lattice, const DecimateOptions& kernel,
+                          const std::function<void(std::uint64_t, MeshBlock&&)>& sink) {
+  const DecimateReport report = decimate(block, block, kernel);
+  const MeshBlockCut cut = block_of(first_brick, bricks);
+  std::vector<std::uint64_t> brick;
+  brick.reserve(block.faces.size());
+  for (const auto& f : block.faces)
+    brick.push_back(cut.brick_of(lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+  split_faces(block, brick, sink);
+  return to_json(report);
 }
 
 struct FirstPass::Impl {
@@ -172,6 +171,7 @@ struct FirstPass::Impl {
   std::uint64_t min_faces = 0;  ///< islands with fewer go
   MeshFileWriter full;
   std::optional<MeshFileWriter> first;  ///< where the first pass runs here
+  std::optional<SideFileWriter> sides;  ///< where cells are of one size
   /// Bricks of the largest blocks, of those at work. Without a first pass blocks only tell islands: with levels the
   /// bricks of an eighth have one size.
   std::uint64_t cube = kOctant, block_bricks = kOctant;
@@ -195,9 +195,8 @@ struct FirstPass::Impl {
       first.emplace(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info);
       cube = block_bricks = kCube;
     }
-    SimplifyOptions simplify = reconstruct_simplify_options(options);
-    simplify.tolerance = reconstruct_tolerance(state);
-    kernel = simplify.kernel(!info.double_positions);
+    if (!options.has_levels()) sides.emplace(c.create(side_file(t)), frame);
+    kernel = first_pass_kernel(state, info.double_positions);
   }
 
   void take(std::uint64_t next, int brick_level, MeshBlock&& mesh, std::vector<SafePlace>&& safe) {
@@ -249,7 +248,7 @@ struct FirstPass::Impl {
       complete = complete_stars(block);
       components = find_components(block, complete);
     }
-    uncross(of, block, complete);
+    uncross(of, block, complete, bricks);
     for (Piece& piece : of) {
       full.add(piece.brick, piece.mesh, kPatchCompact | content_of(bricks));
       piece.mesh = MeshBlock{};
@@ -263,24 +262,22 @@ struct FirstPass::Impl {
 
     ++blocks;
     if (!first) return;
-    add_counts(counts, to_json(decimate(block, block, kernel)));
-    const MeshBlockCut cut = block_of(first_brick, bricks);
-    std::vector<std::uint64_t> brick;
-    brick.reserve(block.faces.size());
-    for (const auto& f : block.faces)
-      brick.push_back(
-          cut.brick_of(info.lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
-    split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { first->add(key, patch); });
+    add_counts(counts,
+               decimate_first_block(block, first_brick, bricks, info.lattice, kernel,
+                                    [&](std::uint64_t key, MeshBlock&& patch) { first->add(key, patch); }));
   }
 
-  /// Faces that cross at the sides of a block, with corners that others hold, stay.
-  void uncross(std::span<Piece> of, MeshBlock& block, std::span<const std::uint8_t> complete) {
+  /// Faces that cross at the sides of a block, with corners that others hold, are left to the pass "sides".
+  void uncross(std::span<Piece> of, MeshBlock& block, std::span<const std::uint8_t> complete,
+               std::uint64_t bricks) {
     std::vector<SafePlace> safe;
     for (const Piece& piece : of) safe.insert(safe.end(), piece.safe.begin(), piece.safe.end());
     const Uncrossed mended = uncross_block(block, safe, complete,
                                            frame.lattice.h * static_cast<double>(std::uint64_t{1} << level));
     crossing_pairs += mended.pairs;
-    for (Piece& piece : of) copy_positions(block, mended.returned, piece.mesh);
+    for (Piece& piece : of) take_back(piece.mesh, mended.returned);
+    if (sides)
+      sides->add(of.front().brick / bricks * bricks, static_cast<std::uint32_t>(bricks), block, safe);
   }
 
   static MeshBlock merged(std::span<const Piece> of) {
@@ -324,6 +321,7 @@ Json FirstPass::finish() {
   self.flush();
   self.context.count_written(self.full.finish());
   if (self.first) self.context.count_written(self.first->finish());
+  if (self.sides) self.context.count_written(self.sides->finish());
   PackedWriter file(self.context.create(island_file(self.task)), kIslandKind, kPassBuffer);
   const std::vector<IslandEntry> table = {{file.append(bytes_of(self.parts)),
                                            file.append(bytes_of(self.seams)), self.dropped,
@@ -332,6 +330,10 @@ Json FirstPass::finish() {
   self.counts["blocks"] = self.blocks;
   self.counts["crossing_pairs"] = self.crossing_pairs;
   return std::move(self.counts);
+}
+
+std::uint64_t FirstPass::max_block_faces(std::uint64_t brick_faces) {
+  return std::max(std::min(kCube * brick_faces, kMaxFaces), brick_faces);
 }
 
 std::uint64_t FirstPass::bytes(std::uint64_t block_faces, std::uint64_t brick_faces) {

@@ -9,9 +9,11 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
+#include "kernels/decimate/decimate.h"
 #include "stream/files/json.h"
 #include "stream/files/packed_file.h"
 #include "stream/meshes/mesh_blocking.h"
@@ -52,6 +54,13 @@ std::vector<MeshBlockCut> first_pass_blocks(const MeshStore& full);
 MeshStore open_full_surface(const JobState& state);
 MeshStore open_first_pass(const JobState& state);
 
+/// What decimates a block of the first pass.
+DecimateOptions first_pass_kernel(const JobState& state, bool double_positions);
+/// Does, and hands on what is left by bricks, in ascending order. \param block  its full surface; changed \returns the report
+Json decimate_first_block(MeshBlock& block, std::uint64_t first_brick, std::uint64_t bricks,
+                          const Lattice& lattice, const DecimateOptions& kernel,
+                          const std::function<void(std::uint64_t, MeshBlock&&)>& sink);
+
 /// A component of one block.
 struct IslandPart {
   std::uint64_t brick = 0;      ///< first brick of the block, Morton code
@@ -76,9 +85,6 @@ struct IslandEntry {
 };
 inline constexpr PackedKind kIslandKind = {"TSISLND5", "an island file"};
 std::string island_file(std::size_t task);
-/// The block of these bricks, of a store: merged as the first pass had it. \param patches  out: its patches
-MeshBlock load_island_block(const MeshStore& store, std::uint64_t brick, std::uint32_t bricks,
-                            std::vector<std::size_t>& patches);
 
 /// One task's part.
 class FirstPass {
@@ -93,6 +99,8 @@ class FirstPass {
   /// What it counted, as a pass reports it.
   Json finish();
 
+  /// Most faces that its blocks have, unless a brick has more. \param brick_faces  of a brick, at most
+  static std::uint64_t max_block_faces(std::uint64_t brick_faces);
   /// Upper bound of what it allocates. \param block_faces, brick_faces  most faces of a cube of kFirstPassEdge^3 bricks, of a brick
   static std::uint64_t bytes(std::uint64_t block_faces, std::uint64_t brick_faces);
 

@@ -1,14 +1,10 @@
 #include "stream/stages/surface/islands_stage.h"
 
 #include <algorithm>
-#include <optional>
 #include <vector>
 
-#include "kernels/mesh/block_components.h"
-#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "octree/union_find.h"
-#include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/json.h"
 #include "stream/files/read_file.h"
@@ -25,15 +21,7 @@
 namespace tessera {
 namespace {
 
-constexpr const char* kDroppedFile = "islands/dropped.bin";
-constexpr PackedKind kDroppedKind = {"TSDROPD3", "a file of dropped islands"};
 constexpr std::uint64_t kPage = 1u << 14;  ///< records read at once
-
-/// A part of an island that goes, ascending by file, then block.
-struct DroppedPart {
-  std::uint64_t file = 0;
-  IslandPart part;
-};
 
 /// Parts that are one piece.
 struct Island {
@@ -174,110 +162,20 @@ class IslandsStage : public SerialStage {
   std::uint64_t dropped_ = 0, dropped_faces_ = 0;  ///< in the surface stage
 };
 
-class PruneStage : public Stage {
- public:
-  explicit PruneStage(const JobState& state)
-      : full_(list_task_files(state.work / kFullFolder, ".tmm")),
-        pass_(list_task_files(state.work / kFirstPassFolder, ".tmm")) {
-    const PackedFile file(state.work / kDroppedFile, kDroppedKind, sizeof(Section));
-    const auto sections = file.table<Section>();
-    for (std::size_t f = 0; f < sections.size(); ++f)
-      for (const IslandPart& part : file.load<IslandPart>(sections[f])) dropped_.push_back({f, part});
-    for (std::size_t i = 0; i < dropped_.size(); ++i)
-      if (i == 0 || dropped_[i].file != dropped_[i - 1].file) first_.push_back(i);
-    first_.push_back(dropped_.size());
-  }
-
-  std::string name() const override { return "prune"; }
-  std::size_t task_count() const override { return first_.size() - 1; }
-  std::uint64_t units() const override { return dropped_.size(); }
-  std::string unit_name() const override { return "islands"; }
-  std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t maximum = 0;
-    for (std::size_t i = first_[task]; i < first_[task + 1]; ++i) {
-      const IslandPart& p = dropped_[i].part;
-      std::vector<std::size_t> patches;
-      for (std::uint64_t b = p.brick; b < p.brick + p.bricks; ++b)
-        if (const std::int64_t at = full_.find(b); at >= 0) patches.push_back(static_cast<std::size_t>(at));
-      maximum = std::max(maximum, full_.block_bytes(patches));
-    }
-    return prune_task_bytes(maximum);
-  }
-
-  Json run(std::size_t task, TaskContext& context) const override {
-    MeshFileWriter full(context.create(kPrunedFullFolder + task_file_stem(task) + ".tmm"), full_.info());
-    std::optional<MeshFileWriter> pass;
-    if (!pass_.patches().empty())
-      pass.emplace(context.create(kPrunedPassFolder + task_file_stem(task) + ".tmm"), pass_.info());
-    for (std::size_t i = first_[task]; i < first_[task + 1];) {
-      context.check_stop();
-      const IslandPart& block = dropped_[i].part;
-      std::vector<std::size_t> patches;
-      const MeshBlock merged = load_island_block(full_, block.brick, block.bricks, patches);
-      const BlockComponents components = find_components(merged, complete_stars(merged));
-      std::vector<std::uint8_t> goes(components.faces.size(), 0);
-      for (; i < first_[task + 1] && dropped_[i].part.brick == block.brick; ++i) {
-        goes.at(dropped_[i].part.component) = 1;
-        context.advance(1);
-      }
-      std::vector<std::uint64_t> gone;
-      for (std::size_t v = 0; v < merged.key.size(); ++v)
-        if (goes[components.of_vertex[v]]) gone.push_back(merged.key[v]);
-      for (const std::size_t p : patches) rewrite(full_, p, gone, full);
-      for (std::uint64_t b = block.brick; b < block.brick + block.bricks; ++b)
-        if (const std::int64_t p = pass_.find(b); p >= 0)
-          rewrite(pass_, static_cast<std::size_t>(p), gone, *pass);
-    }
-    context.count_written(full.finish() + (pass ? pass->finish() : 0));
-    return Json::object();
-  }
-
-  std::uint64_t finish_bytes() const override { return 1u << 20; }
-  Json finish(const std::vector<Json>&, TaskContext&) const override { return {{"parts", dropped_.size()}}; }
-  std::vector<std::string> obsolete() const override { return {kIslandFolder}; }
-
- private:
-  static void rewrite(const MeshStore& store, std::size_t patch, const std::vector<std::uint64_t>& gone,
-                      MeshFileWriter& writer) {
-    const std::uint64_t brick = store.patches()[patch].key;
-    const MeshBlock left = without_vertices(store.load(std::vector<std::size_t>{patch}), gone);
-    if (left.faces.empty())
-      writer.remove(brick);
-    else
-      writer.add(brick, left, store.patches()[patch].content & (kPatchAlone | kPatchCompact | kPatchOctant));
-  }
-
-  MeshStore full_;
-  MeshStore pass_;
-  std::vector<DroppedPart> dropped_;
-  std::vector<std::size_t> first_;  ///< into dropped_ per task, one more at the end
-};
-
 }  // namespace
 
 std::uint64_t islands_bytes(const RunOptions& run, std::uint64_t parts) {
   return parts * 72 + sort_bytes(run) + (std::uint64_t{8} << 20);
 }
 
-std::uint64_t prune_task_bytes(std::uint64_t block_bytes) {
-  return 2 * block_bytes + 2 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
-}
-
 std::unique_ptr<Stage> make_islands_stage(const JobState& state) {
   return std::make_unique<IslandsStage>(state);
-}
-std::unique_ptr<Stage> make_prune_stage(const JobState& state) {
-  return std::make_unique<PruneStage>(state);
 }
 
 StageForecast forecast_islands(const PlannedScan& scan) {
   return {.finish_bytes = islands_bytes(scan.run, scan.patches.components()),
           .sure_bytes = islands_bytes(scan.run, 0),
           .files = 1};
-}
-StageForecast forecast_prune(const PlannedScan& scan) {
-  return {.tasks = scan.groups.size(),
-          .task_bytes = prune_task_bytes(8 * surface_block_bytes(scan.largest_patch.faces))};
 }
 
 }  // namespace tessera

@@ -54,7 +54,8 @@ TEST_CASE("uncross block: what crosses goes back, other moved vertices stay", "[
   const MeshBlock before = sheets.block;
   const Uncrossed result = uncross_block(sheets.block, sheets.safe, complete_stars(sheets.block), 1.0);
   CHECK(result.pairs > 0);
-  CHECK(result.returned == std::vector<std::uint64_t>{before.key[vertex(3, 3)]});
+  REQUIRE(result.returned.size() == 1);
+  CHECK(result.returned[0].key == before.key[vertex(3, 3)]);
   for (std::uint32_t v = 0; v < before.key.size(); ++v)
     CHECK(sheets.block.position[v] == (v == vertex(3, 3) ? Double3{3, 3, 0} : before.position[v]));
   CHECK(sheets.block.faces == before.faces);
@@ -76,7 +77,8 @@ TEST_CASE("uncross block: a vertex whose faces lie in another block too stays", 
   std::vector<std::uint8_t> complete = complete_stars(sheets.block);
   complete[vertex(0, 4)] = 0;
   const Uncrossed result = uncross_block(sheets.block, sheets.safe, complete, 1.0);
-  CHECK(result.returned == std::vector<std::uint64_t>{sheets.block.key[vertex(4, 4)]});
+  REQUIRE(result.returned.size() == 1);
+  CHECK(result.returned[0].key == sheets.block.key[vertex(4, 4)]);
   CHECK(sheets.block.position[vertex(0, 4)] == Double3{0, 4, 0.9});
 }
 
@@ -87,6 +89,16 @@ TEST_CASE("uncross block: in metres at survey coordinates as in cells", "[unit]"
   const Uncrossed result = uncross_block(sheets.block, sheets.safe, complete_stars(sheets.block), 0.25);
   CHECK(result.returned.size() == 1);
   CHECK(sheets.block.position[vertex(3, 3)] == sheets.safe[0].at);
+}
+
+TEST_CASE("uncross block: vertices are taken back by their keys, those of other blocks count for nothing",
+          "[unit]") {
+  Sheets sheets = pulled({{vertex(3, 3), {0, 0, 0.9}}, {vertex(8, 8), {0.3, 0.2, 0.1}}});
+  const MeshBlock before = sheets.block;
+  const std::uint64_t last = before.key.back();
+  take_back(sheets.block, std::vector<SafePlace>{sheets.safe[1], {last + 1, {7, 7, 7}}});
+  for (std::uint32_t v = 0; v < before.key.size(); ++v)
+    CHECK(sheets.block.position[v] == (v == vertex(8, 8) ? Double3{8, 8, 0} : before.position[v]));
 }
 
 }  // namespace uncross_block_test

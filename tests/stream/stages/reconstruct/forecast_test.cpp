@@ -192,14 +192,15 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
-    names = {"distribute", "order",  "seen-spacing", "seen", "normals", "surface",  "islands", "prune",
-             "pass-2",     "pass-3", "crossings",    "mend", "certify", "coverage", "write"};
+    names = {"distribute", "order",     "seen-spacing", "seen",    "normals",  "surface",
+             "sides-1",    "sides-2",   "sides-3",      "islands", "prune",    "pass-2",
+             "pass-3",     "crossings", "mend",         "certify", "coverage", "write"};
   }
   SECTION("smoothed and decimated") {
     setup.options.tolerance = 0.1;
     setup.options.smooth = "auto";
-    names = {"distribute", "order", "seen-spacing", "seen",  "normals",  "surface",
-             "islands",    "prune", "reach",        "noise", "smooth-1", "smooth-2"};
+    names = {"distribute", "order",   "seen-spacing", "seen",  "normals", "surface",  "sides-1", "sides-2",
+             "sides-3",    "islands", "prune",        "reach", "noise",   "smooth-1", "smooth-2"};
     for (int round = 1; round <= kUntangleRounds; ++round)
       names.push_back("untangle-" + std::to_string(round));
     for (const char* name : {"untangle", "noise-left", "pass-1", "pass-2", "pass-3", "crossings", "mend",
@@ -263,9 +264,10 @@ TEST_CASE("forecast: closing and decimation have their stages, with the disk tha
   }
   CHECK(names_of(forecasted.forecast, true) == stages_of_the_run(setup.options));
   CHECK(names_of(forecasted.forecast, false) ==
-        std::vector<std::string>{"distribute", "order", "seen-spacing", "seen", "normals", "multipole",
-                                 "rims", "close", "surface", "islands", "prune", "pass-2", "pass-3",
-                                 "crossings", "mend", "certify", "coverage", "write"});
+        std::vector<std::string>{
+            "distribute", "order",   "seen-spacing", "seen",    "normals", "multipole", "rims",
+            "close",      "surface", "sides-1",      "sides-2", "sides-3", "islands",   "prune",
+            "pass-2",     "pass-3",  "crossings",    "mend",    "certify", "coverage",  "write"});
   for (const char* stage : {"normals", "multipole", "rims"})
     CHECK(find(forecasted.forecast, stage)->task_bytes == reserved.at(stage).task);
   CHECK(find(forecasted.forecast, "close")->memory_bytes() >= reserved.at("close").finish);
