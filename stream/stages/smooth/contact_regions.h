@@ -13,11 +13,14 @@ namespace tessera {
 
 /// Of a tile of the last round of smoothing.
 struct SearchedTile {
-  MeshBox box;                    ///< of its own faces
+  std::vector<MeshBox> patches;   ///< of its own faces: a tile's one box would overlap those beside it widely
   std::vector<MeshBox> contacts;  ///< around its own faces that meet each other
 };
-/// Looks for them. \param core  of a block of the tile: 1 for its own faces
-SearchedTile search_tile(const MeshBlock& block, std::span<const std::uint8_t> core);
+/// \pre at least one
+MeshBox box_around(std::span<const Double3> vertices);
+/// Looks for contacts. \param core  of a block of the tile: 1 for its own faces   \param patches  boxes of their vertices
+SearchedTile search_tile(const MeshBlock& block, std::span<const std::uint8_t> core,
+                         std::vector<MeshBox> patches);
 /// What search_tile() holds beside the block.
 std::uint64_t search_tile_bytes(std::uint64_t faces);
 /// Own faces may meet anywhere between these vertices.
@@ -28,7 +31,7 @@ std::uint64_t save_searched(const std::filesystem::path& path, std::span<const S
 class ContactRegions {
  public:
   ContactRegions() = default;
-  /// Where own faces of tiles meet, and where tiles overlap: both faces of any pair meet such a box.
+  /// Where own faces of tiles meet, and where patches of two tiles overlap: both faces of any pair meet such a box.
   /// \param files  what save_searched() wrote of all tiles   \throws InputError where that is nothing
   explicit ContactRegions(const std::vector<std::filesystem::path>& files);
   /// Around vertices. Both faces of a pair meet such a box if one of them has such a vertex.
@@ -40,12 +43,19 @@ class ContactRegions {
 
   /// Patches that may have faces which meet a box, ascending.
   std::vector<std::size_t> patches(const MeshStore& store) const;
+  /// Whether some of a patch may. \param patch  box of it, as in the store
+  bool near(const MeshBox& patch) const;
   /// Per face of a patch: 1 where it may meet a box. \param patch  box of it, as in the store
   std::vector<std::uint8_t> faces(const MeshBlock& block, const MeshBox& patch) const;
   std::uint64_t bytes() const { return boxes_.size() * sizeof(MeshBox); }
 
  private:
-  std::vector<MeshBox> boxes_;
+  void sort();
+  /// Those that may overlap a box.
+  std::span<const MeshBox> beside(const MeshBox& box) const;
+
+  std::vector<MeshBox> boxes_;  ///< by their low sides
+  double widest_ = 0.0;         ///< of them, along x
   double move_ = 0.0;  ///< how far vertices are from where they are in the store
 };
 

@@ -139,8 +139,14 @@ class SmoothStage : public Stage {
               searched.push_back(unsearched_tile(finish_patch(p, smoothed)));
             });
       } else {
-        const MeshHaloBlock own = each_patch(tile, context, counts, finish_patch);
-        if (searches) searched.push_back(search_tile(own.block, own.core));
+        std::vector<MeshBox> boxes;
+        const MeshHaloBlock own =
+            each_patch(tile, context, counts, [&](std::size_t p, const SmoothedPatch& smoothed) {
+              std::vector<Double3> at_rest = finish_patch(p, smoothed);
+              if (searches) boxes.push_back(box_around(at_rest));
+              return at_rest;
+            });
+        if (searches) searched.push_back(search_tile(own.block, own.core, std::move(boxes)));
       }
     }
     if (searches)

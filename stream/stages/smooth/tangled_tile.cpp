@@ -23,6 +23,7 @@ TangledTile::TangledTile(const MeshStore& smoothed, const MeshStore& given, cons
   std::vector<std::uint8_t> tags;
   std::vector<std::uint32_t> patch_of_piece;
   for (const std::size_t p : smoothed.select(grown(smoothed.box_of(tile.patches), tile.margin))) {
+    if (!regions.near(smoothed.patches()[p].box)) continue;
     MeshBlock piece = smoothed.load({&p, 1});
     for (const auto& [v, at] : back.apply(piece, !smoothed.info().double_positions))
       before_back_.emplace(piece.key[v], at);
