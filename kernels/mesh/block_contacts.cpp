@@ -3,6 +3,7 @@
 #include <immintrin.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -35,8 +36,12 @@ struct FloatBox {
 FloatBox around(const BoxBundle& boxes) {
   FloatBox b;
   for (std::size_t k = 0; k < 3; ++k) {
-    b.low[k] = *std::min_element(boxes.low[k].begin(), boxes.low[k].end());
-    b.high[k] = *std::max_element(boxes.high[k].begin(), boxes.high[k].end());
+    const __m128 low = _mm_min_ps(_mm_load_ps(&boxes.low[k][0]), _mm_load_ps(&boxes.low[k][4])),
+                 high = _mm_max_ps(_mm_load_ps(&boxes.high[k][0]), _mm_load_ps(&boxes.high[k][4]));
+    const __m128 low2 = _mm_min_ps(low, _mm_movehl_ps(low, low)),
+                 high2 = _mm_max_ps(high, _mm_movehl_ps(high, high));
+    b.low[k] = _mm_cvtss_f32(_mm_min_ss(low2, _mm_movehdup_ps(low2)));
+    b.high[k] = _mm_cvtss_f32(_mm_max_ss(high2, _mm_movehdup_ps(high2)));
   }
   return b;
 }
@@ -63,11 +68,6 @@ unsigned meeting(const BoxBundle& boxes, const FloatBox& b) {
   return ~static_cast<unsigned>(_mm256_movemask_ps(apart)) & 0xffu;
 }
 
-float rounded_down(double x) {
-  const float f = static_cast<float>(x);
-  return static_cast<double>(f) > x ? std::nextafter(f, -std::numeric_limits<float>::infinity()) : f;
-}
-
 /// The faces that may meet others. Seen along an axis, a block is cut into cells. Where all faces that touch a cell look one
 /// way, none of their edges there is without exactly one other face, and one point of it is covered at most once, all of it is:
 /// the projection is a covering there without branches, so faces have in common what they share. What is left are places where
@@ -84,7 +84,7 @@ class SheetCells {
   bool doubtful(std::vector<std::uint32_t>& some) const {
     if (!useful_) return false;
     for (std::uint32_t f = 0; f < faces_.size() && some.size() <= faces_.size() / 2; ++f)
-      if (any_doubt(range_of(f))) some.push_back(f);
+      if (any_doubt(ranges_[f])) some.push_back(f);
     return some.size() <= faces_.size() / 2;
   }
 
@@ -93,25 +93,31 @@ class SheetCells {
   static constexpr std::size_t kCellFaces = 12, kMaxPerAxis = 4096;
   static constexpr std::size_t kMaxVisits =
       16;  ///< of cells, a face: needles across all of the block are not worth it
-  static constexpr double kMinOneWay = 0.6;  ///< of the area, seen along the axis
-  static constexpr double kSure = 1e-14;     ///< of the terms of a determinant: more than their rounding
+  static constexpr std::size_t kAxisStep = 8;  ///< faces of large blocks that are asked where they look
+  static constexpr double kMinOneWay = 0.6;    ///< of the area, seen along the axis
+  static constexpr double kSure = 1e-14;       ///< of the terms of a determinant: more than their rounding
   static constexpr double kSample = 0.61803398874989485;  ///< where a cell is asked how often it is covered
   static constexpr std::uint8_t kDoubt = 2;               ///< from so many on
   struct Range {
-    std::size_t x0, x1, y0, y1;
+    std::uint16_t x0, y0, x1, y1;
   };
 
   bool find_axis() {
     Double3 sum{}, all{}, low = faces_.corner(0, 0), high = low;
-    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+    const std::size_t step = faces_.size() > 64 * kMinFaces ? kAxisStep : 1;
+    for (std::size_t f = 0; f < faces_.size(); f += step) {
       const Double3 &a = faces_.corner(f, 0), &b = faces_.corner(f, 1), &c = faces_.corner(f, 2);
       const Double3 n = cross(b - a, c - a);
-      for (std::size_t k = 0; k < 3; ++k) {
-        sum[k] += n[k], all[k] += std::fabs(n[k]);
-        low[k] = std::min({low[k], a[k], b[k], c[k]});
-        high[k] = std::max({high[k], a[k], b[k], c[k]});
-      }
+      for (std::size_t k = 0; k < 3; ++k) sum[k] += n[k], all[k] += std::fabs(n[k]);
     }
+    const __m256i three = _mm256_setr_epi64x(-1, -1, -1, 0);
+    __m256d lowest = _mm256_maskload_pd(low.data(), three), highest = lowest;
+    for (std::size_t f = 0; f < faces_.size(); ++f)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const __m256d at = _mm256_maskload_pd(faces_.corner(f, k).data(), three);
+        lowest = _mm256_min_pd(lowest, at), highest = _mm256_max_pd(highest, at);
+      }
+    _mm256_maskstore_pd(low.data(), three, lowest), _mm256_maskstore_pd(high.data(), three, highest);
     std::size_t axis = 0;
     for (std::size_t k = 1; k < 3; ++k)
       if (std::fabs(sum[k]) > std::fabs(sum[axis])) axis = k;
@@ -126,7 +132,7 @@ class SheetCells {
     const double far =
         std::max({std::fabs(low[x_]), std::fabs(low[y_]), std::fabs(high[x_]), std::fabs(high[y_])});
     if (!(width > 0.0 && height > 0.0 && edge > 0x1p-40 * far && std::isfinite(edge))) return false;
-    per_edge_ = 1.0 / edge;
+    edge_ = edge, per_edge_ = 1.0 / edge;
     if (!std::isfinite(per_edge_)) return false;
     size_ = {static_cast<std::size_t>(width * per_edge_) + 1,
              static_cast<std::size_t>(height * per_edge_) + 1};
@@ -134,18 +140,21 @@ class SheetCells {
     return true;
   }
 
+  /// As it is seen along the axis.
+  __m128d seen(const Double3& p) const { return _mm_loadh_pd(_mm_load_sd(&p[x_]), &p[y_]); }
   /// Monotone, so that a cell is where its points are.
-  double scaled(double x, std::size_t axis) const { return (x - low_[axis]) * per_edge_; }
-  std::size_t cell(double scaled, std::size_t axis) const {
-    return std::min(static_cast<std::size_t>(std::max(scaled, 0.0)), size_[axis] - 1);
-  }
-  Range range(double x0, double x1, double y0, double y1) const {
-    return {cell(scaled(x0, 0), 0), cell(scaled(x1, 0), 0), cell(scaled(y0, 1), 1), cell(scaled(y1, 1), 1)};
+  Range range(__m128d low, __m128d high) const {
+    const __m256d from = _mm256_broadcast_pd(reinterpret_cast<const __m128d*>(low_.data())),
+                  last = _mm256_setr_pd(static_cast<double>(size_[0] - 1), static_cast<double>(size_[1] - 1),
+                                        static_cast<double>(size_[0] - 1), static_cast<double>(size_[1] - 1));
+    const __m256d at =
+        _mm256_mul_pd(_mm256_sub_pd(_mm256_set_m128d(high, low), from), _mm256_set1_pd(per_edge_));
+    const __m128i cells = _mm256_cvttpd_epi32(_mm256_min_pd(_mm256_max_pd(at, _mm256_setzero_pd()), last));
+    return std::bit_cast<Range>(_mm_cvtsi128_si64(_mm_packus_epi32(cells, cells)));
   }
   Range range_of(std::uint32_t f) const {
-    const Double3 &a = faces_.corner(f, 0), &b = faces_.corner(f, 1), &c = faces_.corner(f, 2);
-    return range(std::min({a[x_], b[x_], c[x_]}), std::max({a[x_], b[x_], c[x_]}),
-                 std::min({a[y_], b[y_], c[y_]}), std::max({a[y_], b[y_], c[y_]}));
+    const __m128d a = seen(faces_.corner(f, 0)), b = seen(faces_.corner(f, 1)), c = seen(faces_.corner(f, 2));
+    return range(_mm_min_pd(_mm_min_pd(a, b), c), _mm_max_pd(_mm_max_pd(a, b), c));
   }
   template <class Use>
   void each_mark(const Range& r, const Use& use) {
@@ -168,10 +177,11 @@ class SheetCells {
   /// Cells of faces that do not surely look along the axis, and how often each one's sample is covered.
   bool mark_faces() {
     std::size_t visits = 0;
+    ranges_.resize(faces_.size());
     for (std::uint32_t f = 0; f < faces_.size(); ++f) {
       const Double3 &a = faces_.corner(f, 0), &b = faces_.corner(f, 1), &c = faces_.corner(f, 2);
-      const Range r = range_of(f);
-      visits += (r.x1 - r.x0 + 1) * (r.y1 - r.y0 + 1);
+      const Range r = ranges_[f] = range_of(f);
+      visits += static_cast<std::size_t>((r.x1 - r.x0 + 1) * (r.y1 - r.y0 + 1));
       if (visits > kMaxVisits * faces_.size()) return false;
       const double left = (b[x_] - a[x_]) * (c[y_] - a[y_]), right = (b[y_] - a[y_]) * (c[x_] - a[x_]);
       if (!(left - right > kSure * (std::fabs(left) + std::fabs(right)))) {
@@ -180,8 +190,9 @@ class SheetCells {
       }
       each_mark(r, [&](std::uint8_t& mark, std::size_t x, std::size_t y) {
         if (mark >= kDoubt) return;
-        const std::array<double, 2> at = {low_[0] + (static_cast<double>(x) + kSample) / per_edge_,
-                                          low_[1] + (static_cast<double>(y) + kSample) / per_edge_};
+        const std::array<double, 2> at = {low_[0] + (static_cast<double>(x) + kSample) * edge_,
+                                          low_[1] + (static_cast<double>(y) + kSample) * edge_};
+        if (at[0] < std::min({a[x_], b[x_], c[x_]}) || at[0] > std::max({a[x_], b[x_], c[x_]})) return;
         if (left_of(a, b, at) && left_of(b, c, at) && left_of(c, a, at)) ++mark;
       });
     }
@@ -195,10 +206,9 @@ class SheetCells {
         corner : 2;  ///< of the higher vertex what tells most apart; the side begins at the corner
   };
   void doubt_edge(std::uint32_t f, std::size_t corner) {
-    const Double3 &a = faces_.corner(f, corner), &b = faces_.corner(f, after(corner));
-    each_mark(
-        range(std::min(a[x_], b[x_]), std::max(a[x_], b[x_]), std::min(a[y_], b[y_]), std::max(a[y_], b[y_])),
-        [](std::uint8_t& mark, std::size_t, std::size_t) { mark = kDoubt; });
+    const __m128d a = seen(faces_.corner(f, corner)), b = seen(faces_.corner(f, after(corner)));
+    each_mark(range(_mm_min_pd(a, b), _mm_max_pd(a, b)),
+              [](std::uint8_t& mark, std::size_t, std::size_t) { mark = kDoubt; });
   }
 
   /// Where marks tell of which edges there is another side. All others have one face in each direction if these cancel out.
@@ -278,8 +288,9 @@ class SheetCells {
   bool useful_ = false;
   std::size_t x_ = 0, y_ = 1;
   std::array<double, 2> low_{};
-  double per_edge_ = 0.0;
+  double edge_ = 0.0, per_edge_ = 0.0;  ///< of cells
   std::array<std::size_t, 2> size_{};
+  std::vector<Range> ranges_;        ///< of cells, by face
   std::vector<std::uint8_t> marks_;  ///< by cell: how many faces cover its sample, or doubt
 };
 
@@ -327,10 +338,12 @@ class ContactTree {
       : faces_(faces), cell_(cell), order_(std::move(some)) {
     sort();
     std::vector<BoxBundle> leaves((order_.size() + kLanes - 1) / kLanes);
-    for (std::size_t i = 0; i < order_.size(); ++i)
+    for (std::size_t i = 0; i < order_.size(); ++i) {
+      prefetch(i + 2 * kLanes);
       put(leaves[i / kLanes], i % kLanes, box(faces[order_[i]]));
+    }
     levels_.push_back(std::move(leaves));
-    while (levels_.back().size() > 1) {
+    while (levels_.size() < 2 || levels_.back().size() > 1) {
       const std::vector<BoxBundle>& below = levels_.back();
       std::vector<BoxBundle> next((below.size() + kLanes - 1) / kLanes);
       for (std::size_t b = 0; b < below.size(); ++b) put(next[b / kLanes], b % kLanes, around(below[b]));
@@ -341,27 +354,19 @@ class ContactTree {
   /// \param use  (i, j, contact) -> whether to go on
   template <class Use>
   void each_pair(const Use& use) const {
-    std::vector<std::pair<std::size_t, std::size_t>> open;  // level, bundle
-    FacePlanes planes;                                      // of the leaf's faces
+    std::vector<std::size_t> near;  // bundles of leaves that may meet one such bundle
+    FacePlanes planes;              // of a leaf's faces
     for (std::size_t leaf = 0; leaf < levels_[0].size(); ++leaf) {
+      if (leaf % kLanes == 0) find_near(leaf / kLanes, near);
       const FloatBox whole = around(levels_[0][leaf]);
       planes.clear();
+      for (std::size_t i = (leaf + 2) * kLanes; i < (leaf + 3) * kLanes; ++i) prefetch(i);
       for (std::size_t i = leaf * kLanes; i < std::min(order_.size(), (leaf + 1) * kLanes); ++i)
         planes.add(faces_[order_[i]]);
-      open.assign(1, {levels_.size() - 1, 0});
-      while (!open.empty()) {
-        const auto [level, bundle] = open.back();
-        open.pop_back();
-        if (level == 0) {
-          if (!meet(leaf, planes, bundle, use)) return;
-          continue;
-        }
-        // Leaves before this one have met it.
-        const std::size_t first = first_below(leaf, level - 1);
-        for (unsigned bits = meeting(levels_[level][bundle], whole); bits != 0; bits &= bits - 1) {
-          const std::size_t below = bundle * kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
-          if (below >= first) open.emplace_back(level - 1, below);
-        }
+      for (const std::size_t bundle : near) {
+        const unsigned bits = meeting(levels_[1][bundle], whole);
+        for (std::size_t l = kLanes; l-- > 0 && bundle * kLanes + l >= leaf;)  // those before it have met it
+          if ((bits >> l & 1u) != 0 && !meet(leaf, whole, planes, bundle * kLanes + l, use)) return;
       }
     }
   }
@@ -403,30 +408,71 @@ class ContactTree {
   /// Relative to a corner of the block, so that floats tell neighbours apart in survey coordinates too; differences round
   /// monotonically, so boxes that meet still do.
   FloatBox box(const ContactFace& f) const {
-    FloatBox b;
-    for (std::size_t k = 0; k < 3; ++k) {
-      b.low[k] = rounded_down(std::min({f.corner[0][k], f.corner[1][k], f.corner[2][k]}) - origin_[k]);
-      b.high[k] = -rounded_down(-(std::max({f.corner[0][k], f.corner[1][k], f.corner[2][k]}) - origin_[k]));
-    }
-    return b;
+    const __m256i three = _mm256_setr_epi64x(-1, -1, -1, 0);
+    const auto load = [&](const Double3& p) { return _mm256_maskload_pd(p.data(), three); };
+    const __m256d a = load(f.corner[0]), b = load(f.corner[1]), c = load(f.corner[2]), from = load(origin_);
+    const __m128 low = _mm256_cvtpd_ps(_mm256_sub_pd(_mm256_min_pd(_mm256_min_pd(a, b), c), from)),
+                 high = _mm256_cvtpd_ps(_mm256_sub_pd(_mm256_max_pd(_mm256_max_pd(a, b), c), from));
+    alignas(16) std::array<float, 4> l, h;
+    _mm_store_ps(l.data(), outwards(low, -1.0f));
+    _mm_store_ps(h.data(), outwards(high, 1.0f));
+    return {{l[0], l[1], l[2]}, {h[0], h[1], h[2]}};
+  }
+  /// Beyond what was rounded to the nearest.
+  static __m128 outwards(__m128 x, float direction) {
+    constexpr float kLargest = std::numeric_limits<float>::max();
+    const __m128 finite =
+        direction < 0.0f ? _mm_min_ps(x, _mm_set1_ps(kLargest)) : _mm_max_ps(x, _mm_set1_ps(-kLargest));
+    const __m128 unit =
+        _mm_add_ps(_mm_mul_ps(_mm_andnot_ps(_mm_set1_ps(-0.0f), finite), _mm_set1_ps(0x1p-23f)),
+                   _mm_set1_ps(std::numeric_limits<float>::min()));
+    return _mm_add_ps(finite, _mm_mul_ps(unit, _mm_set1_ps(direction)));
+  }
+  void prefetch(std::size_t slot) const {
+    if (slot >= order_.size()) return;
+    const auto* face = reinterpret_cast<const char*>(&faces_[order_[slot]]);
+    __builtin_prefetch(face), __builtin_prefetch(face + sizeof(ContactFace) - 1);
   }
 
-  /// The first bundle of a level that holds leaf `leaf` or a later one.
-  static std::size_t first_below(std::size_t leaf, std::size_t level) {
-    for (; level > 0; --level) leaf /= kLanes;
-    return leaf;
+  /// Bundles of leaves that meet this one, it and later ones, descending.
+  void find_near(std::size_t own, std::vector<std::size_t>& near) const {
+    const FloatBox whole = around(levels_[1][own]);
+    near.clear();
+    std::vector<std::pair<std::size_t, std::size_t>> open = {{levels_.size() - 1, 0}};  // level, bundle
+    while (!open.empty()) {
+      const auto [level, bundle] = open.back();
+      open.pop_back();
+      if (level == 1) {
+        near.push_back(bundle);
+        continue;
+      }
+      std::size_t first = own;  // the bundle of the level below that holds it
+      for (std::size_t l = 2; l < level; ++l) first /= kLanes;
+      for (unsigned bits = meeting(levels_[level][bundle], whole); bits != 0; bits &= bits - 1) {
+        const std::size_t below = bundle * kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
+        if (below >= first) open.emplace_back(level - 1, below);
+      }
+    }
   }
 
   template <class Use>
-  bool meet(std::size_t leaf, const FacePlanes& planes, std::size_t other, const Use& use) const {
+  bool meet(std::size_t leaf, const FloatBox& whole, const FacePlanes& planes, std::size_t other,
+            const Use& use) const {
     const BoxBundle &mine = levels_[0][leaf], &theirs = levels_[0][other];
-    const std::size_t end = std::min(kLanes, order_.size() - other * kLanes);
-    for (std::size_t l = 0; l < end; ++l) {
-      unsigned bits = meeting(mine, lane(theirs, l));
-      if (leaf == other) bits &= (1u << l) - 1u;
-      if (bits == 0) continue;
+    std::array<unsigned, kLanes> met;
+    unsigned some = 0;
+    for (unsigned lanes = meeting(theirs, whole); lanes != 0; lanes &= lanes - 1) {
+      const auto l = static_cast<std::size_t>(__builtin_ctz(lanes));
+      met[l] = meeting(mine, lane(theirs, l));
+      if (leaf == other) met[l] &= (1u << l) - 1u;
+      if (met[l] == 0) continue;
+      some |= 1u << l;
+      prefetch(other * kLanes + l);
+    }
+    for (; some != 0; some &= some - 1) {
+      const auto l = static_cast<std::size_t>(__builtin_ctz(some));
       const std::uint32_t face = order_[other * kLanes + l];
-      for (bits &= ~planes.apart(faces_[face]); bits != 0; bits &= bits - 1)
+      for (unsigned bits = met[l] & ~planes.apart(faces_[face]); bits != 0; bits &= bits - 1)
         if (!decide(order_[leaf * kLanes + static_cast<std::size_t>(__builtin_ctz(bits))], face, use))
           return false;
     }
