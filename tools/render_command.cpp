@@ -77,6 +77,7 @@ void run_render(RenderCommand& command) {
                report.faces, report.border_edges, report.non_manifold_edges);
   }
   if (command.options.crossings) fmt::print(", {} faces cross or touch others", report.crossing_faces);
+  if (report.pages > 0) fmt::print(", {} pages of textures", report.pages);
   if (report.points > 0) fmt::print(", {} points", report.points);
   if (report.measured_points > 0) {
     fmt::print(
@@ -115,7 +116,9 @@ cli::Command render_command() {
   t.add("zoom", &o.zoom, "enlarge after the fit");
   t.add("eye", &o.eye, "where the viewer stands (view custom), scan units");
   t.add("target", &o.target, "what the viewer at --eye looks at, scan units");
-  t.add("colour,color", &o.colour, "auto, vertex, clay or height");
+  t.add("colour,color", &o.colour,
+        "texture (pages of textures of GLB, OBJ and PLY), vertex, clay, height, or auto: the first of "
+        "textures, colours of vertices and clay that the mesh has");
   t.add("deviation", &o.deviation,
         "colour every mesh by its distance to this one, with a scale beside the picture");
   t.add(

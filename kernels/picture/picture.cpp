@@ -8,6 +8,7 @@
 #include <string>
 
 #include "kernels/picture/gl_functions.h"
+#include "kernels/picture/page_levels.h"
 #include "kernels/picture/picture_shaders.h"
 #include "octree/error.h"
 #include "octree/vector.h"
@@ -25,12 +26,24 @@ constexpr double kMaxRadius = 0.3;        // of a view's height: as far as occlu
 constexpr std::uint64_t kBandSamples = 4'500'000;
 
 /// Texture units of the screen passes.
-enum Unit : int { kColours = 0, kDepths = 1, kFacings = 2, kOcclusions = 3 };
+enum Unit : int { kColours = 0, kDepths = 1, kFacings = 2, kOcclusions = 3, kPage = 4 };
 
 std::string with_light(const char* source) {
   std::string text = source;
   const std::string mark = "%LIGHT%";
   return text.replace(text.find(mark), mark.size(), shaders::kLight);
+}
+
+std::string with_page(const char* source) {
+  std::string text = source;
+  return text.insert(text.find('\n') + 1, "#define PAGE\n");
+}
+
+const PictureVertex& vertex_of(const PictureVertex& v) {
+  return v;
+}
+const PictureVertex& vertex_of(const PageVertex& v) {
+  return v.vertex;
 }
 
 float channel(std::uint32_t rgba, int i) {
@@ -97,6 +110,10 @@ std::uint64_t band_bytes(const PictureOptions& options, std::span<const PictureV
   return pixels * (samples * kPerSample + kPerPixel);
 }
 
+std::uint64_t page_bytes(std::uint64_t texels) {
+  return texels * (3 + 6);  // the page; its levels in GL, four bytes a texel and a third of it
+}
+
 Image blank_picture(const PictureOptions& options) {
   Image image;
   image.width = options.width;
@@ -123,9 +140,9 @@ struct Picture::State {
   bool cut_backs = false;
   std::unique_ptr<GlContext> context;
   // GL objects live as long as the context.
-  GLuint triangle_program = 0, point_program = 0, line_program = 0, occlusion_program = 0,
+  GLuint triangle_program = 0, page_program = 0, point_program = 0, line_program = 0, occlusion_program = 0,
          compose_program = 0;
-  GLuint vertex_array = 0, line_array = 0, empty_array = 0, buffer = 0;
+  GLuint vertex_array = 0, page_array = 0, line_array = 0, empty_array = 0, buffer = 0, page = 0;
 
   const GlFunctions& gl() const { return context->gl(); }
 
@@ -135,8 +152,11 @@ struct Picture::State {
   void use_band(GLuint program, std::size_t k) const;
   void use_screen_band(GLuint program, std::size_t k) const;
   void read_band(std::size_t k, Image& image) const;
-  bool may_show(std::span<const PictureVertex> batch, const PictureBand& band, double pad_pixels) const;
-  void upload(std::span<const PictureVertex> vertices) const;
+  template <class Vertex>
+  bool may_show(std::span<const Vertex> batch, const PictureBand& band, double pad_pixels) const;
+  void upload(std::span<const std::byte> vertices) const;
+  void begin_faces(GLuint program, float wire_pixels) const;
+  void build_page_program();
   GLuint frame(std::span<const GLuint> colour, GLuint depth) const;
 };
 
@@ -190,6 +210,14 @@ void Picture::State::build_arrays() {
   attribute(0, 3, GL_FLOAT, GL_FALSE, kStride, offsetof(PictureVertex, x), 0);
   attribute(1, 4, GL_SHORT, GL_TRUE, kStride, offsetof(PictureVertex, nx), 0);
   attribute(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, kStride, offsetof(PictureVertex, rgba), 0);
+  gl().GenVertexArrays(1, &page_array);
+  gl().BindVertexArray(page_array);
+  constexpr GLsizei kPageStride = sizeof(PageVertex);
+  constexpr std::size_t kVertex = offsetof(PageVertex, vertex);
+  attribute(0, 3, GL_FLOAT, GL_FALSE, kPageStride, kVertex + offsetof(PictureVertex, x), 0);
+  attribute(1, 4, GL_SHORT, GL_TRUE, kPageStride, kVertex + offsetof(PictureVertex, nx), 0);
+  attribute(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, kPageStride, kVertex + offsetof(PictureVertex, rgba), 0);
+  attribute(3, 2, GL_FLOAT, GL_FALSE, kPageStride, offsetof(PageVertex, u), 0);
   gl().GenVertexArrays(1, &line_array);
   gl().BindVertexArray(line_array);
   attribute(0, 3, GL_FLOAT, GL_FALSE, 2 * kStride, offsetof(PictureVertex, x), 1);
@@ -237,12 +265,14 @@ void Picture::State::use_screen_band(GLuint program, std::size_t k) const {
 }
 
 /// False where the box of the batch lies above or below the band, which then need not be asked to draw it.
-bool Picture::State::may_show(std::span<const PictureVertex> batch, const PictureBand& band,
+template <class Vertex>
+bool Picture::State::may_show(std::span<const Vertex> batch, const PictureBand& band,
                               double pad_pixels) const {
   const PictureView& view = views[band.view];
   if (band.drawn_low == 0 && band.drawn_high == view.height) return true;
   Double3 low = {1e300, 1e300, 1e300}, high = {-1e300, -1e300, -1e300};
-  for (const PictureVertex& p : batch) {
+  for (const Vertex& v : batch) {
+    const PictureVertex& p = vertex_of(v);
     const Double3 at = {p.x, p.y, p.z};
     for (std::size_t i = 0; i < 3; ++i) low[i] = std::min(low[i], at[i]), high[i] = std::max(high[i], at[i]);
   }
@@ -264,10 +294,9 @@ bool Picture::State::may_show(std::span<const PictureVertex> batch, const Pictur
   return !(maximum + pad_pixels < band.drawn_low || minimum - pad_pixels > band.drawn_high);
 }
 
-void Picture::State::upload(std::span<const PictureVertex> vertices) const {
+void Picture::State::upload(std::span<const std::byte> vertices) const {
   gl().BindBuffer(GL_ARRAY_BUFFER, buffer);
-  gl().BufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices.size_bytes()), vertices.data(),
-                  GL_STREAM_DRAW);
+  gl().BufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices.size()), vertices.data(), GL_STREAM_DRAW);
 }
 
 Picture::Picture(const PictureOptions& options, std::span<const PictureView> views)
@@ -317,22 +346,74 @@ void Picture::cut_backs(bool cut) {
   state_->cut_backs = cut;
 }
 
+/// What all faces of a batch share.
+void Picture::State::begin_faces(GLuint program, float wire_pixels) const {
+  use_scene(program);
+  gl().Uniform1f(gl_uniform(gl(), program, "wire_pixels"),
+                 wire_pixels * static_cast<float>(options.supersample));
+  gl().Uniform1i(gl_uniform(gl(), program, "cut_backs"), cut_backs ? 1 : 0);
+  gl().Uniform1i(gl_uniform(gl(), program, "shade"), static_cast<int>(options.shade));
+  gl().Uniform4f(gl_uniform(gl(), program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
+                 channel(kBackFace, 2), 1.0f);
+}
+
 void Picture::triangles(std::span<const PictureVertex> corners, float wire_pixels) {
   const State& s = *state_;
   const GlFunctions& gl = s.gl();
   const GLuint program = s.triangle_program;
-  s.use_scene(program);
-  s.upload(corners);
+  s.begin_faces(program, wire_pixels);
+  s.upload(std::as_bytes(corners));
   gl.BindVertexArray(s.vertex_array);
-  gl.Uniform1f(gl_uniform(gl, program, "wire_pixels"),
-               wire_pixels * static_cast<float>(s.options.supersample));
-  gl.Uniform1i(gl_uniform(gl, program, "cut_backs"), s.cut_backs ? 1 : 0);
-  gl.Uniform1i(gl_uniform(gl, program, "shade"), static_cast<int>(s.options.shade));
-  gl.Uniform4f(gl_uniform(gl, program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
-               channel(kBackFace, 2), 1.0f);
   for (std::size_t k = 0; k < s.resident.size(); ++k) {
     if (!s.may_show(corners, s.resident[k], kRounding)) continue;
     s.use_band(program, k);
+    gl.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(corners.size()));
+  }
+  gl.Finish();  // else llvmpipe keeps every batch until the end
+}
+
+void Picture::State::build_page_program() {
+  if (page_program != 0) return;
+  page_program = link_gl_program(gl(), "page", with_page(shaders::kTriangleVertex),
+                                 with_light(with_page(shaders::kTriangleFragment).c_str()));
+}
+
+void Picture::set_page(Image page, bool repeats) {
+  State& s = *state_;
+  const GlFunctions& gl = s.gl();
+  s.context->make_current();
+  s.build_page_program();
+  if (s.page != 0) gl.DeleteTextures(1, &s.page);
+  while (std::max(page.width, page.height) > s.context->max_texture_size()) halve_page(page);
+  gl.ActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(kPage));
+  gl.GenTextures(1, &s.page);
+  gl.BindTexture(GL_TEXTURE_2D, s.page);
+  gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
+  gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+  for (const GLenum axis : std::array<GLenum, 2>{GL_TEXTURE_WRAP_S, GL_TEXTURE_WRAP_T})
+    gl.TexParameteri(GL_TEXTURE_2D, axis, repeats ? GL_REPEAT : GL_CLAMP_TO_EDGE);
+  gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+  for (GLint level = 0;; ++level) {
+    gl.TexImage2D(GL_TEXTURE_2D, level, GL_RGB8, page.width, page.height, 0, GL_RGB, GL_UNSIGNED_BYTE,
+                  page.rgb.data());
+    if (page.width == 1 && page.height == 1) break;
+    halve_page(page);
+  }
+  gl.ActiveTexture(GL_TEXTURE0);
+  if (gl.GetError() == GL_OUT_OF_MEMORY)
+    throw ResourceError("rasterizer: no memory for a page of a texture; give more --memory");
+}
+
+void Picture::page_triangles(std::span<const PageVertex> corners, float wire_pixels) {
+  const State& s = *state_;
+  const GlFunctions& gl = s.gl();
+  s.begin_faces(s.page_program, wire_pixels);
+  s.upload(std::as_bytes(corners));
+  gl.BindVertexArray(s.page_array);
+  gl.Uniform1i(gl_uniform(gl, s.page_program, "page"), kPage);
+  for (std::size_t k = 0; k < s.resident.size(); ++k) {
+    if (!s.may_show(corners, s.resident[k], kRounding)) continue;
+    s.use_band(s.page_program, k);
     gl.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(corners.size()));
   }
   gl.Finish();  // else llvmpipe keeps every batch until the end
@@ -343,7 +424,7 @@ void Picture::lines(std::span<const PictureVertex> ends, float pixels, float len
   const GlFunctions& gl = s.gl();
   const GLuint program = s.line_program;
   s.use_scene(program);
-  s.upload(ends);
+  s.upload(std::as_bytes(ends));
   gl.BindVertexArray(s.line_array);
   const auto samples = static_cast<float>(s.options.supersample);
   gl.Uniform1f(gl_uniform(gl, program, "most_half_width"), 0.5f * pixels * samples);
@@ -369,7 +450,7 @@ void Picture::points(std::span<const PictureVertex> centres, float diameter, flo
   const GlFunctions& gl = s.gl();
   const GLuint program = s.point_program;
   s.use_scene(program);
-  s.upload(centres);
+  s.upload(std::as_bytes(centres));
   gl.BindVertexArray(s.vertex_array);
   const auto samples = static_cast<float>(s.options.supersample);
   gl.Uniform1f(gl_uniform(gl, program, "least_pixels"), min_pixels * samples);

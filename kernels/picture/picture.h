@@ -46,6 +46,12 @@ struct PictureVertex {
   std::uint32_t rgba = kClay;
 };
 static_assert(sizeof(PictureVertex) == 24);
+/// A corner on a page of a texture, from 0 to 1 from its lower left.
+struct PageVertex {
+  PictureVertex vertex;
+  float u = 0.0f, v = 0.0f;
+};
+static_assert(sizeof(PageVertex) == 32);
 /// Sets the normal; a zero or non-finite vector means unknown.
 void set_normal(PictureVertex& vertex, float x, float y, float z);
 
@@ -77,6 +83,8 @@ struct PictureBand {
 /// The bands of all views, by options and views alone: a view of usual size is one.
 [[nodiscard]] std::vector<PictureBand> picture_bands(const PictureOptions& options,
                                                      std::span<const PictureView> views);
+/// What set_page() takes and keeps, the page included.
+[[nodiscard]] std::uint64_t page_bytes(std::uint64_t texels);
 /// Bytes of pixel memory for each band that is held at a time.
 [[nodiscard]] std::uint64_t band_bytes(const PictureOptions& options, std::span<const PictureView> views);
 /// A picture in the colour of the lines between views.
@@ -100,6 +108,10 @@ class Picture {
   /// Three corners per triangle, counter-clockwise seen from outside. `wire_pixels` > 0 draws the edges, that
   /// wide.
   void triangles(std::span<const PictureVertex> corners, float wire_pixels = 0.0f);
+  /// What page_triangles() shows from now on, with coarser levels (page_levels.h). \param repeats  beyond 0 and 1; else its border goes on
+  void set_page(Image page, bool repeats);
+  /// As triangles(), in the colours of the page: bilinear between texels, where texels are finer than samples their means.
+  void page_triangles(std::span<const PageVertex> corners, float wire_pixels = 0.0f);
   /// Two ends per line; drawn `pixels` wide in the ends' colour, a little in front of what they lie on. Where lines of
   /// `length` (scene units; 0 = any) are short on screen they get thinner with it, below a sample by hitting fewer: a
   /// thicket of them tints what it lies on instead of covering it.

@@ -1,6 +1,6 @@
 /// \file picture_shaders.h
 /// GLSL of picture.cpp. Colours are averaged and lit in linear light, taken as the square of the stored
-/// value; no pow, sin or cos, whose last bits belong to the driver.
+/// value; no pow, sin or cos, whose last bits belong to the driver. PAGE is defined where a page of a texture gives colours.
 #pragma once
 
 namespace tessera::shaders {
@@ -50,7 +50,14 @@ out vec3 eye_position;
 out vec3 eye_normal;
 out vec3 albedo;
 out vec3 corner;
+#ifdef PAGE
+layout(location = 3) in vec2 on_page;
+out vec2 page_position;
+#endif
 void main() {
+#ifdef PAGE
+  page_position = vec2(on_page.x, 1.0 - on_page.y);  // rows of pages run from the top
+#endif
   vec4 p = view * vec4(position, 1.0);
   eye_position = p.xyz;
   eye_normal = mat3(view) * normal.xyz;
@@ -71,16 +78,43 @@ uniform float wire_pixels;
 uniform int cut_backs;
 uniform int shade;
 uniform vec4 back_colour;
+#ifdef PAGE
+in vec2 page_position;
+uniform sampler2D page;
+/// Mean of what a sample covers, in linear light. On a grazing face that is long: up to eight steps along it, each as wide as it is
+/// (drivers' own anisotropic filters differ, and llvmpipe's is not bilinear where texels are large).
+vec3 page_colour() {
+  vec2 along = dFdx(page_position), across = dFdy(page_position), texels = vec2(textureSize(page, 0));
+  float longer = length(along * texels), shorter = length(across * texels);
+  if (longer < shorter) {
+    vec2 turned = along; along = across; across = turned;
+    float size = longer; longer = shorter; shorter = size;
+  }
+  int steps = int(clamp(ceil(longer / max(shorter, 1.0)), 1.0, 8.0));
+  vec3 sum = vec3(0.0);
+  for (int i = 0; i < steps; ++i) {
+    float from_middle = (float(i) + 0.5) / float(steps) - 0.5;
+    vec3 c = textureGrad(page, page_position + from_middle * along, along / float(steps), across).rgb;
+    sum += c * c;
+  }
+  return sum / float(steps);
+}
+#endif
 layout(location = 0) out vec4 colour;
 layout(location = 1) out vec4 facing;
 %LIGHT%
 void main() {
+#ifdef PAGE
+  vec3 shown = page_colour();  // before anything is discarded: what it covers hangs on neighbours
+#else
+  vec3 shown = albedo;
+#endif
   if (cut_backs != 0 && !gl_FrontFacing) discard;
   vec3 v = orthographic != 0 ? vec3(0.0, 0.0, 1.0) : normalize(-eye_position);
   float size = dot(eye_normal, eye_normal);
   vec3 n = size > 0.0 ? eye_normal * inversesqrt(size) : v;
   if (!gl_FrontFacing) n = -n;
-  vec3 surface = gl_FrontFacing ? albedo : back_colour.rgb * back_colour.rgb;
+  vec3 surface = gl_FrontFacing ? shown : back_colour.rgb * back_colour.rgb;
   if (wire_pixels > 0.0) {
     vec3 d = corner / max(fwidth(corner), vec3(1e-12));
     float near_edge = min(min(d.x, d.y), d.z);

@@ -14,6 +14,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/points/point_source.h"
+#include "stream/render/mesh_pages.h"
 #include "stream/render/png_file.h"
 #include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
@@ -49,6 +50,16 @@ bool is_mesh(const std::filesystem::path& path) {
     return false;
   }
   return is_mesh_extension(extension);
+}
+
+/// What pages of textures take, whatever of them the pictures beside each other share; 0 where none are shown.
+std::uint64_t bytes_of_pages(const RenderOptions& options) {
+  if (!options.deviation.empty() || (options.colour != "auto" && options.colour != "texture")) return 0;
+  std::vector<std::filesystem::path> meshes;
+  for (const std::vector<std::string>& names : {options.inputs, options.compare})
+    for (const std::filesystem::path& path : expand_inputs(names))
+      if (is_mesh(path)) meshes.push_back(path);
+  return mesh_pages_bytes(meshes);
 }
 
 Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& options,
@@ -359,8 +370,11 @@ void RenderOptions::validate() const {
         "--uncertain: leave it out with --deviation, or that with it");
   check(std::isfinite(splat) && splat >= 0.0, "--splat must be 0 (automatic) or above");
   check(occlusion >= 0.0 && occlusion <= 2.0, "--occlusion must be from 0 to 2");
-  check(colour == "auto" || colour == "vertex" || colour == "clay" || colour == "height",
-        "--colour " + colour + ": use auto, vertex, clay or height");
+  check(
+      colour == "auto" || colour == "texture" || colour == "vertex" || colour == "clay" || colour == "height",
+      "--colour " + colour + ": use auto, texture, vertex, clay or height");
+  check(deviation.empty() || colour != "texture",
+        "--colour texture: leave it out with --deviation, whose colours say something else");
   check(borders == "auto" || borders == "on" || borders == "off",
         "--borders " + borders + ": use auto, on or off");
   check(backs == "auto" || backs == "show" || backs == "cut", "--backs " + backs + ": use auto, show or cut");
@@ -370,8 +384,9 @@ void RenderOptions::validate() const {
   check(dot(up, up) > 0.0, "--up must not be zero");
 }
 
-RenderReport render(const RenderOptions& options) {
-  options.validate();
+RenderReport render(const RenderOptions& given) {
+  given.validate();
+  RenderOptions options = given;
   // A wrong name fails before anything is read.
   const std::vector<ViewSpec> requested = chosen_views(options, {0, 0, 0});
   RenderReport report;
@@ -383,14 +398,26 @@ RenderReport render(const RenderOptions& options) {
   Pixels pixels(options, requested, panel_width);
   const std::uint64_t image_bytes = 3 * static_cast<std::uint64_t>(options.width + panel_width) *
                                     static_cast<std::uint64_t>(options.height);
-  const std::uint64_t fixed = fixed_bytes() + image_bytes + (options.missing.empty() ? 0 : kMissingBytes),
-                      minimum = fixed + pixels.band + kMinWorkBytes;
+  std::uint64_t fixed = fixed_bytes() + image_bytes + (options.missing.empty() ? 0 : kMissingBytes),
+                minimum = fixed + pixels.band + kMinWorkBytes;
+  const auto lacks = [&](const std::string& what, std::uint64_t bytes) {
+    return what + " needs --memory " + std::to_string(((bytes - 1) >> 20) + 1) + "M or more; the cap is " +
+           format_bytes(options.memory_bytes);
+  };
   if (options.memory_bytes != 0 && options.memory_bytes < minimum) {
-    throw ResourceError("render: a picture of " + std::to_string(options.width) + "x" +
-                        std::to_string(options.height) + " with --samples " +
-                        std::to_string(options.samples) + " needs --memory " +
-                        std::to_string(((minimum - 1) >> 20) + 1) + "M or more; the cap is " +
-                        format_bytes(options.memory_bytes));
+    throw ResourceError(lacks("render: a picture of " + std::to_string(options.width) + "x" +
+                                  std::to_string(options.height) + " with --samples " +
+                                  std::to_string(options.samples),
+                              minimum));
+  }
+  if (const std::uint64_t pages = options.memory_bytes == 0 ? 0 : bytes_of_pages(options); pages > 0) {
+    options.pages = options.memory_bytes >= minimum + pages;
+    const std::string why = lacks("render: a picture with the pages of textures", minimum + pages);
+    if (!options.pages && options.colour == "texture") throw ResourceError(why);
+    if (options.pages)
+      fixed += pages;
+    else
+      report.notices.push_back(why + "; drawn without textures");
   }
   std::uint64_t work = 0;
   if (options.memory_bytes != 0) {

@@ -46,9 +46,12 @@ struct RenderOptions {
   std::filesystem::path missing;
   double missing_distance = 0.0;  ///< scan units; 0 = two spacings of the scan
 
-  /// vertex, clay, height or auto: vertex where the file has colours, else clay; points that have neither
-  /// colours nor normals by height.
+  /// texture, vertex, clay, height or auto: texture where the mesh has pages of textures, else vertex where the file has
+  /// colours, else clay; points that have neither colours nor normals by height. Pages are in memory one at a time; auto leaves
+  /// out, and says so, those that the cap does not hold or that are in a form that is not read.
   std::string colour = "auto";
+  bool pages =
+      true;  ///< of textures are shown where colour says so; render() clears it where the cap does not hold them
   /// on, off or auto: border edges red, non-manifold edges magenta; auto leaves them out, and says so, where
   /// the edge table does not fit the cap in one pass, and the red ones where red means doubt.
   std::string borders = "auto";
@@ -86,6 +89,7 @@ struct RenderReport {
   std::uint64_t points = 0;
   std::uint64_t border_edges = 0;
   std::uint64_t non_manifold_edges = 0;
+  std::uint64_t pages = 0;            ///< of textures that are shown
   std::uint64_t crossing_faces = 0;   ///< with RenderOptions::crossings
   std::uint64_t measured_points = 0;  ///< of RenderOptions::missing
   std::uint64_t missing_points = 0;   ///< of these, farther from the meshes than

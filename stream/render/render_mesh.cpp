@@ -14,6 +14,7 @@
 #include "stream/meshes/corner_file.h"
 #include "stream/meshes/mesh_weld.h"
 #include "stream/render/doubt.h"
+#include "stream/render/mesh_pages.h"
 #include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
@@ -77,6 +78,8 @@ class MeshItem final : public SceneItem {
       doubt_.emplace(options.uncertain, memory_bytes_ / 2);
       if (memory_bytes_ != 0) memory_bytes_ -= doubt_->bytes();
     }
+    if (options.pages && (options.colour == "auto" || options.colour == "texture"))
+      find_pages(options, report);
     survey(options);
     if (sample_.empty())
       throw EmptyError(path.string() + ": no vertex with finite coordinates, nothing to draw");
@@ -106,12 +109,16 @@ class MeshItem final : public SceneItem {
   bool is_points() const override { return false; }
   std::string caption() const override {
     return path_.filename().string() + ", " + with_commas(face_count_) + " faces" +
+           (pages_ ? ", " + with_commas(pages_->pages()) + (pages_->pages() == 1 ? " page" : " pages") +
+                         " of textures"
+                   : "") +
            (doubt_ ? ", red where sides of points were in doubt" : "") +
            (cut_backs_ ? ", seen from inside" : "");
   }
   void draw(Picture& picture, const DrawContext& context) override;
 
  private:
+  void find_pages(const RenderOptions& options, RenderReport& report);
   void survey(const RenderOptions& options);
   bool looks_inwards() const;
   template <class Use>
@@ -127,7 +134,8 @@ class MeshItem final : public SceneItem {
     return {static_cast<float>(p[0] - origin_[0]), static_cast<float>(p[1] - origin_[1]),
             static_cast<float>(p[2] - origin_[2])};
   }
-  bool soup() const { return format_.rfind("STL", 0) == 0; }
+  /// Faces that share no vertices, or not along the borders of charts.
+  bool soup() const { return format_.rfind("STL", 0) == 0 || (pages_ && format_ == "GLB"); }
   std::uint64_t bytes_per_vertex(bool smooth) const { return 12 + (colour_ ? 4 : 0) + (smooth ? 12 : 0); }
   std::uint64_t vertex_bytes() const { return vertex_count_ * bytes_per_vertex(!normals_empty_); }
 
@@ -142,6 +150,7 @@ class MeshItem final : public SceneItem {
   Double3 origin_{};  ///< of the floats kept here: the first finite vertex
   Double3 shift_{};   ///< from the frame of the file to that of the scan
   std::optional<Doubt> doubt_;
+  std::unique_ptr<MeshPages> pages_;  ///< of textures; none without
   SceneSample sample_;
   Chunked<Float3> positions_, normals_;
   Chunked<std::uint32_t> rgba_;
@@ -150,6 +159,30 @@ class MeshItem final : public SceneItem {
   std::vector<Float3> border_ends_, non_manifold_ends_;
   std::vector<std::uint64_t> crossing_;  ///< faces, ascending
 };
+
+/// Pages of textures where the mesh has some; auto does without those that it cannot have, and says so.
+void MeshItem::find_pages(const RenderOptions& options, RenderReport& report) {
+  const auto without = [&](const std::string& why) {
+    report.notices.push_back(why + "; drawn without textures");
+  };
+  try {
+    auto pages = std::make_unique<MeshPages>(path_, render_temp(options),
+                                             memory_bytes_ == 0 ? kUnlimited : memory_bytes_ / 2);
+    report.notices.insert(report.notices.end(), pages->notices().begin(), pages->notices().end());
+    if (pages->pages() > 0) {
+      pages_ = std::move(pages);
+      report.pages += pages_->pages();
+    } else if (options.colour == "texture") {
+      without(path_.string() + ": has no pages of textures");
+    }
+  } catch (const InputError& e) {
+    if (options.colour == "texture") throw;
+    without(e.what());
+  } catch (const ResourceError& e) {
+    if (options.colour == "texture") throw;
+    without(e.what());
+  }
+}
 
 /// Bounds, counts, and the vertices while they fit.
 void MeshItem::survey(const RenderOptions& options) {
@@ -370,7 +403,8 @@ void MeshItem::draw_edges(Picture& picture, const std::vector<Float3>& ends, std
 
 void MeshItem::draw(Picture& picture, const DrawContext& context) {
   const RenderOptions& options = *context.options;
-  const bool by_vertex = colour_ && (options.colour == "auto" || options.colour == "vertex");
+  const bool by_vertex =
+      colour_ && (options.colour == "auto" || options.colour == "vertex" || options.colour == "texture");
   const bool by_height = options.colour == "height";
   const float wire = options.wire ? kWirePixels : 0.0f;
   picture.set_offset(origin_ - context.origin);
@@ -381,6 +415,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
   std::uint64_t number = 0;
   auto crossing = crossing_.begin();
   std::vector<Float3> crossing_ends;
+  if (pages_) pages_->begin();
   const auto emit = [&](const std::array<Corner, 3>& corners, const MeshFace* face, bool synthetic) {
     const auto& [a, b, c] = corners;
     const bool crosses = crossing != crossing_.end() && *crossing == number;
@@ -392,7 +427,12 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
     }
     const Float3 u = {b.x - a.x, b.y - a.y, b.z - a.z}, v = {c.x - a.x, c.y - a.y, c.z - a.z};
     const Float3 n = cross(u, v);
-    if (!std::isfinite(n[0] + n[1] + n[2])) return;  // a corner that is not a number: nothing to see
+    if (!std::isfinite(n[0] + n[1] + n[2])) {  // a corner that is not a number: nothing to see
+      if (pages_) pages_->skip();
+      return;
+    }
+    std::array<PictureVertex, 3> drawn;
+    bool marked = crosses || (options.synthetic && synthetic);  // in a colour that says something
     PictureVertex flat;
     // Scaled first: squares of tiny faces would underflow.
     const float largest = std::max({std::abs(n[0]), std::abs(n[1]), std::abs(n[2])});
@@ -407,15 +447,22 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
                          static_cast<double>(corner.y) + origin_[1],
                          static_cast<double>(corner.z) + origin_[2]};
       if (by_height) out.rgba = ramp_colour(height_share(p, context));
-      if (doubt_ && doubt_->at(p + shift_)) out.rgba = kDoubtfulPoint;
+      if (doubt_ && doubt_->at(p + shift_)) out.rgba = kDoubtfulPoint, marked = true;
       if (crosses) out.rgba = kCrossingFace;
       if (face != nullptr && !normals_empty_) {
         const Float3& m = normals_[(*face)[i]];
         const float maximum = std::max({std::abs(m[0]), std::abs(m[1]), std::abs(m[2])});
         if (maximum > 0.0f) set_normal(out, m[0] / maximum, m[1] / maximum, m[2] / maximum);
       }
-      batch.push_back(out);
+      drawn[i] = out;
     }
+    if (pages_) {
+      if (marked)
+        pages_->skip();
+      else if (pages_->take(drawn))
+        return;
+    }
+    batch.insert(batch.end(), drawn.begin(), drawn.end());
     if (batch.size() >= 3 * kDrawnFaces) {
       throw_if_stopped();
       picture.triangles(batch, wire);
@@ -424,6 +471,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
   };
   each_face(emit);
   if (!batch.empty()) picture.triangles(batch, wire);
+  if (pages_) pages_->draw(picture, wire);
   // Where red says doubt, it says nothing else unless asked.
   if (!doubt_ || options.borders == "on") draw_edges(picture, border_ends_, kBorderEdge);
   draw_edges(picture, non_manifold_ends_, kNonManifoldEdge);

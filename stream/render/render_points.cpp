@@ -62,9 +62,9 @@ class PointsItem final : public SceneItem {
       batch.clear();
     };
     each_chunk([&](const PointChunk& chunk) {
-      const bool by_vertex = !chunk.rgba.empty() && (options.colour == "auto" || options.colour == "vertex");
-      const bool by_height =
-          options.colour == "height" || (options.colour == "auto" && chunk.rgba.empty() && chunk.nx.empty());
+      const bool any = options.colour == "auto" || options.colour == "texture";  // points have no pages
+      const bool by_vertex = !chunk.rgba.empty() && (any || options.colour == "vertex");
+      const bool by_height = options.colour == "height" || (any && chunk.rgba.empty() && chunk.nx.empty());
       if (plain != !(by_vertex || by_height)) flush();
       plain = !(by_vertex || by_height);
       for (std::size_t i = 0; i < chunk.size(); ++i) {

@@ -386,4 +386,12 @@ std::unique_ptr<TextureReader> open_textures(const std::filesystem::path& mesh, 
   return nullptr;
 }
 
+std::vector<TexturePage> texture_pages(const std::filesystem::path& mesh) {
+  const std::string extension = lower_extension(mesh);
+  if (extension == ".obj") return ObjTextures(mesh, 0).pages();
+  if (extension == ".ply") return PlyTextures(mesh, read_ply_header(ReadFile(mesh))).pages();
+  if (extension == ".glb") return GlbTextures(mesh, 0).pages();
+  return {};
+}
+
 }  // namespace tessera

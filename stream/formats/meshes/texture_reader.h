@@ -44,4 +44,8 @@ class TextureReader {
 ///   `max_bytes` do not hold them
 std::unique_ptr<TextureReader> open_textures(const std::filesystem::path& mesh, std::uint64_t max_bytes);
 
+/// The pages that a file names, without a look at its coordinates: none for formats that have none.
+/// \throws InputError as open_mesh_file()
+std::vector<TexturePage> texture_pages(const std::filesystem::path& mesh);
+
 }  // namespace tessera
