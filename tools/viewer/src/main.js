@@ -15,7 +15,7 @@ import { Tools } from "./tools.js";
 
 const element = (id) => document.getElementById(id);
 const config = JSON.parse(element("tessera-view").textContent);
-const times = { start: performance.now(), picture: null, settled: null };
+const times = { start: performance.now(), picture: null, frames: null, settled: null };  // frames: drawn until the picture
 const COLOURS = [["plain", "Plain"], ["rgb", "RGB"], ["height", "Height"], ["deviation", "Deviation"],
                  ["synthetic", "Synthetic"], ["uncertain", "Uncertain"]];
 const HINTS = {
@@ -198,7 +198,8 @@ function everyFrame() {
     drawMeasurements(element("over"), tools.measurements, stage.camera, stage.size, scan.step);
     drawAxes(element("axes"), axes, stage.camera);
     const { triangles, points } = stage.renderer.info.render;
-    if (times.picture === null && triangles + points > 0) times.picture = performance.now();
+    if (times.picture === null && triangles + points > 0)
+      Object.assign(times, { picture: performance.now(), frames: stage.renderer.info.render.frame });
     if (tiles) {
       element("counts").textContent = `${points > 0 ? `${numberText(points, 1)} points` : `${numberText(triangles, 1)} faces`} shown, ${tiles.visibleTiles.size} tiles`;
       element("busy").style.width = tiles.loadProgress < 1 ? `${100 * tiles.loadProgress}%` : "0";
@@ -219,6 +220,7 @@ async function meshSource() {
     look.signedScale.value = config.deviation.signed;
   }
   const centre = mesh.box.getCenter(new Vector3()).toArray();
+  stage.waits = () => false;
   return {
     object: mesh.object,
     frame: (up) => localFrame(centre, config.origin, up),
@@ -244,6 +246,7 @@ async function tilesSource() {
   }];
   tiles.addEventListener("tiles-load-end", () => (times.settled = performance.now(), stage.changed()));
   tiles.addEventListener("load-root-tileset", stage.changed);
+  stage.waits = () => times.settled === null && tiles.visibleTiles.size === 0;
   stage.changed();
   const { sphere, box, placed, root, asset } = await source.opened;
   element("up-row").hidden = isGeocentric(sphere.center.toArray());

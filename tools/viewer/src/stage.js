@@ -10,8 +10,15 @@ export class Stage {
     this.canvas = canvas;
     this.panel = panel;
     this.covered = 0;  // pixels
+    // Asked before each frame: whether there is nothing to show yet. Then what loads is looked at all the same, but no frame is
+    // drawn or waited for: without a GPU each one takes a tenth of a second, in which nothing else of the page goes on.
+    this.waits = () => true;
+    this.blank = true;
+    const ratio = Math.min(window.devicePixelRatio, 2);
+    canvas.width = Math.max(1, Math.floor(canvas.clientWidth * ratio));  // else the buffer is made twice
+    canvas.height = Math.max(1, Math.floor(canvas.clientHeight * ratio));
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setPixelRatio(ratio);
     this.scene = new Scene();
     this.camera = new PerspectiveCamera(50, 1, 0.1, 1000);
     this.camera.position.set(1, -1, 1);
@@ -43,7 +50,8 @@ export class Stage {
   changed() {
     if (this.due) return;
     this.due = true;
-    requestAnimationFrame((time) => this.frame(time));
+    if (this.blank) setTimeout(() => this.frame(performance.now()));
+    else requestAnimationFrame((time) => this.frame(time));
   }
 
   frame(time) {
@@ -63,6 +71,8 @@ export class Stage {
       look.cutOffset.value = this.plane.offset;
     }
     for (const call of this.update ?? []) call();
+    this.blank = this.blank && this.waits();
+    if (this.blank) return;
     this.renderer.render(this.scene, this.camera);
     for (const call of this.after) call();
   }

@@ -34,6 +34,19 @@ function dress(scene, found, steps) {
   });
 }
 
+/** The library runs its queues once a frame, and a frame may take long: tiles then come one step a frame. */
+function runAtOnce(queue) {
+  let due = false;
+  queue.scheduleJobRun = () => {
+    if (due) return;
+    due = true;
+    setTimeout(() => {
+      due = false;
+      queue.tryRunJobs();
+    });
+  };
+}
+
 /**
  * \param url  of the tileset, beside the page
  * \param on   {loaded(), failed(message)}: a tile came; it did not
@@ -41,6 +54,7 @@ function dress(scene, found, steps) {
  */
 export function openTiles(url, on) {
   const tiles = new TilesRenderer(url);
+  for (const queue of [tiles.downloadQueue, tiles.parseQueue, tiles.processNodeQueue]) runAtOnce(queue);
   tiles.manager.addHandler(/\.(gltf|glb)$/, new GLTFLoader(tiles.manager).setMeshoptDecoder(MeshoptDecoder));
   tiles.errorTarget = 6;
   tiles.lruCache.minBytesSize = 256 * 2 ** 20;

@@ -182,6 +182,7 @@ test("tiles: served, levels by distance, walking, coordinates through the root's
   const page = await browser.open(server.url);
   const first = await shown(page);
   assert.ok(pixels(first, surface).count > 60000, "blank");
+  assert.equal(await page.evaluate("tessera.times.frames"), 1, "frames without content hold up the tiles");
   assert.equal((await page.evaluate("tessera.state()")).tiles.visible, 4);
   await page.evaluate("tessera.dolly(14)");
   await shown(page);
