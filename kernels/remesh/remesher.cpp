@@ -120,6 +120,8 @@ void Remesher::run(RemeshReport& report) {
     // Later passes find no lattice but along seams; where lengths adapt they undo what the tolerance had split.
     if (i == 0 && (options_.find_creases || options_.sizing_tolerance > 0.0)) coarsen(report);
     collapse_short({kCollapseBelow, kSplitAbove}, rounds, report);
+    if (blunt(rounds, report) > 0)
+      collapse_short({kCollapseBelow, kSplitAbove}, i == 0 ? kCoarseRounds : kLaterRounds, report);
     if (i == 0) {
       sort_by_position();
     } else {
@@ -360,6 +362,7 @@ std::size_t Remesher::collapse_listed(const CollapseLengths& lengths, RemeshRepo
       if (refusal != Refusal::kNone) continue;
       for (std::size_t i = 0; i < star_.ring_size(); ++i) mark_changed(star_.ring[i]);
       collapse(at);
+      if (blunting_) recount_lines(v);
       ++done;
       break;
     }

@@ -99,6 +99,7 @@ class Remesher {
   std::uint32_t longest_corner(std::uint32_t f) const;
   void coarsen(RemeshReport& report);
   void collapse_short(const CollapseLengths& lengths, int rounds, RemeshReport& report);
+  std::size_t blunt(int rounds, RemeshReport& report);
   std::size_t collapse_listed(const CollapseLengths& lengths, RemeshReport& report);
   Refusal check_collapse(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
   Refusal check_star(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
@@ -107,6 +108,9 @@ class Remesher {
   bool keeps_lengths(std::uint32_t u, std::size_t at, double longest) const;
   bool keeps_valences(std::size_t at) const;
   Refusal check_moved_faces(std::uint32_t u, std::size_t at) const;
+  Refusal check_blunted_faces(std::uint32_t u, std::size_t at) const;
+  bool folds_no_more(std::uint32_t u, std::size_t at) const;
+  bool keeps_walls(std::uint32_t u, std::size_t at) const;
   bool is_line_near(std::uint32_t u, std::size_t at) const;
   void collapse(std::size_t at);
   bool lines_meet(std::uint32_t u, std::uint32_t v) const;
@@ -156,6 +160,7 @@ class Remesher {
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;
   bool mending_ = false, refining_ = false;
+  bool blunting_ = false;       ///< of edges so short that shapes around them tell nothing
   std::vector<float> gravity_;  ///< per vertex: how much neighbours are drawn to it; empty: all alike
   int round_ = 0;
   std::vector<std::uint8_t> changed_;  ///< per vertex: the round behind the last one that changed its star

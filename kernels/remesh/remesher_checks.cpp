@@ -21,7 +21,7 @@ constexpr double kBetter = 1.1,
 constexpr double kRoundEnough = (1.0 - kBetterBy) / kBetter;  ///< from here on it cannot
 constexpr double kLinesMeet = 0.25;                           ///< targets
 constexpr double kNeedle = 0.4, kLongNearNeedle = 1.8;
-constexpr std::size_t kMaxNewValence = 14;  ///< of a collapse
+constexpr std::size_t kMaxNewValence = 14, kMaxBluntValence = 40;  ///< of a collapse
 
 }  // namespace
 
@@ -102,10 +102,11 @@ bool Remesher::corners_merge(std::uint32_t u, std::uint32_t v) const {
          square_of(u, v) < minimum * minimum;
 }
 
-/// Two lines so near to each other that no sound face has room between them become one, face by face, in the end.
+/// Two lines so near to each other that no sound face has room between them become one, face by face, where nothing else
+/// helps.
 bool Remesher::lines_meet(std::uint32_t u, std::uint32_t v) const {
   const double minimum = kLinesMeet * target(u, v);
-  return mending_ && (mesh_.state(v) & (kVertexCrease | kVertexFixed | kVertexBorder)) &&
+  return (mending_ || blunting_) && (mesh_.state(v) & (kVertexCrease | kVertexFixed | kVertexBorder)) &&
          !(mesh_.state(v) & kVertexLocked) && square_of(u, v) < minimum * minimum;
 }
 
@@ -126,7 +127,7 @@ Remesher::Refusal Remesher::check_star(std::uint32_t u, std::uint32_t v, double 
   if (at == star_.ring_size() || !keeps_lines(u, at) || !keeps_lengths(u, at, longest) ||
       !keeps_valences(at) || !is_collapse_ok(mesh_, star_, at))
     return Refusal::kLink;
-  const Refusal refusal = check_moved_faces(u, at);
+  const Refusal refusal = blunting_ ? check_blunted_faces(u, at) : check_moved_faces(u, at);
   if (refusal != Refusal::kNone) return refusal;
   return is_line_near(u, at) ? Refusal::kNone : Refusal::kTolerance;
 }
@@ -160,7 +161,7 @@ bool Remesher::keeps_valences(std::size_t at) const {
   if (star_.faces <= 3) return false;
   std::size_t valence = star_.faces - 4;
   mesh_.for_each_neighbour(star_.ring[at], [&](std::uint32_t) { ++valence; });
-  return valence <= kMaxNewValence;
+  return valence <= (blunting_ ? kMaxBluntValence : kMaxNewValence);
 }
 
 /// The faces that stay, with ring[at] in the place of u, against the reference; what goes must lie near one of them.

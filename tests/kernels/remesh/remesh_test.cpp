@@ -264,6 +264,48 @@ TEST_CASE("remesh: creases beside each other yield to sound faces where they tur
   CHECK(certified(out, bevel, 0.1) < 0.2 * edge);
 }
 
+TEST_CASE("remesh: ribs far narrower than an edge give way, walls as high as edges stay", "[unit]") {
+  // Profiles across the ribs, each a crease along all of the plate.
+  const auto ribbed = [](double width, double height) {
+    constexpr int kRibs = 8, kAlong = 12;
+    std::vector<std::array<double, 2>> profile;
+    for (int r = 0; r < kRibs; ++r) {
+      const double x = 3.0 * r, rib = x + 1.5;
+      for (const std::array<double, 2>& p : {std::array<double, 2>{x, 0.0},
+                                             {rib, 0.0},
+                                             {rib, height},
+                                             {rib + width, height},
+                                             {rib + width, 0.0}})
+        profile.push_back(p);
+    }
+    profile.push_back({3.0 * kRibs, 0.0});
+    std::vector<Double3> position;
+    std::vector<std::array<std::uint32_t, 3>> faces;
+    for (const auto& [x, z] : profile)
+      for (int y = 0; y <= kAlong; ++y) position.push_back({x, static_cast<double>(y), z});
+    for (std::uint32_t k = 0; k + 1 < profile.size(); ++k)
+      for (std::uint32_t y = 0; y < kAlong; ++y) {
+        const std::uint32_t a = k * (kAlong + 1) + y, b = a + kAlong + 1;
+        faces.push_back({a, b, b + 1});
+        faces.push_back({a, b + 1, a + 1});
+      }
+    return make_block(position, faces);
+  };
+  RemeshOptions o = options_for(1.0);
+  o.tolerance = 0.2;
+  const MeshBlock low = ribbed(0.05, 0.05), out = remeshed(low, o);
+  CHECK(checks_of(out).defects() == 0);
+  TriangleQuality q;
+  q.add(out, 1.0);
+  CHECK(q.faces < 1000);  // 1,400 where ribs stay
+  // And four tenths of them are below 25 degrees there.
+  CHECK(std::accumulate(q.minimum.begin(), q.minimum.begin() + 25, std::uint64_t{0}) < q.faces / 10);
+  CHECK(certified(out, low, 0.1) < 0.3);
+  const MeshBlock high = ribbed(0.5, 1.0), kept = remeshed(high, o);
+  CHECK(checks_of(kept).defects() == 0);
+  CHECK(certified(kept, high, 0.1) < 0.3);
+}
+
 TEST_CASE("remesh: flat faces between two polylines of one crease leave none", "[unit]") {
   // A roof whose slopes meet at every point of the ridge on one side, at every second one on the other: the faces between
   // have hardly an area, and normals that say nothing. All points of the ridge are corners.
