@@ -183,14 +183,23 @@ void CrossingGuard::accept() {
   for (const std::uint32_t f : gone_) boxes_.set(f, box_of(f));
 }
 
-void CrossingGuard::accept_collapse() {
-  if (!built_) return;  // nothing is left of a face alone, so nothing was looked for
+void CrossingGuard::accept_collapse(const Star& star) {
+  if (!leaves_sheets_) tell_sheets(star);
+  if (!built_) return;
+  if (made_box_.size() != made_.size()) find_boxes(made_, made_box_);  // nothing was looked for
   for (const std::uint32_t f : gone_)
     if ((mesh_.face(f).state & kStateDead) != 0) boxes_.set(f, FaceBoxes::kNothing);
   for (std::size_t i = 0; i < made_face_.size(); ++i) boxes_.set(made_face_[i], made_box_[i]);
 }
 
 void CrossingGuard::accept_unasked(const Star& star) {
+  if (marked_) {
+    made_.clear();
+    for (std::size_t i = 0; i < star.faces; ++i)
+      if ((mesh_.face(star.corner[i] >> 2).state & kStateDead) == 0)
+        made_.push_back(contact_face(star.corner[i] >> 2));
+    if (!star.closed || !sheets_.look_along(made_)) tell_sheets(star);
+  }
   if (!built_) return;
   ring_.clear();
   for (std::size_t i = 0; i < star.ring_size(); ++i) ring_.push_back(mesh_.at(star.ring[i]));
@@ -202,16 +211,35 @@ void CrossingGuard::accept_unasked(const Star& star) {
 }
 
 bool CrossingGuard::meets(std::uint32_t face) {
+  before_ = {contact_face(face)};
+  if (marked_ && sheets_.certain(before_)) return false;
   if (!built_) build();
   gone_ = {face}, removed_ = kNoCorner;
-  before_ = {contact_face(face)};
   find_boxes(before_, before_box_);
   return contacts(before_, before_box_, Outline(mesh_, {}), 1) > 0;
 }
 
 void CrossingGuard::begin(std::uint32_t removed) {
-  gone_.clear(), made_.clear(), made_face_.clear();
+  gone_.clear(), made_.clear(), made_face_.clear(), made_box_.clear();
   removed_ = removed;
+  leaves_sheets_ = false;
+}
+
+/// Whether the collapse at hand surely adds none.
+bool CrossingGuard::in_sheet(const Star& star) {
+  if (!by_sheets_) return false;
+  if (!marked_) sheets_ = SheetMarks(mesh_), marked_ = true;
+  leaves_sheets_ = star.closed && sheets_.look_along(made_);
+  return leaves_sheets_ && sheets_.certain(made_);
+}
+
+/// Around all that a collapse of the star makes, and the edges that it may leave without another side.
+void CrossingGuard::tell_sheets(const Star& star) {
+  if (!marked_) return;
+  ring_.clear();
+  for (const ContactFace& f : made_) ring_.insert(ring_.end(), f.corner.begin(), f.corner.end());
+  for (std::size_t i = 0; i < star.ring_size(); ++i) ring_.push_back(mesh_.at(star.ring[i]));
+  sheets_.doubt(ring_);
 }
 
 /// Faces of a star whose centre is now called `name` and lies elsewhere; those with the other end of a collapsing edge go.
@@ -231,6 +259,8 @@ bool CrossingGuard::collapse_adds(const Star& star, std::size_t at) {
   begin(mesh_.vertex(star.corner[0]));
   const std::uint32_t v = star.ring[at];
   take_star(star, v, v, mesh_.at(v));
+  made_meet_ = false;
+  if (in_sheet(star)) return false;
   return adds(Outline(mesh_, {star.ring.data(), star.ring_size()}));
 }
 

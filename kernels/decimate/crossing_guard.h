@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "kernels/decimate/collapse_mesh.h"
+#include "kernels/decimate/sheet_marks.h"
 #include "kernels/mesh/face_boxes.h"
 #include "kernels/mesh/face_contact.h"
 #include "kernels/mesh/face_planes.h"
@@ -22,10 +23,13 @@ class CrossingGuard {
   /// \param mesh  outlives it
   explicit CrossingGuard(const CollapseMesh& mesh) : mesh_(mesh) {}
 
+  /// From now on collapses in a sheet are answered without a search. \pre all edits are collapses until renew()
+  void use_sheets() { by_sheets_ = true; }
+
   /// To be called at first, and when there are new faces or they have got other numbers: all are looked at anew once an edit
   /// is asked about, so that edits before cost nothing.
   /// \param order  kGiven where numbers of faces that are near each other are, too
-  void renew(FaceBoxes::Order order) { order_ = order, built_ = false; }
+  void renew(FaceBoxes::Order order) { order_ = order, built_ = marked_ = by_sheets_ = false; }
 
   // Whether the faces that an edit makes meet more of the mesh, and of each other, than those that it takes away do, but in copies of a vertex: a place
   // that crosses already may be edited as long as it does not get worse. Once the edit is done, accept() takes it over.
@@ -39,8 +43,8 @@ class CrossingGuard {
   /// The flip of the edge opposite a corner.
   bool flip_adds(std::uint32_t corner);
   void accept();
-  /// The same for a collapse as it was asked about, quicker: its boxes are known.
-  void accept_collapse();
+  /// The same for a collapse of this star as it was asked about, quicker: its boxes are known.
+  void accept_collapse(const Star& star);
   /// A collapse of this star that was not asked about. Its faces get the box of all of them until renew().
   void accept_unasked(const Star& star);
 
@@ -60,6 +64,8 @@ class CrossingGuard {
   void prefetch_corners(std::uint32_t f) const;
   void begin(std::uint32_t removed);
   void take_star(const Star& star, std::uint32_t other_end, std::uint32_t name, const Double3& to);
+  bool in_sheet(const Star& star);
+  void tell_sheets(const Star& star);
   bool adds(const Outline& outline);
   static constexpr std::size_t kAll = ~std::size_t{0};
   std::size_t contacts(std::span<const ContactFace> faces, std::span<const FaceBoxes::Box> boxes,
@@ -70,6 +76,8 @@ class CrossingGuard {
   FaceBoxes boxes_;  ///< as the mesh is, where built_
   FaceBoxes::Order order_ = FaceBoxes::Order::kGiven;
   bool built_ = false;
+  SheetMarks sheets_;  ///< where marked_
+  bool by_sheets_ = false, marked_ = false;
   std::uint64_t looked_at_ = 0;
   // Of the edit at hand.
   std::uint32_t removed_ = kNoCorner;     ///< the vertex that goes: all of its faces are in gone_
@@ -78,6 +86,7 @@ class CrossingGuard {
   std::vector<std::uint32_t> made_face_;  ///< of a star: which it leaves
   std::vector<FaceBoxes::Box> made_box_;
   bool made_meet_ = false;
+  bool leaves_sheets_ = false;  ///< what is certain stays so
   std::vector<ContactFace> before_;
   std::vector<FaceBoxes::Box> before_box_;
   std::vector<Double3> ring_;

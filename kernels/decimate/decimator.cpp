@@ -42,6 +42,7 @@ void Decimator::run(DecimateReport& report) {
                                  [](const CollapseFace& f) { return (f.state & kStateDone) != 0; });
   const bool swept = sweeps();
   if (swept) sweep_all(report);
+  guard_.use_sheets();  // sweeps ask where the surface bends alone
   const auto n = static_cast<std::uint32_t>(mesh_.vertices());
   tried_.assign(n, 0);
   tolerance_.keep_witnesses();
@@ -224,7 +225,7 @@ void Decimator::remove(const CandidateStar& s, std::size_t at, const Verdict& ve
 /// Faces that no one was asked about, or that meet others by leave of what was there before, are marked.
 void Decimator::tell_guard(const Star& star, const Verdict& verdict) {
   if (verdict.asked)
-    guard_.accept_collapse();
+    guard_.accept_collapse(star);
   else
     guard_.accept_unasked(star);
   const bool doubt = !verdict.asked || guard_.made_meet();

@@ -169,6 +169,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/certify/certificate_pair", "kernels/certify",
        {"convex_piece", "overlay_outline", "overlay_proof"});
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
+    by("kernels/decimate/crossing_guard", "kernels/decimate", {"sheet_marks"});
     by("kernels/decimate/decimate", "kernels/decimate",
        {"collapse_deviation", "collapse_mesh", "decimator", "decimator_sweep", "feature_edges", "quadric"});
     by("kernels/extract/extended_marching_cubes", "kernels/extract",

@@ -83,7 +83,7 @@ TEST_CASE("crossing guard: tells what all pairs of faces tell, edit by edit", "[
       continue;
     }
     if (edit == Edit::kCollapse || edit == Edit::kCollapseAndMove)
-      guard.accept_collapse();
+      guard.accept_collapse(star);
     else
       guard.accept();
     CHECK(adds == (contacts(mesh) > contacts(before)));
@@ -109,7 +109,7 @@ TEST_CASE("crossing guard: of a face alone a collapse leaves nothing to ask abou
   REQUIRE(mesh.gather(0, star));
   CHECK_FALSE(guard.collapse_adds(star, 0));
   mesh.collapse(star, 0);
-  guard.accept_collapse();
+  guard.accept_collapse(star);
   CHECK_FALSE(guard.made_meet());
 }
 
@@ -120,6 +120,7 @@ TEST_CASE("crossing guard: collapses that it is not asked about, before and afte
   CollapseMesh mesh(block, {0, 0, 0});
   CrossingGuard guard(mesh);
   guard.renew(FaceBoxes::Order::kGiven);
+  if (GENERATE(false, true)) guard.use_sheets();
   Random random(seed);
   std::size_t added = 0, harmless = 0, meeting = 0;
   Star star;
@@ -143,7 +144,7 @@ TEST_CASE("crossing guard: collapses that it is not asked about, before and afte
       continue;
     }
     if (asked) {
-      guard.accept_collapse();
+      guard.accept_collapse(star);
       CHECK(adds == (contacts(mesh) > contacts(before)));
       (adds ? added : harmless) += 1;
     } else {
@@ -172,6 +173,57 @@ TEST_CASE("crossing guard: collapses that it is not asked about, before and afte
   }
   CHECK(meeting > 5);
   CHECK(meeting < faces.size());
+}
+
+TEST_CASE("crossing guard: collapses in a sheet are answered without a search, as all pairs tell",
+          "[property]") {
+  const std::uint64_t seed = GENERATE(7u, 8u, 9u);
+  const int sheets = GENERATE(1, 2);
+  MeshBlock block = rough_sheets(24, sheets, 0.25, seed);
+  for (Double3& p : block.position)
+    if (std::fabs(p[0] - 5.0) < 3.0) p[0] += 2.0 * std::sin(p[1]);  // folds
+  CollapseMesh mesh(block, {0, 0, 0});
+  CrossingGuard guard(mesh);
+  guard.renew(FaceBoxes::Order::kGiven);
+  guard.use_sheets();
+  Random random(seed);
+  std::size_t added = 0, spared = 0;
+  Star star, other;
+  for (int step = 0; step < 500; ++step) {
+    const auto u = static_cast<std::uint32_t>(random.below(mesh.vertices()));
+    if ((mesh.state(u) & kVertexKept) != 0 || !mesh.gather(u, star) || !star.closed || star.faces < 4)
+      continue;
+    const std::size_t at = random.below(star.faces);
+    const std::uint32_t v = star.ring[at];
+    std::size_t shared = 0;
+    mesh.for_each_neighbour(v, [&](std::uint32_t w) {
+      for (std::size_t i = 0; i < star.faces; ++i) shared += star.ring[i] == w;
+    });
+    if (shared != 2 || (mesh.state(v) & kVertexPinched) != 0 || !mesh.gather(v, other)) continue;
+    const CollapseMesh before = mesh;
+    const std::uint64_t looked = guard.looked_at();
+    const auto kind = step < 20 ? 0 : random.below(10) > 1 ? 2 : random.below(2);
+    const Double3 to = mesh.at(v) * 0.7 + mesh.at(u) * 0.3;
+    const bool adds = kind == 0   ? false
+                      : kind == 1 ? guard.collapse_adds(star, at, other, to)
+                                  : guard.collapse_adds(star, at);
+    if (kind == 1) mesh.node(v).at = to;
+    mesh.collapse(star, at);
+    if (is_flat(mesh)) {
+      mesh = before;
+      continue;
+    }
+    if (kind == 0) {
+      guard.accept_unasked(star);
+      continue;
+    }
+    guard.accept_collapse(star);
+    CHECK(adds == (contacts(mesh) > contacts(before)));
+    added += adds;
+    spared += kind > 1 && guard.looked_at() == looked;
+  }
+  CHECK(added > 3);
+  if (sheets == 1) CHECK(spared > 5);
 }
 
 TEST_CASE("crossing guard: fans that hang together in copies of a vertex may not cross for that", "[unit]") {
