@@ -22,9 +22,9 @@
 namespace tessera {
 namespace {
 
-// Block of one brick: 42 bytes a point while loading, then shape, whether it is a candidate, overlay record, candidates,
-// orientation.
-constexpr std::uint64_t kBytesPerPoint = 42 + 28 + 4 + 8 + 55 + 64;
+// Block of one brick: 42 bytes a point while loading, candidates; of its own points shape, whether it is a candidate, overlay
+// record, orientation.
+constexpr std::uint64_t kBytesPerPoint = 42 + 55, kBytesPerOwnPoint = 28 + 4 + 8 + 64;
 /// Cosine of the view from which a point's own sensor decides its sign alone.
 constexpr float kSureView = 0.25f;
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;
@@ -288,17 +288,18 @@ std::uint64_t normals_task_bytes(std::span<const BrickEntry> bricks, std::size_t
   std::uint64_t maximum = 0;
   for (std::size_t b = first; b < last; ++b) {
     const Int3 at = brick_of_key(bricks[b].key);
-    std::uint64_t points = 0;
+    std::uint64_t points = 0, own = 0;
     for (int d = 0; d < 27; ++d) {
       const Int3 n = {at[0] + d % 3 - 1, at[1] + d / 3 % 3 - 1, at[2] + d / 9 - 1};
       if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
       const BrickEntry* e = find_brick(bricks, brick_key(n));
       // A neighbour lends at most the eighth of its blocks that touch the face.
       if (e) points += d == 13 ? e->points : e->points / 4;
+      if (e && d == 13) own = e->points;
     }
-    maximum = std::max(maximum, points);
+    maximum = std::max(maximum, points * kBytesPerPoint + own * kBytesPerOwnPoint);
   }
-  return maximum * kBytesPerPoint + kFixedTaskBytes;
+  return maximum + kFixedTaskBytes;
 }
 
 std::unique_ptr<Stage> make_normals_stage(const JobState& state) {
