@@ -279,8 +279,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/reconstruct_tolerance", "stream/stages/surface",
        {"first_pass", "islands_stage", "samples_stage"});
     by("stream/stages/surface/surface", "stream/stages/surface",
-       {"close_stage", "closing_stages", "hole_limit", "holes_stage", "loops_stage", "multipole_stage",
-        "output_frame", "rims_stage", "surface_stage", "tiling", "write_stage"});
+       {"dense_bricks", "close_stage", "closing_stages", "hole_limit", "holes_stage", "loops_stage",
+        "multipole_stage", "output_frame", "rims_stage", "surface_stage", "tiling", "write_stage"});
     by("tools/top_surface_model", "stream/stages/surface", {"hole_rounding", "loop_batches"});
     by("tools/uncross", "stream/stages/surface",
        {"block_sides", "prune_stage", "sides_stage", "uncross_holes_stage"});

@@ -10,6 +10,7 @@
 #include "stream/runtime/task_counts.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/surface/closing_stages.h"
+#include "stream/stages/surface/dense_bricks.h"
 #include "stream/stages/surface/surface_stage.h"
 
 namespace tessera {
@@ -25,6 +26,7 @@ class BoundariesStage : public Stage {
         field_(field_options(plan_, reconstruct_options(state).feature_angle_deg)) {
     if (!HolesMode(reconstruct_options(state).holes).close) return;
     field_.firm_boundary = true;
+    bytes_limit_ = tile_bytes_limit(state.run);
     groups_ = make_tile_groups(store_.bricks(), surface_tiling(state, field_));
   }
 
@@ -35,23 +37,20 @@ class BoundariesStage : public Stage {
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t maximum = 0;
-    for (const Tile& tile : groups_[task])
-      maximum = std::max(maximum, boundaries_tile_bytes(store_.bricks(), tile, field_halo_cells(field_)));
-    return maximum;
+    for (const Tile& tile : groups_[task]) maximum = std::max(maximum, cut(tile).bytes);
+    return maximum + kBoundaryTaskBytes;
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
     BrickSectionWriter writer(context.create("rims/" + task_file_stem(task) + ".tsr"));
-    const int halo = field_halo_cells(field_);
     FieldOptions options = field_;
     options.pause = [&context] { context.check_stop(); };
     std::uint64_t boundaries = 0;
     for (const Tile& tile : groups_[task]) {
       context.check_stop();
-      const PointBlock points = store_.load(tile.corner(), tile.edges(), halo);
-      if (points.size() == 0) continue;
-      context.count_read(points.size() * sizeof(PointRecord));
-      const DirectedField field = evaluate_field(points, options);
+      std::uint64_t own_points = 0;
+      const DirectedField field = field_in_parts(store_, tile, cut(tile).edge, options, own_points, context);
+      if (field.leaves.empty()) continue;
       std::vector<Int3> cells = boundary_cells(field);
       boundaries += cells.size();
       const auto count = static_cast<std::uint64_t>(tile.bricks) * static_cast<std::uint64_t>(tile.bricks) *
@@ -66,7 +65,7 @@ class BoundariesStage : public Stage {
             cells);
         cells.clear();  // global names: any brick of the tile may hold them
       }
-      context.advance(core_points(points));
+      context.advance(own_points);
     }
     context.count_written(writer.finish());
     return {{"rim_cells", boundaries}};
@@ -80,17 +79,18 @@ class BoundariesStage : public Stage {
   }
 
  private:
+  TileCut cut(const Tile& tile) const {
+    return cut_tile(store_, nullptr, tile, field_halo_cells(field_), bytes_limit_);
+  }
+
   Plan plan_;
   PointStore store_;
   FieldOptions field_;
+  std::uint64_t bytes_limit_ = 0;  ///< of a tile
   std::vector<TileGroup> groups_;
 };
 
 }  // namespace
-
-std::uint64_t boundaries_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells) {
-  return tile_bytes(bricks, nullptr, tile, halo_cells) + kBoundaryTaskBytes;
-}
 
 std::unique_ptr<Stage> make_boundaries_stage(const JobState& state) {
   return std::make_unique<BoundariesStage>(state);
@@ -117,10 +117,12 @@ StageForecast forecast_multipole(const PlannedScan& scan) {
 StageForecast forecast_boundaries(const PlannedScan& scan) {
   if (!scan.closes) return idle_forecast();
   std::uint64_t task = 0;
-  scan.for_each_tile(
-      [&](const Tile& t) { task = std::max(task, boundaries_tile_bytes(scan.bricks, t, scan.halo)); });
+  scan.for_each_tile([&](const Tile& t) {
+    task =
+        std::max(task, expected_tile_bytes(scan.bricks, nullptr, t, scan.halo, tile_bytes_limit(scan.run)));
+  });
   return all_sure({.tasks = scan.groups.size(),
-                   .task_bytes = task,
+                   .task_bytes = task + kBoundaryTaskBytes,
                    .disk_bytes = bytes_of(scan.faces, kBoundaryBytes),
                    .files = scan.groups.size(),
                    .processor_us = scan.faces * kBoundaryTime,

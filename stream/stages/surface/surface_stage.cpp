@@ -18,6 +18,7 @@
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/surface/closing_stages.h"
+#include "stream/stages/surface/dense_bricks.h"
 #include "stream/stages/surface/first_pass.h"
 
 namespace tessera {
@@ -55,6 +56,7 @@ class SurfaceStage : public Stage {
     }
     TilingOptions tiling = surface_tiling(state, field_);
     tiling.closing = closing_.get();
+    bytes_limit_ = tiling.tile_bytes_limit;
     groups_ = make_tile_groups(store_.bricks(), tiling);
     state_ = state;
     fused_ = fuses_stores(options);
@@ -70,8 +72,8 @@ class SurfaceStage : public Stage {
     std::uint64_t maximum = 0;
     for (const Tile& tile : groups_[task]) {
       const std::uint64_t near = multipoles_ ? multipoles_->near_bytes(tile.corner(), tile.edges()) : 0;
-      maximum =
-          std::max(maximum, surface_tile_bytes(store_.bricks(), closing_.get(), tile, halo(), fused_, near));
+      maximum = std::max(maximum, cut(tile).bytes + surface_extra_bytes(store_.bricks(), closing_.get(), tile,
+                                                                        halo(), fused_, near));
     }
     return maximum;
   }
@@ -95,7 +97,10 @@ class SurfaceStage : public Stage {
       context.check_stop();
       DirectedField field;
       std::uint64_t own_points = 0;
-      {
+      if (const TileCut parts = cut(tile); parts.edge > 0) {
+        field = field_in_parts(store_, tile, parts.edge, options, own_points, context);
+        if (field.leaves.empty()) continue;
+      } else {
         const std::vector<ClosingLeaf> closing =
             closing_ ? closing_->cells_around(tile.corner(), tile.edges()) : std::vector<ClosingLeaf>{};
         const PointBlock points =
@@ -159,8 +164,13 @@ class SurfaceStage : public Stage {
     return std::max(MultipoleStore::kHaloCells, (halo() + kLeafCells - 1) / kLeafCells * kLeafCells);
   }
 
+  TileCut cut(const Tile& tile) const {
+    return cut_tile(store_, closing_.get(), tile, closing_ ? closing_halo() : halo(), bytes_limit_);
+  }
+
   JobState state_;
-  bool fused_ = false;  ///< the first pass of decimation runs here
+  std::uint64_t bytes_limit_ = 0;  ///< of a tile
+  bool fused_ = false;             ///< the first pass of decimation runs here
   Plan plan_;
   PointStore store_;
   FieldOptions field_;
@@ -173,13 +183,13 @@ class SurfaceStage : public Stage {
 
 }  // namespace
 
-std::uint64_t surface_tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
-                                 const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes) {
+std::uint64_t surface_extra_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                                  const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes) {
   std::uint64_t pass = 0;
   if (fused)
     pass = FirstPass::bytes(max_faces(bricks, closing, tile, halo_cells, kFirstPassEdge),
                             max_faces(bricks, closing, tile, halo_cells, 1));
-  return tile_bytes(bricks, closing, tile, halo_cells) + near_bytes + pass + kFixedTaskBytes;
+  return near_bytes + pass + kFixedTaskBytes;
 }
 
 std::uint64_t core_points(const PointBlock& p) {
@@ -195,8 +205,12 @@ TilingOptions surface_tiling(const JobState& state, const FieldOptions& field) {
   tiling.halo_cells = field_halo_cells(field);
   // Four bricks an edge keep the recomputed shell small; more gain nothing.
   tiling.tile_bricks = state.run.tile_cells > 0 ? std::max(1, state.run.tile_cells / kBrickCells) : 4;
-  tiling.tile_bytes_limit = state.run.memory_bytes / 2 / static_cast<std::uint64_t>(state.run.threads);
+  tiling.tile_bytes_limit = tile_bytes_limit(state.run);
   return tiling;
+}
+
+std::uint64_t tile_bytes_limit(const RunOptions& run) {
+  return run.memory_bytes / 2 / static_cast<std::uint64_t>(run.threads);
 }
 
 FieldOptions field_options(const Plan& plan, double feature_angle_deg) {
@@ -254,20 +268,21 @@ double surface_face_time(const PlannedScan& scan) {
 
 StageForecast forecast_surface(const PlannedScan& scan) {
   const BrickSectionStore no_cells({});
+  const std::uint64_t limit = tile_bytes_limit(scan.run);
   std::uint64_t maximum = 0, open = 0;
   scan.for_each_tile([&](const Tile& t) {
     const std::uint64_t near =
         scan.closes ? MultipoleStore::near_bytes(scan.bricks, t.corner(), t.edges()) : 0;
     const BrickSectionStore* closing = scan.closes ? &no_cells : nullptr;
-    maximum =
-        std::max(maximum, surface_tile_bytes(scan.bricks, closing, t, scan.halo, scan.fuses_stores, near));
-    if (scan.closes)
-      open = std::max(open, surface_tile_bytes(scan.bricks, closing, t, scan.halo, scan.fuses_stores, 0));
+    const std::uint64_t bytes = expected_tile_bytes(scan.bricks, closing, t, scan.halo, limit) +
+                                surface_extra_bytes(scan.bricks, closing, t, scan.halo, scan.fuses_stores, 0);
+    maximum = std::max(maximum, bytes + near);
+    open = std::max(open, bytes);
   });
   const double time = surface_face_time(scan) + (scan.fuses_stores ? kFirstPassFaceTime : 0.0);
   return {.tasks = scan.groups.size(),
           .task_bytes = maximum,
-          .sure_bytes = scan.closes ? open : maximum,
+          .sure_bytes = open,
           .disk_bytes = scan.surface_bytes,
           .files = scan.groups.size(),
           .processor_us = scan.faces * time,

@@ -26,6 +26,10 @@ struct TilingOptions {
 /// Upper bound of the memory that computing a tile takes, from the brick tables alone.
 std::uint64_t tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
                          const Tile& tile, int halo_cells);
+/// Its two shares: the band and its leaves; points, with their dipoles where holes are closed.
+std::uint64_t tile_band_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                              const Tile& tile, int halo_cells);
+std::uint64_t tile_point_bytes(std::uint64_t points, const BrickSectionStore* closing);
 
 /// Most faces that a tile's patches are expected to have, from the brick tables alone.
 std::uint64_t tile_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
@@ -40,14 +44,13 @@ std::uint64_t core_points(const PointBlock& points);
 
 /// How the job's options and cap cut tiles.
 TilingOptions surface_tiling(const JobState& state, const FieldOptions& field);
+/// Memory that one tile may take.
+std::uint64_t tile_bytes_limit(const RunOptions& run);
 
-/// What a task of the surface stage takes at most while it computes the tile. \param fused  with the first pass
+/// What a task of the surface stage takes beside the bytes of the tile that it computes. \param fused  with the first pass
 /// \param near_bytes  of the multipoles around, where holes are closed
-std::uint64_t surface_tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
-                                 const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes);
-
-/// The same of the rims stage.
-std::uint64_t boundaries_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells);
+std::uint64_t surface_extra_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                                  const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes);
 
 /// The field of a job: radius and noise from the plan, angle from the options.
 FieldOptions field_options(const Plan& plan, double feature_angle_deg);

@@ -51,6 +51,12 @@ HaloCounts halo_counts(std::span<const BrickEntry> bricks, const BrickSectionSto
   return counts;
 }
 
+std::uint64_t band_bytes(const HaloCounts& counts, const Tile& tile) {
+  const auto leaves = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells + 2);
+  const std::uint64_t slots = leaves * leaves * leaves;
+  return std::min(counts.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
+}
+
 void split(std::span<const BrickEntry> bricks, const TilingOptions& options, const Tile& tile,
            TileGroup& out) {
   const HaloCounts counts = halo_counts(bricks, options.closing, tile, options.halo_cells);
@@ -72,13 +78,19 @@ void split(std::span<const BrickEntry> bricks, const TilingOptions& options, con
 
 }  // namespace
 
+std::uint64_t tile_point_bytes(std::uint64_t points, const BrickSectionStore* closing) {
+  return points * (kBytesPerPoint + (closing ? kBytesPerDipole : 0));
+}
+
+std::uint64_t tile_band_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                              const Tile& tile, int halo_cells) {
+  return band_bytes(halo_counts(bricks, closing, tile, halo_cells), tile);
+}
+
 std::uint64_t tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
                          const Tile& tile, int halo_cells) {
   const HaloCounts counts = halo_counts(bricks, closing, tile, halo_cells);
-  const auto leaves = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells + 2);
-  const std::uint64_t slots = leaves * leaves * leaves;
-  return counts.points * (kBytesPerPoint + (closing ? kBytesPerDipole : 0)) +
-         std::min(counts.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
+  return tile_point_bytes(counts.points, closing) + band_bytes(counts, tile);
 }
 
 std::uint64_t tile_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,

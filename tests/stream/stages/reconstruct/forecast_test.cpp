@@ -300,6 +300,29 @@ TEST_CASE("forecast: a hot brick of 4.19 million points is told with what normal
                     Catch::Contains("stage normals"));
 }
 
+TEST_CASE("forecast: a small cap has dense bricks computed in parts instead of being refused", "[unit]") {
+  const TempFolder work;
+  ChainSetup setup;
+  setup.options.normals = "estimate";
+  JobState job = chain_job(work.path(), setup);
+  job.run.threads = 1;
+  Plan plan;
+  std::vector<PlanBrick> bricks;  // a street: many points a brick, all on one floor
+  for (int y = 1; y < 6; ++y)
+    for (int x = 1; x < 6; ++x) bricks.push_back({brick_key({x, y, 1}), 400'000, 64});
+  std::sort(bricks.begin(), bricks.end(), [](const auto& a, const auto& b) { return a.key < b.key; });
+  plan.dispositions.kept = bricks.size() * 400'000;
+  plan.bricks = bricks.size();
+  plan.buckets = cut_buckets(bricks, 1 << 20, reconstruct_options(job).max_brick_points);
+  const auto surface = [&](std::uint64_t cap) {
+    job.run.memory_bytes = cap;
+    return find(forecast_job(plan, bricks, {4, 32 * kMiB}, job), "surface")->task_bytes;
+  };
+  CHECK(surface(4096 * kMiB) > 300 * kMiB);
+  CHECK(surface(256 * kMiB) < 160 * kMiB);
+  CHECK(surface(128 * kMiB) < 100 * kMiB);
+}
+
 TEST_CASE("forecast: a surface takes longer the noisier it is, and not where crowns are the noise",
           "[unit]") {
   Plan plan;

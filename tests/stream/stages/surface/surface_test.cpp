@@ -5,6 +5,7 @@
 #include "stream/check/mesh_check.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/surface/closing_stages.h"
+#include "stream/stages/surface/dense_bricks.h"
 #include "stream/stages/surface/holes_stage.h"
 #include "stream/stages/surface/loops_stage.h"
 #include "stream/stages/surface/surface_stage.h"
@@ -32,7 +33,21 @@ struct MeshResult {
   MeshCheck check;
   Json orient, close, surface, weld, border;
   Json holes;
+  std::size_t in_parts = 0;  ///< bricks whose field is evaluated in parts
 };
+
+std::size_t count_in_parts(const JobState& job) {
+  const PointStore store = PointStore::of_surface(job.work);
+  const int halo = field_halo_cells(field_options(Plan::of_work(job.work), 25.0));
+  std::size_t count = 0;
+  for (const BrickEntry& brick : store.bricks()) {
+    const TileCut cut =
+        cut_tile(store, nullptr, {brick_of_key(brick.key), 1}, halo, tile_bytes_limit(job.run));
+    CHECK(cut.bytes <= tile_bytes(store.bricks(), nullptr, {brick_of_key(brick.key), 1}, halo));
+    count += cut.edge > 0;
+  }
+  return count;
+}
 
 MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup) {
   const TempFolder folder;
@@ -54,6 +69,7 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
     run(*make_boundaries_stage(job));
     result.close = run(*make_close_stage(job));
   }
+  result.in_parts = count_in_parts(job);
   result.surface = run(*make_surface_stage(job));
   result.weld = run(*make_weld_stage(job));
   result.border = run(*make_border_stage(job));
@@ -136,6 +152,24 @@ TEST_CASE("main job: pure noise has no defect and no seam, whatever the tiles", 
   CHECK(small.check.faces > 10'000);
   setup.tile_cells = 256;
   CHECK(run_job(points, setup).bytes == small.bytes);
+}
+
+TEST_CASE("main job: dense bricks are computed in parts, the same bytes", "[property]") {
+  auto points = true_sphere(900'000, 29.0, {0, 0, 0});
+  std::erase_if(points, [](const TestPoint& p) { return p.p[2] > 27.0; });
+  Random random(3);
+  for (TestPoint& p : points)
+    for (std::size_t a = 0; a < 3; ++a) p.p[a] += 0.1 * random.in(-1, 1);
+  MeshSetup setup;
+  setup.options.holes = GENERATE("keep", "close");  // closed holes: the rims alone are found in parts
+  const MeshResult want = run_job(points, setup);
+  CHECK(want.in_parts == 0);
+  check_sound(want.check);
+  CHECK(want.check.faces > 30'000);
+  setup.memory = std::uint64_t{64} << 20;
+  const MeshResult small = run_job(points, setup);
+  CHECK(small.in_parts > 0);
+  CHECK(small.bytes == want.bytes);
 }
 
 TEST_CASE("islands: what is mostly border and folds is a shred, but not the largest", "[unit]") {
