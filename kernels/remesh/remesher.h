@@ -107,6 +107,7 @@ class Remesher {
   bool keeps_lines(std::uint32_t u, std::size_t at) const;
   bool keeps_lengths(std::uint32_t u, std::size_t at, double longest) const;
   bool keeps_valences(std::size_t at) const;
+  static bool stays_flat(const NewFace& face, const Double3& from);
   Refusal check_moved_faces(std::uint32_t u, std::size_t at) const;
   Refusal check_blunted_faces(std::uint32_t u, std::size_t at) const;
   bool folds_no_more(std::uint32_t u, std::size_t at) const;

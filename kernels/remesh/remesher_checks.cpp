@@ -164,6 +164,15 @@ bool Remesher::keeps_valences(std::size_t at) const {
   return valence <= (blunting_ ? kMaxBluntValence : kMaxNewValence);
 }
 
+/// Of a face without area whose first corner comes from so near that rounding cannot tell: a fan of such faces, as the pole of a
+/// globe leaves it, goes one by one.
+bool Remesher::stays_flat(const NewFace& face, const Double3& from) {
+  const Double3* at = face.at;
+  const FaceExtent before = face_extent(from, at[1], at[2]);
+  return before.is_flat() && face_extent(at[0], at[1], at[2]).is_flat() &&
+         squared_distance(from, at[0]) <= kFlatAltitude * kFlatAltitude * before.longest2;
+}
+
 /// The faces that stay, with ring[at] in the place of u, against the reference; what goes must lie near one of them.
 Remesher::Refusal Remesher::check_moved_faces(std::uint32_t u, std::size_t at) const {
   const std::uint32_t v = star_.ring[at];
@@ -175,6 +184,10 @@ Remesher::Refusal Remesher::check_moved_faces(std::uint32_t u, std::size_t at) c
     if (i == at || j == at) continue;
     const std::uint32_t a = star_.ring[i], b = star_.ring[j];
     const NewFace face{{v, a, b}, {to, mesh_.at(a), mesh_.at(b)}};
+    if (stays_flat(face, from)) {
+      nearest = 0.0;
+      continue;
+    }
     const double before = mean_ratio(from, face.at[1], face.at[2]),
                  after = mean_ratio(to, face.at[1], face.at[2]);
     // The normal of a flat face says nothing.

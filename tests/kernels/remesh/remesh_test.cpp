@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <numeric>
 
 #include "kernels/certify/certificate.h"
 #include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/closest_face.h"
+#include "kernels/mesh/flat_faces.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/triangle_quality.h"
 #include "octree/error.h"
@@ -365,6 +367,39 @@ TEST_CASE("remesh: flat faces between two polylines of one crease leave none", "
   CHECK(q.smallest > 5000);
   const auto corners = std::count(out.vertex_class.begin(), out.vertex_class.end(), VertexClass::kCorner);
   CHECK(static_cast<std::size_t>(corners) >= kLong + 1);
+}
+
+TEST_CASE("remesh: faces without area around a pole go, whose border is shorter than rounding", "[unit]") {
+  // A quarter of a globe, around the pole of which its border has edges that no number tells from none.
+  constexpr int kAround = 60, kDown = 12;
+  std::vector<Double3> at;
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  for (int j = 0; j <= kDown; ++j)
+    for (int i = 0; i <= kAround; ++i) {
+      const double along = std::numbers::pi * i / kAround, down = 0.5 * std::numbers::pi * j / kDown;
+      const double out = j == 0 ? 1e-15 : std::sin(down);
+      at.push_back({out * std::cos(along), out * std::sin(along), std::cos(down)});
+    }
+  for (std::uint32_t j = 0; j < kDown; ++j)
+    for (std::uint32_t i = 0; i < kAround; ++i) {
+      const std::uint32_t next = i + 1, up = j * (kAround + 1), low = up + kAround + 1;
+      faces.push_back({up + i, low + i, low + next});
+      faces.push_back({up + i, low + next, up + next});
+    }
+  const MeshBlock dome = make_block(at, faces);
+  const auto flat = [](const MeshBlock& b) {
+    return std::count_if(b.faces.begin(), b.faces.end(), [&](const auto& f) {
+      return face_extent(b.position[f[0]], b.position[f[1]], b.position[f[2]]).is_flat();
+    });
+  };
+  CHECK(flat(dome) == kAround);
+  MeshBlock block = dome;
+  RemeshOptions options;
+  options.edge = 0.15;
+  remesh(block, dome, options);
+  CHECK(flat(block) <= 1);  // between two corners of the border that stay
+  CHECK(block.faces.size() > 200);
+  CHECK(count_contacts(block) == 0);
 }
 
 TEST_CASE("remesh: two pieces with a locked seam fit together, whichever is done first", "[unit]") {
