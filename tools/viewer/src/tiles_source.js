@@ -60,12 +60,17 @@ export function openTiles(url, on) {
   tiles.lruCache.minBytesSize = 256 * 2 ** 20;
   tiles.lruCache.maxBytesSize = 768 * 2 ** 20;
   const colours = new Set(), steps = { finest: Infinity };
+  // The tile that is wanted first comes alone: processor and decoders are not shared with those that come after it.
+  const jobs = tiles.downloadQueue.maxJobsPerOrigin;
+  tiles.downloadQueue.maxJobsPerOrigin = 1;
   tiles.addEventListener("load-model", ({ scene }) => {
+    tiles.downloadQueue.maxJobsPerOrigin = jobs;
     dress(scene, colours, steps);
     on.loaded();
   });
   for (const event of ["needs-update", "tile-visibility-change", "tiles-load-end", "dispose-model"])
     tiles.addEventListener(event, () => on.changed());
+  tiles.addEventListener("load-error", () => (tiles.downloadQueue.maxJobsPerOrigin = jobs));
   tiles.addEventListener("load-error", ({ url: at, error }) => on.failed(`${decodeURI(String(at ?? url))}: ${error?.message ?? error}`));
   const opened = new Promise((done) => {
     const ready = () => {
