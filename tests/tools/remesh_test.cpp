@@ -203,7 +203,7 @@ TEST_CASE("remesh: a number of faces with needles for shapes is no result", "[pi
   write_whole(in, strips);
   const CommandResult refused = tessera_command(words(in, out, {"--faces", "600"}));
   CHECK(refused.code == 6);
-  CHECK(refused.errors.find("below 25 degrees") != std::string::npos);
+  CHECK(refused.errors.find("--faces 600 cannot be had") != std::string::npos);
   CHECK(refused.errors.find("give --edge") != std::string::npos);
   CHECK_FALSE(fs::exists(out));
   CHECK(tessera_command(words(in, out, {"--edge", "1", "--force"})).code == 0);
