@@ -50,37 +50,79 @@ double plane_residual(const double (&z)[9]) {
   return sum / 6.0;
 }
 
+/// Does what was measured in a cell stand high enough?
+bool stands_high(std::span<const std::int32_t> lowest, const GroundSurface& surface, const RoofRules& rules,
+                 std::size_t cell) {
+  return surface.kind[cell] == kGroundObject &&
+         static_cast<double>(lowest[cell]) - surface.ground[cell] >= rules.min_height;
+}
+
+/// Middles of 3 x 3 cells that stand and are planar.
+RoofMask planar_middles(std::span<const std::int32_t> lowest, const GroundSurface& surface,
+                        const RoofRules& rules) {
+  RoofMask planar(surface.width, surface.height);
+  for (int v = 1; v + 1 < surface.height; ++v)
+    for (int u = 1; u + 1 < surface.width; ++u) {
+      double z[9];
+      int held = 0;
+      for (; held < 9; ++held) {
+        const std::size_t i = planar.at(u + held % 3 - 1, v + held / 3 - 1);
+        if (!stands_high(lowest, surface, rules, i)) break;
+        z[held] = static_cast<double>(lowest[i]) - lowest[planar.at(u, v)];
+      }
+      if (held == 9 && plane_residual(z) <= rules.max_residual * rules.max_residual) planar(u, v) = 1;
+    }
+  return planar;
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> find_roofs(std::span<const std::int32_t> lowest, const GroundSurface& surface,
                                      const RoofRules& rules) {
   const int width = surface.width, height = surface.height;
-  RoofMask planar(width, height), roof(width, height), wide(width, height);
-  const auto stands = [&](std::size_t i) {
-    return surface.kind[i] == kGroundObject &&
-           static_cast<double>(lowest[i]) - surface.ground[i] >= rules.min_height;
-  };
-  for (int v = 1; v + 1 < height; ++v)
-    for (int u = 1; u + 1 < width; ++u) {
-      double z[9];
-      int held = 0;
-      for (; held < 9; ++held) {
-        const std::size_t i = planar.at(u + held % 3 - 1, v + held / 3 - 1);
-        if (!stands(i)) break;
-        z[held] = static_cast<double>(lowest[i]) - lowest[planar.at(u, v)];
-      }
-      if (held == 9 && plane_residual(z) <= rules.max_residual * rules.max_residual) planar(u, v) = 1;
-    }
+  RoofMask planar = planar_middles(lowest, surface, rules), roof(width, height), wide(width, height);
   for (int v = 0; v < height; ++v)
     for (int u = 0; u < width; ++u)
       if (planar(u, v) != 0 && planar.count(u, v, 2) >= kMinPlanar) roof(u, v) = 1;
   // Ridges and chimneys between planes, then eaves and walls.
   for (int v = 0; v < height; ++v)
     for (int u = 0; u < width; ++u)
-      if (stands(roof.at(u, v)) && roof.count(u, v, 1) > 0) wide(u, v) = 1;
+      if (stands_high(lowest, surface, rules, roof.at(u, v)) && roof.count(u, v, 1) > 0) wide(u, v) = 1;
   for (int v = 0; v < height; ++v)
     for (int u = 0; u < width; ++u) roof(u, v) = wide.count(u, v, 1) > 0 ? 1 : 0;
   return roof.take();
+}
+
+std::vector<std::uint8_t> find_planar_areas(std::span<const std::int32_t> lowest,
+                                            const GroundSurface& surface, const RoofRules& rules) {
+  const int width = surface.width, height = surface.height;
+  const RoofMask middles = planar_middles(lowest, surface, rules);
+  RoofMask planar(width, height), wide(width, height);
+  for (int v = 0; v < height; ++v)
+    for (int u = 0; u < width; ++u) planar(u, v) = middles.count(u, v, 1) > 0 ? 1 : 0;
+  RoofMask open = planar;
+  std::vector<std::array<int, 2>> area;
+  for (int v = 0; v < height; ++v)
+    for (int u = 0; u < width; ++u) {
+      if (open(u, v) == 0) continue;
+      open(u, v) = 0;
+      area.assign(1, {u, v});
+      for (std::size_t k = 0; k < area.size(); ++k) {
+        const auto [x, y] = area[k];
+        const std::array<std::array<int, 2>, 4> beside = {{{x, y - 1}, {x - 1, y}, {x + 1, y}, {x, y + 1}}};
+        for (const auto& [s, t] : beside) {
+          if (s < 0 || t < 0 || s >= width || t >= height || open(s, t) == 0) continue;
+          open(s, t) = 0;
+          area.push_back({s, t});
+        }
+      }
+      if (area.size() >= static_cast<std::size_t>(std::max(rules.min_cells, 0)))
+        for (const auto& [x, y] : area) wide(x, y) = 1;
+    }
+  std::vector<std::uint8_t> out(lowest.size());
+  for (int v = 0; v < height; ++v)
+    for (int u = 0; u < width; ++u) out[wide.at(u, v)] = wide.count(u, v, 2) > 0 ? 1 : 0;
+  return out;
 }
 
 }  // namespace tessera

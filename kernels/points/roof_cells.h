@@ -17,11 +17,19 @@ namespace tessera {
 struct RoofRules {
   double min_height = 0.0;    ///< over the ground
   double max_residual = 0.0;  ///< of the nine heights to their plane, root mean square
+  int min_cells = 0;          ///< of a connected area of find_planar_areas()
 };
 
 /// 1 for cells of roofs and those beside them, which hold eaves and walls. A cell depends on nothing farther away than 6 cells.
 /// \param lowest, surface  as given to and returned by find_ground()
 [[nodiscard]] std::vector<std::uint8_t> find_roofs(std::span<const std::int32_t> lowest,
                                                    const GroundSurface& surface, const RoofRules& rules);
+
+/// 1 for cells of 3 x 3 that stand and are planar, where min_cells of them or more hang together by their sides, and for those
+/// up to two cells beside them: small huts too, which are no wider than their cells, but no flat crown.
+/// A cell depends on nothing farther away than min_cells + 4 cells. \param lowest, surface  as of find_roofs()
+[[nodiscard]] std::vector<std::uint8_t> find_planar_areas(std::span<const std::int32_t> lowest,
+                                                          const GroundSurface& surface,
+                                                          const RoofRules& rules);
 
 }  // namespace tessera

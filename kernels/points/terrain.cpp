@@ -97,17 +97,25 @@ void find_terrain_cells(std::span<ColumnPoint> points, int cell_columns, std::in
 }
 
 std::vector<TerrainNode> fit_terrain(std::span<const TerrainCell> cells, int width, int height,
-                                     const GroundRules& rules) {
+                                     const GroundRules& rules, const RoofRules& roofs) {
   std::vector<std::int32_t> heights(cells.size());
   for (std::size_t i = 0; i < cells.size(); ++i) heights[i] = cells[i].lowest;
   drop_rim_objects(heights, width, height, rules);
-  const GroundSurface found = find_ground(heights, width, height, rules);
+  GroundSurface found = find_ground(heights, width, height, rules);
   std::vector<TerrainNode> nodes(cells.size());
-  std::vector<std::uint8_t> known(cells.size());
+  std::vector<std::uint8_t> known(cells.size()), roof;
+  if (roofs.min_height > 0.0) {
+    for (std::size_t i = 0; i < cells.size(); ++i) {  // buildings at rims too
+      heights[i] = cells[i].lowest;
+      if (found.kind[i] == kGroundEmpty && heights[i] != kNoGround) found.kind[i] = kGroundObject;
+    }
+    roof = find_planar_areas(heights, found, roofs);
+  }
   for (std::size_t i = 0; i < cells.size(); ++i) {
     known[i] = found.kind[i] == kGroundMeasured;
     if (known[i] != 0) heights[i] = cells[i].level;
     nodes[i].flags = known[i] != 0 ? kTerrainSeen : cells[i].lowest == kNoGround ? 0u : kTerrainStands;
+    if (!roof.empty() && roof[i] != 0) nodes[i].flags |= kTerrainRoof;
   }
   fill_membrane(heights, known, width, height);
   for (std::size_t i = 0; i < cells.size(); ++i) nodes[i].level = heights[i];
@@ -117,8 +125,9 @@ std::vector<TerrainNode> fit_terrain(std::span<const TerrainCell> cells, int wid
   return nodes;
 }
 
-int terrain_halo(const GroundRules& rules) {
-  return rules.max_window * (rules.max_window + 1) + 2 + kRimWindow * (kRimWindow + 1);
+int terrain_halo(const GroundRules& rules, const RoofRules& roofs) {
+  const int area = roofs.min_height > 0.0 ? roofs.min_cells + 4 : 0;
+  return rules.max_window * (rules.max_window + 1) + 2 + kRimWindow * (kRimWindow + 1) + area;
 }
 
 BrickTerrain::BrickTerrain(std::span<const TerrainNode> nodes, const GroundRules& rules)
@@ -161,6 +170,8 @@ constexpr std::size_t kBrickColumns = std::size_t{kBrickCells} * kBrickCells;
 /// Columns around one whose points say whether what stands there is strewn; and farther ones: flakes of crowns lie in a plane,
 /// but four in five columns around are strewn.
 constexpr int kStrewnRadius = 2, kCrownRadius = 16;
+/// So many times the tolerance over the ground stands high; among strewn columns, one in so many, it is no roof by itself.
+constexpr std::int64_t kHighTolerances = 4, kAmongStrewn = 5;
 
 /// The terrain at the columns of a brick column, quanta.
 struct ColumnGround {
@@ -185,10 +196,12 @@ struct ColumnGround {
 };
 
 /// Columns with points above the ground, most of which are strewn around there.
-std::vector<std::uint8_t> strewn_columns(std::span<const ColumnPoint> points, const ColumnGround& ground) {
+std::vector<std::uint8_t> strewn_columns(std::span<const ColumnPoint> points, const ColumnGround& ground,
+                                         const BrickTerrain& terrain) {
   std::vector<std::int64_t> votes(kBrickColumns, 0);
-  std::vector<std::uint8_t> out(kBrickColumns, 0);
+  std::vector<std::uint8_t> out(kBrickColumns, 0), high(kBrickColumns, 0);
   for (const ColumnPoint& p : points) {
+    if (ground.above(p) > kHighTolerances * ground.tolerance[p.column]) high[p.column] = 1;
     if (ground.above(p) <= ground.tolerance[p.column]) continue;
     votes[p.column] += p.volumetric ? 1 : -1;
     out[p.column] = 1;
@@ -197,8 +210,12 @@ std::vector<std::uint8_t> strewn_columns(std::span<const ColumnPoint> points, co
   for (std::size_t i = 0; i < kBrickColumns; ++i) strewn[i] = votes[i] > 0;
   const std::vector<std::int64_t> sums = box_sums({kBrickCells}, votes, kStrewnRadius);
   all = box_sums({kBrickCells}, all, kCrownRadius), strewn = box_sums({kBrickCells}, strewn, kCrownRadius);
-  for (std::size_t i = 0; i < kBrickColumns; ++i)
-    out[i] &= static_cast<std::uint8_t>(sums[i] > 0 || 5 * strewn[i] > 4 * all[i]);
+  for (std::size_t i = 0; i < kBrickColumns; ++i) {
+    const int u = static_cast<int>(i) % kBrickCells, v = static_cast<int>(i) / kBrickCells;
+    const bool crown =
+        high[i] != 0 && kAmongStrewn * strewn[i] > all[i] && (terrain.node(u, v).flags & kTerrainRoof) == 0;
+    out[i] &= static_cast<std::uint8_t>(sums[i] > 0 || 5 * strewn[i] > 4 * all[i] || crown);
+  }
   return out;
 }
 
@@ -231,7 +248,7 @@ void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terra
 void find_cleared_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
                          std::span<ColumnLayers> layers) {
   const ColumnGround ground(terrain);
-  const std::vector<std::uint8_t> strewn = strewn_columns(points, ground);
+  const std::vector<std::uint8_t> strewn = strewn_columns(points, ground, terrain);
   const auto left = std::partition(points.begin(), points.end(), [&](const ColumnPoint& p) {
     return strewn[p.column] == 0 || ground.holds(p);
   });

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "kernels/points/ground_filter.h"
+#include "kernels/points/roof_cells.h"
 #include "kernels/points/surface_model.h"
 
 namespace tessera {
@@ -32,6 +33,7 @@ enum TerrainFlag : std::uint32_t {
   kTerrainStands = 2,  ///< what was measured stands on it, or lies below as a pit does
   kTerrainInside =
       4,  ///< here and in the cells around something was measured, or they lie in holes no wider than the window
+  kTerrainRoof = 8,  ///< a building stands here
 };
 
 /// The terrain at the middle of a cell.
@@ -43,10 +45,11 @@ struct TerrainNode {
 
 /// The terrain over a raster of cells, u fastest: ground where SMRF finds it, elsewhere a membrane between its levels.
 /// A node depends on no cell farther away than terrain_halo(), but for membranes over holes wider than that.
+/// \param roofs  of buildings (find_planar_areas()); without a height none are looked for
 /// \cost 48 bytes and half a µs a cell
 [[nodiscard]] std::vector<TerrainNode> fit_terrain(std::span<const TerrainCell> cells, int width, int height,
-                                                   const GroundRules& rules);
-[[nodiscard]] int terrain_halo(const GroundRules& rules);
+                                                   const GroundRules& rules, const RoofRules& roofs = {});
+[[nodiscard]] int terrain_halo(const GroundRules& rules, const RoofRules& roofs = {});
 
 /// The terrain below one brick column.
 class BrickTerrain {
@@ -80,7 +83,8 @@ void find_ground_layers(std::span<ColumnPoint> points, const BrickTerrain& terra
 
 /// Takes what is strewn over the ground out of a brick column: where most points high above the terrain are strewn, its layer is
 /// what lies near the terrain, or a synthetic one on it; so is that of places where nothing was measured inside. Columns of
-/// bare ground and of buildings keep their layers. \pre terrain.known()
+/// bare ground and of buildings keep their layers. Flat crowns are told from buildings by their area: what stands high among
+/// some that is strewn is strewn too, where no kTerrainRoof is. \pre terrain.known()
 /// \param points  get sorted \param layers  kBrickCells^2, u fastest
 void find_cleared_layers(std::span<ColumnPoint> points, const BrickTerrain& terrain,
                          std::span<ColumnLayers> layers);

@@ -28,6 +28,8 @@ constexpr double kMaxGroundWindow = 256.0;
 /// Defaults of SMRF, metres; so many times the threshold is the one that its slope is multiplied by.
 constexpr double kDefaultThreshold = 0.5, kDefaultWindow = 18.0;
 constexpr double kSlopeThresholds = 2.5;
+/// Of roofs among crowns, metres and square metres: as of tessera classify, and the smallest hut.
+constexpr double kRoofHeight = 2.0, kRoofResidual = 0.15, kRoofArea = 10.0, kMaxRoofCells = 256.0;
 
 class GroundCellsStage : public Stage {
  public:
@@ -106,6 +108,11 @@ GroundSetup ground_setup(const ReconstructOptions& options, const Plan& plan) {
   setup.rules.slope_tolerance = kSlopeThresholds * threshold / cell;
   const double depth = std::min(setup.rules.tolerance * setup.rules.cell, 1.0 * kBrickCells * kQuantaPerCell);
   setup.depth = static_cast<std::int32_t>(depth);
+  if (options.clears_ground()) {
+    const double metres = metre / h * kQuantaPerCell, area = kRoofArea * metre * metre;
+    setup.roofs = {kRoofHeight * metres, kRoofResidual * metres,
+                   static_cast<int>(std::clamp(std::ceil(area / (cell * cell)), 1.0, kMaxRoofCells))};
+  }
   return setup;
 }
 

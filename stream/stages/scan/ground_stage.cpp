@@ -39,8 +39,8 @@ std::int64_t whole_margins(std::int64_t cells) {
 std::int64_t margin_of(const GroundRules& rules) {
   return whole_margins(rules.max_window + 2);
 }
-std::int64_t halo_of(const GroundRules& rules) {
-  return whole_margins(terrain_halo(rules) + 2);
+std::int64_t halo_of(const GroundSetup& setup) {
+  return whole_margins(terrain_halo(setup.rules, setup.roofs) + 2);
 }
 int cells_a_brick(const GroundSetup& setup) {
   return kBrickCells / setup.cell_columns;
@@ -58,7 +58,7 @@ class BlockAxis {
   /// \param bricks  brick columns of the scene
   BlockAxis(const GroundSetup& setup, std::int64_t bricks)
       : margin_(margin_of(setup.rules)),
-        halo_(halo_of(setup.rules)),
+        halo_(halo_of(setup)),
         end_(bricks * cells_a_brick(setup) + margin_) {}
   CellRange core(std::int64_t block) const { return window(block, 0); }
   CellRange all(std::int64_t block) const { return window(block, halo_); }
@@ -222,7 +222,8 @@ class GroundStage : public Stage {
                       raster.begin() + (v - all_v.begin + row) * all_u.size() + u - all_u.begin);
       }
     context.check_stop();
-    return fit_terrain(raster, static_cast<int>(all_u.size()), static_cast<int>(all_v.size()), setup_.rules);
+    return fit_terrain(raster, static_cast<int>(all_u.size()), static_cast<int>(all_v.size()), setup_.rules,
+                       setup_.roofs);
   }
 
   /// Of one brick column, with the cells around it, where it has points or lies inside.

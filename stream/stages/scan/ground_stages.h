@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "kernels/points/ground_filter.h"
+#include "kernels/points/roof_cells.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stage.h"
@@ -18,6 +19,7 @@ namespace tessera {
 struct GroundSetup {
   int cell_columns = 2;    ///< along the edge of a cell
   GroundRules rules;       ///< in quanta
+  RoofRules roofs;         ///< in quanta; of --vegetation drop
   std::int32_t depth = 0;  ///< find_terrain_cells()
 };
 /// \throws UsageError for a window of too many cells

@@ -56,4 +56,19 @@ TEST_CASE("roof cells: a gable roof with its eaves, no crowns, no low walls, no 
   CHECK(count(roofs, 0, 30, 60, 50) == 0);
 }
 
+TEST_CASE("roof cells: planar areas are told by how many cells hang together", "[unit]") {
+  Scene scene;
+  for (int v = 10; v < 14; ++v)
+    for (int u = 5; u < 9; ++u) scene.stand(u, v, 5000 + 300 * u);
+  for (int v = 10; v < 14; ++v)
+    for (int u = 20; u < 23; ++u) scene.stand(u, v, 5000);
+  for (int v = 30; v < 44; ++v)  // only corners touch
+    for (int u = 30; u < 44; ++u)
+      if ((u - 30) % 4 != 3 && (v - 30) % 4 != 3) scene.stand(u, v, 5000);
+  const RoofRules rules = {2000.0, 50.0, 13};
+  const std::vector<std::uint8_t> areas = find_planar_areas(scene.lowest, scene.surface, rules);
+  CHECK(count(areas, 5, 10, 9, 14) == 16);
+  CHECK(count(areas, 0, 0, 60, 50) == 8 * 8);  // two cells around, for eaves and walls
+}
+
 }  // namespace roof_cells_test

@@ -106,6 +106,27 @@ TEST_CASE("terrain: below a building and in a hole a membrane goes on, coloured,
     }
 }
 
+TEST_CASE("terrain: a hut has a roof, at the rim of the scan too; a flat crown of a few cells has none",
+          "[unit]") {
+  std::vector<TerrainCell> cells = cells_of_slope();
+  const auto raise = [](TerrainCell& c) { c.lowest += 40 * kColumn, c.level += 40 * kColumn; };
+  change_square(cells, 30, 34, 30, 33, raise);
+  change_square(cells, 50, 53, 30, 33, raise);
+  change_square(cells, 60, 62, 30, 39, raise);
+  change_square(cells, 70, 74, 0, 4, raise);
+  const RoofRules roofs = {10.0 * kColumn, 0.5 * kColumn, 12};
+  const std::vector<TerrainNode> nodes = fit_terrain(cells, kWidth, kHeight, rules(), roofs);
+  const auto roof = [&](int u, int v) { return (nodes[at(u, v)].flags & kTerrainRoof) != 0; };
+  CHECK(roof(30, 30));
+  CHECK(roof(33, 32));
+  CHECK(roof(72, 1));
+  CHECK_FALSE(roof(40, 31));
+  CHECK_FALSE(roof(51, 31));  // nine cells
+  CHECK_FALSE(roof(61, 35));  // long, but nowhere three wide
+  const std::vector<TerrainNode> without = fit_terrain(cells, kWidth, kHeight, rules());
+  CHECK((without[at(31, 31)].flags & kTerrainRoof) == 0);
+}
+
 TEST_CASE("terrain: crowns that the rim of the scan cuts do not stay on it", "[unit]") {
   std::vector<TerrainCell> cells = cells_of_slope();
   change_square(cells, 0, kWidth, 0, 10, [](TerrainCell& c) { c = {}; });
@@ -219,7 +240,8 @@ TEST_CASE("cleared layers: strewn points go, buildings and bare ground stay as t
         if (u >= 10 && u < 20) points.push_back(point(u, v, 40.0 + off));  // a roof
       }
   std::vector<ColumnLayers> layers(kBrickCells * kBrickCells);
-  const std::vector<TerrainNode> seen = level_nodes(10 * kColumn, kTerrainInside | kTerrainSeen);
+  const std::vector<TerrainNode> seen =
+      level_nodes(10 * kColumn, kTerrainInside | kTerrainSeen | kTerrainRoof);
   find_cleared_layers(points, BrickTerrain(seen, rules()), layers);
   const auto column = [&](int u, int v) { return layers[static_cast<std::size_t>(v * kBrickCells + u)]; };
   for (const int u : {1, 3, 7, 9}) {
@@ -246,6 +268,10 @@ TEST_CASE("cleared layers: strewn points go, buildings and bare ground stay as t
   find_cleared_layers(points, BrickTerrain(unseen, rules()), filled);
   CHECK(filled[50 * kBrickCells + 50].synthetic);
   CHECK_FALSE(filled[50 * kBrickCells + 50].cleared);
+  // The same surface beside strewn points is a flat crown where no roof was found.
+  CHECK(filled[25 * kBrickCells + 15].cleared);
+  CHECK(filled[25 * kBrickCells + 15].synthetic);
+  CHECK_FALSE(filled[25 * kBrickCells + 25].cleared);
 }
 
 TEST_CASE("ground layers: synthetic ones follow the measured ones nearby, and the terrain far from them",
