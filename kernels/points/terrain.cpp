@@ -170,8 +170,8 @@ constexpr std::size_t kBrickColumns = std::size_t{kBrickCells} * kBrickCells;
 /// Columns around one whose points say whether what stands there is strewn; and farther ones: flakes of crowns lie in a plane,
 /// but four in five columns around are strewn.
 constexpr int kStrewnRadius = 2, kCrownRadius = 16;
-/// So many times the tolerance over the ground stands high; among strewn columns, one in so many, it is no roof by itself.
-constexpr std::int64_t kHighTolerances = 4, kAmongStrewn = 5;
+/// So many times the tolerance over the ground stands high; where more than one column in so many is strewn, it is no roof by itself.
+constexpr std::int64_t kHighTolerances = 4, kAmongStrewn = 2;
 
 /// The terrain at the columns of a brick column, quanta.
 struct ColumnGround {

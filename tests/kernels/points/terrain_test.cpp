@@ -268,10 +268,15 @@ TEST_CASE("cleared layers: strewn points go, buildings and bare ground stay as t
   find_cleared_layers(points, BrickTerrain(unseen, rules()), filled);
   CHECK(filled[50 * kBrickCells + 50].synthetic);
   CHECK_FALSE(filled[50 * kBrickCells + 50].cleared);
-  // The same surface beside strewn points is a flat crown where no roof was found.
-  CHECK(filled[25 * kBrickCells + 15].cleared);
-  CHECK(filled[25 * kBrickCells + 15].synthetic);
-  CHECK_FALSE(filled[25 * kBrickCells + 25].cleared);
+  // A narrow surface among more that is strewn is a flat crown where no roof was found.
+  std::erase_if(points, [](const ColumnPoint& p) { return p.column % kBrickCells >= 16; });
+  for (const bool roof : {false, true}) {
+    CAPTURE(roof);
+    std::vector<ColumnLayers> narrow(kBrickCells * kBrickCells);
+    find_cleared_layers(points, BrickTerrain(roof ? seen : unseen, rules()), narrow);
+    CHECK(narrow[25 * kBrickCells + 14].cleared == !roof);
+    CHECK(narrow[25 * kBrickCells + 14].synthetic == !roof);
+  }
 }
 
 TEST_CASE("ground layers: synthetic ones follow the measured ones nearby, and the terrain far from them",
