@@ -173,7 +173,8 @@ cli::Command check_command() {
   t.add("strict", &c.strict,
         "fail with exit code 6 if there are defects; with --crossings faces that cross are");
   t.add("closed", &c.closed, "like --strict, and boundary edges are defects too");
-  t.add("weld", &c.options.weld, "merge vertices of equal position first (STL always)");
+  t.add("weld", &c.options.weld,
+        "merge vertices of equal position first (STL and glTF with normals or textures always)");
   t.add("truth", &c.truth, "compare with the surface that `tessera synth` scanned")
       .shown_as("FILE.truth.json");
   t.add("h", &c.truth_options.h, "lattice spacing of the mesh, for --truth; 0 = sample spacing").at_least(0);

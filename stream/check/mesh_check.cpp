@@ -108,7 +108,7 @@ MeshCheck check_mesh(MeshReader& source, const MeshCheckOptions& options) {
   check.format = source.format();
   check.declared_vertices = source.header().vertices;
   check.declared_faces = source.header().faces;
-  check.welded = options.weld || !source.shared_vertices();
+  check.welded = options.weld || !source.shared_vertices() || source.split_vertices();
   std::unique_ptr<WeldedMesh> welded;
   if (check.welded) {
     welded = std::make_unique<WeldedMesh>(

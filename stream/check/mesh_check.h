@@ -21,8 +21,9 @@ namespace tessera {
 struct MeshCheckOptions {
   std::uint64_t memory_bytes = std::uint64_t{1} << 30;  ///< all that the check allocates, the reader excluded
   std::filesystem::path temp;  ///< folder for spilled data; empty = the system's temporary folder
-  bool weld = false;       ///< merge vertices of equal position first; formats without shared vertices always
-  bool crossings = false;  ///< search for pairs of faces that cross, too
+  bool weld =
+      false;  ///< merge vertices of equal position first; always where files have them several times (STL, glTF)
+  bool crossings = false;    ///< search for pairs of faces that cross, too
   bool cleanliness = false;  ///< measure sharp edges and borders, too
   bool quality = false;      ///< measure angles between faces and the thickness of walls, too
   int threads = 1;           ///< for these

@@ -90,7 +90,9 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   if (temp.empty()) temp = output.has_parent_path() ? output.parent_path() : ".";
   const auto source = open_mesh_file(input, {.temp = temp});
   ConvertMeshReport report;
-  report.welded = !source->shared_vertices() && lower_extension(output) != ".stl";
+  // Normals and texture coordinates are not kept: nothing but colours still tells vertices of one position apart.
+  const bool split = source->split_vertices() && !source->header().colour;
+  report.welded = (!source->shared_vertices() || split) && lower_extension(output) != ".stl";
   std::unique_ptr<WeldedMesh> welded;
   if (report.welded) {
     welded =

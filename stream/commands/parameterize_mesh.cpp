@@ -30,7 +30,7 @@ LoadedMesh load(const std::filesystem::path& input, const std::filesystem::path&
                 ParameterMethod method, const std::function<void()>& stop) {
   const auto source = open_mesh_file(input);
   std::unique_ptr<WeldedMesh> welded;
-  if (!source->shared_vertices())
+  if (!source->shared_vertices() || source->split_vertices())
     welded = std::make_unique<WeldedMesh>(
         *source, WeldOptions{memory / 4, output.has_parent_path() ? output.parent_path() : ".", stop});
   MeshReader& reader = welded ? *welded : *source;

@@ -135,13 +135,14 @@ class MeshItem final : public SceneItem {
             static_cast<float>(p[2] - origin_[2])};
   }
   /// Faces that share no vertices, or not along the borders of charts.
-  bool soup() const { return format_.rfind("STL", 0) == 0 || (pages_ && format_ == "GLB"); }
+  bool soup() const { return soup_; }
   std::uint64_t bytes_per_vertex(bool smooth) const { return 12 + (colour_ ? 4 : 0) + (smooth ? 12 : 0); }
   std::uint64_t vertex_bytes() const { return vertex_count_ * bytes_per_vertex(!normals_empty_); }
 
   std::filesystem::path path_;
   std::uint64_t memory_bytes_;
   std::string format_;
+  bool soup_ = false;
   bool colour_ = false;
   bool resident_ = true;
   bool normals_empty_ = true;
@@ -188,6 +189,7 @@ void MeshItem::find_pages(const RenderOptions& options, RenderReport& report) {
 void MeshItem::survey(const RenderOptions& options) {
   const auto reader = open_mesh_file(path_);
   format_ = reader->format();
+  soup_ = !reader->shared_vertices() || reader->split_vertices();
   colour_ = reader->header().colour;
   shift_ = reader->header().shift;
   face_count_ = reader->header().faces;

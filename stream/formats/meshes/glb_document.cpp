@@ -29,6 +29,7 @@ const std::set<std::string, std::less<>>& known_keys() {
                                                           "POSITION",
                                                           "ROTATION",
                                                           "SCALE",
+                                                          "NORMAL",
                                                           "TEXCOORD_0",
                                                           "TRANSLATION",
                                                           "accessors",

@@ -177,6 +177,7 @@ class GlbMeshReader : public MeshReader {
 
   /// Without indices faces share no vertices, as in STL: positions tell which are the same. Colours may differ there.
   bool shared_vertices() const override { return shared_vertices_; }
+  bool split_vertices() const override { return split_vertices_; }
 
   /// Complete from the beginning: they follow from the document alone.
   std::vector<std::string> warnings() const override {
@@ -433,6 +434,7 @@ class GlbMeshReader : public MeshReader {
     const auto [same, first] = same_vertices_.try_emplace({positions, colours}, instances_.size());
     if (!first) instance.vertices_of = same->second;
     left_out_.texture_coordinates += attributes.contains("TEXCOORD_0");
+    split_vertices_ = split_vertices_ || attributes.contains("TEXCOORD_0") || attributes.contains("NORMAL");
     left_out_.targets += primitive.contains("targets");
     if (mode == kTriangles) left_out_.corners += instance.corners() % 3;
     instances_.push_back(std::move(instance));
@@ -453,7 +455,7 @@ class GlbMeshReader : public MeshReader {
   std::vector<Instance> instances_;
   std::map<std::pair<std::uint64_t, std::int64_t>, std::size_t>
       same_vertices_;  ///< of the mesh at hand, by accessors
-  bool shared_vertices_ = true;
+  bool shared_vertices_ = true, split_vertices_ = false;
   LeftOut left_out_;
   MeshHeader header_;
   const std::string format_ = "GLB";

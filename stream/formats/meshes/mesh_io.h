@@ -92,6 +92,9 @@ class MeshReader {
   virtual const MeshHeader& header() const = 0;
   virtual const std::string& format() const = 0;
   virtual bool shared_vertices() const { return true; }  ///< false: every face has its own three (STL)
+  /// Whether a vertex stands in the file once for each of its normals and texture coordinates (glTF): borders and
+  /// components are those of the mesh only once vertices of one position are joined.
+  virtual bool split_vertices() const { return false; }
   /// All vertices in order, in batches. Formats without shared vertices (STL) give three per face.
   virtual void read_vertices(
       const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>& sink) = 0;

@@ -402,6 +402,38 @@ TEST_CASE("GLB: triangles without indices are joined by their positions, as thos
   CHECK(volume(read_whole(folder / "b.ply")) == Approx(1.0));
 }
 
+TEST_CASE("GLB: vertices that stand there once for each normal or texture coordinate are one", "[unit]") {
+  const TempFolder folder;
+  const auto written = [&](const char* attribute) {
+    GlbFile file;
+    std::vector<Double3> corners;
+    std::vector<std::uint32_t> numbers;
+    for (const std::uint32_t v : kCube) {
+      numbers.push_back(static_cast<std::uint32_t>(corners.size()));
+      corners.push_back(kCorners[v]);
+    }
+    Json split = primitive(file.floats(corners), file.indices(numbers));
+    if (attribute != nullptr) split["attributes"][attribute] = file.floats(corners);
+    return folder.write("a.glb", file.bytes(Json::array({split})));
+  };
+  for (const char* attribute : {"NORMAL", "TEXCOORD_0"}) {
+    const auto path = written(attribute);
+    const MeshCheck check = check_mesh(*open_mesh_file(path), {});
+    CHECK(check.welded);
+    CHECK(check.file_vertices == 36);
+    CHECK(check.vertices == 8);
+    CHECK(check.components == 1);
+    CHECK(check.boundary_edges == 0);
+    convert_mesh(path, folder / "b.ply", {});
+    CHECK(read_whole(folder / "b.ply").points.size() == 8);
+  }
+  // Where nothing else tells them apart they are taken as they are.
+  const auto path = written(nullptr);
+  CHECK(check_mesh(*open_mesh_file(path), {}).boundary_edges == 36);
+  convert_mesh(path, folder / "b.ply", {});
+  CHECK(read_whole(folder / "b.ply").points.size() == 36);
+}
+
 TEST_CASE("GLB: a node in many places by EXT_mesh_gpu_instancing", "[unit]") {
   GlbFile file;
   const Json cube = cube_of(file);
