@@ -193,8 +193,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"caption", "gl_functions", "picture", "picture_shaders", "rasterizer"});
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
     by("kernels/remesh/remesh", "kernels/remesh",
-       {"reference_surface", "remesher", "remesher_checks", "remesher_finish", "remesher_needles",
-        "remesher_refine", "remesher_relax"});
+       {"reference_surface", "remesher", "remesher_checks", "remesher_finish", "remesher_refine",
+        "remesher_relax"});
     by("kernels/scene/scene", "kernels/scene",
        {"fractal_noise", "implicit_scene", "sample_source", "scene_models", "scene_smooth", "scene_solid",
         "sensor_source", "solid", "surface_sampler"});
@@ -282,8 +282,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"dense_bricks", "close_stage", "closing_stages", "hole_limit", "holes_stage", "loops_stage",
         "multipole_stage", "output_frame", "rims_stage", "surface_stage", "tiling", "write_stage"});
     by("tools/top_surface_model", "stream/stages/surface", {"hole_rounding", "loop_batches"});
-    by("tools/uncross", "stream/stages/surface",
-       {"block_sides", "prune_stage", "sides_stage", "uncross_holes_stage"});
+    by("tools/uncross", "stream/stages/surface", {"prune_stage", "sides_stage", "uncross_holes_stage"});
     by("tools/top_surface_model", "stream/stages/weld", {"blunt_stage"});
     by("tools/uncross", "stream/stages/weld",
        {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",

@@ -10,9 +10,9 @@
 #include "stream/files/json.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/task_files.h"
+#include "stream/meshes/block_sides.h"
 #include "stream/runtime/task_counts.h"
 #include "stream/stages/plan/planned_scan.h"
-#include "stream/stages/surface/block_sides.h"
 #include "stream/stages/surface/first_pass.h"
 
 namespace tessera {

@@ -106,7 +106,7 @@ TEST_CASE("terrain: below a building and in a hole a membrane goes on, coloured,
     }
 }
 
-TEST_CASE("terrain: a hut has a roof, at the rim of the scan too; a flat crown of a few cells has none",
+TEST_CASE("terrain: a hut has a roof, at the rim of the scan too, a flat crown of a few cells has none",
           "[unit]") {
   std::vector<TerrainCell> cells = cells_of_slope();
   const auto raise = [](TerrainCell& c) { c.lowest += 40 * kColumn, c.level += 40 * kColumn; };

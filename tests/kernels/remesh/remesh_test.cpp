@@ -19,6 +19,7 @@
 #include "octree/portable_math.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/mesh_checks.h"
+#include "tests/helpers/remeshed_block.h"
 
 namespace remesh_test {
 
@@ -26,33 +27,6 @@ using namespace tessera;
 using namespace tessera::test;
 
 namespace {
-
-RemeshOptions options_for(double edge) {
-  RemeshOptions o;
-  o.edge = edge;
-  o.iterations = 5;
-  o.find_creases = true;
-  o.float_positions = false;
-  o.max_faces = 400000;
-  o.first_key = std::uint64_t{1} << 63;
-  return o;
-}
-
-MeshBlock remeshed(MeshBlock block, const RemeshOptions& options, RemeshReport* report = nullptr,
-                   const std::vector<std::uint64_t>& pinned = {}) {
-  canonicalise(block);
-  const MeshBlock reference = block;
-  const RemeshReport r = remesh(block, reference, options, pinned);
-  if (report) *report = r;
-  return block;
-}
-
-MeshChecks checks_of(const MeshBlock& b) {
-  IndexedMesh mesh;
-  mesh.position = b.position;
-  mesh.faces = b.faces;
-  return check_mesh(mesh);
-}
 
 double area_of(const MeshBlock& b) {
   double area = 0.0;
@@ -91,13 +65,6 @@ MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
     out.face_flags.push_back(static_cast<std::uint8_t>(bits >> 1 | (bits & 1u) << 2));
   }
   return out;
-}
-
-double certified(const MeshBlock& a, const MeshBlock& b, double scale) {
-  const ClosestFaces there(b.position, b.faces, {}), back(a.position, a.faces, {});
-  const CertificateOptions options{.tolerance = scale, .max_distance = 4.0 * scale, .area_unit = 0x1p-40};
-  return std::max(certify_deviation({a.position, a.faces}, nullptr, there, options).upper,
-                  certify_deviation({b.position, b.faces}, nullptr, back, options).upper);
 }
 
 }  // namespace
@@ -266,48 +233,6 @@ TEST_CASE("remesh: creases beside each other yield to sound faces where they tur
   CHECK(certified(out, bevel, 0.1) < 0.2 * edge);
 }
 
-TEST_CASE("remesh: ribs far narrower than an edge give way, walls as high as edges stay", "[unit]") {
-  // Profiles across the ribs, each a crease along all of the plate.
-  const auto ribbed = [](double width, double height) {
-    constexpr int kRibs = 8, kAlong = 12;
-    std::vector<std::array<double, 2>> profile;
-    for (int r = 0; r < kRibs; ++r) {
-      const double x = 3.0 * r, rib = x + 1.5;
-      for (const std::array<double, 2>& p : {std::array<double, 2>{x, 0.0},
-                                             {rib, 0.0},
-                                             {rib, height},
-                                             {rib + width, height},
-                                             {rib + width, 0.0}})
-        profile.push_back(p);
-    }
-    profile.push_back({3.0 * kRibs, 0.0});
-    std::vector<Double3> position;
-    std::vector<std::array<std::uint32_t, 3>> faces;
-    for (const auto& [x, z] : profile)
-      for (int y = 0; y <= kAlong; ++y) position.push_back({x, static_cast<double>(y), z});
-    for (std::uint32_t k = 0; k + 1 < profile.size(); ++k)
-      for (std::uint32_t y = 0; y < kAlong; ++y) {
-        const std::uint32_t a = k * (kAlong + 1) + y, b = a + kAlong + 1;
-        faces.push_back({a, b, b + 1});
-        faces.push_back({a, b + 1, a + 1});
-      }
-    return make_block(position, faces);
-  };
-  RemeshOptions o = options_for(1.0);
-  o.tolerance = 0.2;
-  const MeshBlock low = ribbed(0.05, 0.05), out = remeshed(low, o);
-  CHECK(checks_of(out).defects() == 0);
-  TriangleQuality q;
-  q.add(out, 1.0);
-  CHECK(q.faces < 1000);  // 1,400 where ribs stay
-  // And four tenths of them are below 25 degrees there.
-  CHECK(std::accumulate(q.minimum.begin(), q.minimum.begin() + 25, std::uint64_t{0}) < q.faces / 10);
-  CHECK(certified(out, low, 0.1) < 0.3);
-  const MeshBlock high = ribbed(0.5, 1.0), kept = remeshed(high, o);
-  CHECK(checks_of(kept).defects() == 0);
-  CHECK(certified(kept, high, 0.1) < 0.3);
-}
-
 TEST_CASE("remesh: flat faces between two polylines of one crease leave none", "[unit]") {
   // A roof whose slopes meet at every point of the ridge on one side, at every second one on the other: the faces between
   // have hardly an area, and normals that say nothing. All points of the ridge are corners.
@@ -367,39 +292,6 @@ TEST_CASE("remesh: flat faces between two polylines of one crease leave none", "
   CHECK(q.smallest > 5000);
   const auto corners = std::count(out.vertex_class.begin(), out.vertex_class.end(), VertexClass::kCorner);
   CHECK(static_cast<std::size_t>(corners) >= kLong + 1);
-}
-
-TEST_CASE("remesh: faces without area around a pole go, whose border is shorter than rounding", "[unit]") {
-  // A quarter of a globe, around the pole of which its border has edges that no number tells from none.
-  constexpr int kAround = 60, kDown = 12;
-  std::vector<Double3> at;
-  std::vector<std::array<std::uint32_t, 3>> faces;
-  for (int j = 0; j <= kDown; ++j)
-    for (int i = 0; i <= kAround; ++i) {
-      const double along = std::numbers::pi * i / kAround, down = 0.5 * std::numbers::pi * j / kDown;
-      const double out = j == 0 ? 1e-15 : std::sin(down);
-      at.push_back({out * std::cos(along), out * std::sin(along), std::cos(down)});
-    }
-  for (std::uint32_t j = 0; j < kDown; ++j)
-    for (std::uint32_t i = 0; i < kAround; ++i) {
-      const std::uint32_t next = i + 1, up = j * (kAround + 1), low = up + kAround + 1;
-      faces.push_back({up + i, low + i, low + next});
-      faces.push_back({up + i, low + next, up + next});
-    }
-  const MeshBlock dome = make_block(at, faces);
-  const auto flat = [](const MeshBlock& b) {
-    return std::count_if(b.faces.begin(), b.faces.end(), [&](const auto& f) {
-      return face_extent(b.position[f[0]], b.position[f[1]], b.position[f[2]]).is_flat();
-    });
-  };
-  CHECK(flat(dome) == kAround);
-  MeshBlock block = dome;
-  RemeshOptions options;
-  options.edge = 0.15;
-  remesh(block, dome, options);
-  CHECK(flat(block) <= 1);  // between two corners of the border that stay
-  CHECK(block.faces.size() > 200);
-  CHECK(count_contacts(block) == 0);
 }
 
 TEST_CASE("remesh: two pieces with a locked seam fit together, whichever is done first", "[unit]") {

@@ -1,4 +1,4 @@
-#include "stream/stages/surface/block_sides.h"
+#include "stream/meshes/block_sides.h"
 
 #include <algorithm>
 #include <numeric>
