@@ -56,7 +56,7 @@ class ContactRegions {
 
   std::vector<MeshBox> boxes_;  ///< by their low sides
   double widest_ = 0.0;         ///< of them, along x
-  double move_ = 0.0;  ///< how far vertices are from where they are in the store
+  double move_ = 0.0;           ///< how far vertices are from where they are in the store
 };
 
 }  // namespace tessera
