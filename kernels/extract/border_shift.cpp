@@ -83,6 +83,37 @@ bool BorderShift::triangulate(const std::uint8_t* edge, const std::uint32_t* roo
   return true;
 }
 
+void BorderShift::triangulate_crossing(const Int3& cell, const std::uint8_t* edge, const std::uint32_t* root,
+                                       std::size_t size, LoopTriangles& triangles) {
+  // A face leans over where its corners lie only if it did before any moved (share_of_face). Where none does, faces lie
+  // side by side as seen along the normal.
+  bool leans = false;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(triangles.count); ++i) {
+    const auto& t = triangles.triangle[i];
+    leans = leans || !(min_area({corners_[t[0]], corners_[t[1]], corners_[t[2]]}, 0.0f, normal_) > 0.0f);
+  }
+  if (!leans) return;
+  LoopSamples samples;
+  samples.size = static_cast<int>(size);
+  samples.edge = edge;
+  Float3 centre = {0, 0, 0};
+  for (std::size_t i = 0; i < size; ++i) {
+    samples.point[i] = corners_[i].point;
+    centre = centre + corners_[i].point;
+  }
+  for (float& c : centre) c /= static_cast<float>(size);
+  for (std::size_t i = 0; i < size; ++i) {
+    const int e = edge[i];
+    const Int3 node = {cell[0] + edge_offset(e, 0), cell[1] + edge_offset(e, 1), cell[2] + edge_offset(e, 2)};
+    samples.point[i] = samples.point[i] + of_vertex(node, static_cast<std::size_t>(e >> 2), root[i]);
+  }
+  if (!loop_crosses_itself(samples, triangles, centre)) return;
+  LoopTriangles other;
+  triangulate_loop(samples, other);
+  if (loop_crosses_itself(samples, other, centre)) other.count = 0;  // a fan
+  if (!loop_crosses_itself(samples, other, centre)) triangles = other;
+}
+
 Float3 BorderShift::of_vertex(const Int3& node, std::size_t axis, std::uint32_t root) {
   Float3 shift = wanted(root);
   if (shift == Float3{0, 0, 0}) return shift;

@@ -20,6 +20,10 @@ class BorderShift {
   Float3 of_vertex(const Int3& node, std::size_t axis, std::uint32_t root);
   /// Whether a vertex of the loop moves. If so, its triangles.
   bool triangulate(const std::uint8_t* edge, const std::uint32_t* root, std::size_t size, LoopTriangles& out);
+  /// Triangles of the loop that triangulate() saw last were chosen for vertices that go all the way, and may cross where it
+  /// twists. If they do where its vertices lie: others that do not, if there are. \param cell  within the brick
+  void triangulate_crossing(const Int3& cell, const std::uint8_t* edge, const std::uint32_t* root,
+                            std::size_t size, LoopTriangles& triangles);
 
  private:
   /// A corner of a loop and the way that the border wants it to go.

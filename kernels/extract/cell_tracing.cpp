@@ -103,7 +103,10 @@ void trace_leaf(const BrickInput& brick, const LeafMasks& leaf, const LeafEdges&
                             features, report))
         continue;
       if (!own) continue;
-      if (!cut) triangulate_loop(loop.samples, triangles);
+      if (cut)
+        border.triangulate_crossing(cell, edge, loop.root.data(), loop.size(), triangles);
+      else
+        triangulate_loop(loop.samples, triangles);
       emit_plain_loop(brick.field, loop, triangles,
                       has_cell(at_boundary, cell) ? boundary_segments(brick.band, loop) : 0, patch);
     }

@@ -2,6 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+
+#include "kernels/mesh/face_contact.h"
+#include "kernels/mesh/orientation_sign.h"
 
 namespace tessera {
 namespace {
@@ -91,6 +95,27 @@ void triangulate_border_loop(const LoopSamples& loop, const Float3& normal, Loop
     }
   }
   if (minimum[0][size - 1] > -kForbiddenCost) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
+}
+
+bool loop_crosses_itself(const LoopSamples& loop, const LoopTriangles& triangles, const Float3& centre) {
+  const auto size = static_cast<std::size_t>(loop.size);
+  const std::size_t count = triangles.count > 0 ? static_cast<std::size_t>(triangles.count) : size;
+  std::array<ContactFace, kCellEdges> faces;
+  std::size_t with_area = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    ContactFace& face = faces[with_area];
+    const std::array<std::size_t, 3> fan = {i, i + 1 == size ? 0 : i + 1, size};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::size_t at = triangles.count > 0 ? triangles.triangle[i][k] : fan[k];
+      face.corner[k] = wide(at == size ? centre : loop.point[at]);
+      face.vertex[k] = at;
+    }
+    if (collinear(face.corner[0], face.corner[1], face.corner[2])) continue;
+    for (std::size_t other = 0; other < with_area; ++other)
+      if (face_contact(faces[other], face) != FaceContact::kNone) return true;
+    ++with_area;
+  }
+  return false;
 }
 
 }  // namespace tessera

@@ -23,4 +23,8 @@ void triangulate_loop(const LoopSamples& loop, LoopTriangles& out);
 /// area, seen along `normal`, is the largest.
 void triangulate_border_loop(const LoopSamples& loop, const Float3& normal, LoopTriangles& out);
 
+/// Whether two triangles meet beyond what they share, exactly. \param centre  of the fan that takes the place of none
+[[nodiscard]] bool loop_crosses_itself(const LoopSamples& loop, const LoopTriangles& triangles,
+                                       const Float3& centre);
+
 }  // namespace tessera

@@ -3,13 +3,17 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <map>
+#include <vector>
 
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
+#include "kernels/mesh/face_contact.h"
 #include "octree/vector.h"
+#include "tests/helpers/analytic_field.h"
 #include "tests/helpers/mesh_checks.h"
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/random.h"
+#include "tests/helpers/traced_brick.h"
 
 namespace border_shift_test {
 
@@ -70,7 +74,71 @@ Border border_of(const test::IndexedMesh& mesh, double minimum, double maximum) 
   return out;
 }
 
+/// One cell whose loop of seven twists: its nodes, and normals of its roots as noise makes them.
+DirectedField twisted_cell() {
+  struct Root {
+    Int3 node;
+    int axis;
+    EdgeRoot root;
+  };
+  const std::vector<Root> roots = {{{0, 1, 1}, 0, {0.7557f, {0.730f, 0.472f, 0.493f}}},
+                                   {{0, 0, 1}, 1, {0.5932f, {0.415f, -0.134f, 0.900f}}},
+                                   {{0, 0, 0}, 2, {0.3056f, {0.693f, 0.115f, 0.712f}}},
+                                   {{1, 0, 0}, 2, {0.9844f, {0.618f, 0.321f, 0.718f}}},
+                                   {{1, 0, 0}, 1, {0.8240f, {0.427f, 0.746f, -0.511f}}},
+                                   {{0, 0, 0}, 1, {0.2049f, {0.643f, 0.046f, 0.765f}}},
+                                   {{0, 1, 0}, 2, {0.5195f, {0.326f, 0.351f, -0.878f}}}};
+  const Int3 at = {96, 96, 96};
+  const auto in_cell = [&](const Int3& n) { return Int3{n[0] - at[0], n[1] - at[1], n[2] - at[2]}; };
+  DirectedField field = test::build_field(
+      {64, 64, 64}, {64, 64, 64},
+      [&](const Int3& n) {
+        const Int3 c = in_cell(n);
+        return c == Int3{0, 0, 0} || c == Int3{1, 0, 0} || c == Int3{0, 1, 1} ? -1.0 : 0.2;
+      },
+      [&](const Int3& n, double) {
+        const Int3 c = in_cell(n);
+        return std::all_of(c.begin(), c.end(), [](int x) { return x == 0 || x == 1; });
+      },
+      [&](const Int3& n, int axis) {
+        return std::find_if(roots.begin(), roots.end(),
+                            [&](const Root& r) { return r.node == in_cell(n) && r.axis == axis; })
+            ->root;
+      });
+  const auto move = [&](const Root& r, const Float3& by) {
+    const EdgeRoot* root = field.root_at(32 + r.node[0], 32 + r.node[1], 32 + r.node[2], r.axis);
+    field.moves.push_back({static_cast<std::uint32_t>(root - field.roots.data()), by});
+    BandLeaf& leaf = field.leaves.front();
+    leaf.moving[static_cast<std::size_t>(r.axis)][static_cast<std::size_t>(r.node[2])] |=
+        std::uint64_t{1} << DirectedField::bit(r.node[0], r.node[1]);
+    leaf.any_moving = true;
+  };
+  move(roots[4], {-0.093f, -0.104f, -0.230f});
+  move(roots[6], {-0.205f, -0.071f, -0.105f});
+  return field;
+}
+
 }  // namespace
+
+TEST_CASE("border: faces of a cell do not cross each other where its loop twists", "[unit]") {
+  const DirectedField field = twisted_cell();
+  REQUIRE(field.leaves.size() == 1);
+  REQUIRE(field.roots.size() == 7);
+  test::TracedBrick brick(field);
+  brick.trace();
+  const Patch patch = brick.patch.finish();
+  REQUIRE(patch.faces.size() == 5);
+  std::vector<ContactFace> faces;
+  for (const PatchFace& f : patch.faces) {
+    ContactFace& face = faces.emplace_back();
+    for (std::size_t k = 0; k < 3; ++k) face.corner[k] = wide(patch.position[f[k]]), face.vertex[k] = f[k];
+  }
+  for (std::size_t i = 0; i < faces.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      CAPTURE(i, j);
+      CHECK(face_contact(faces[i], faces[j]) == FaceContact::kNone);
+    }
+}
 
 TEST_CASE("border: it is a smooth curve where the samples end, outside and around a hole", "[property]") {
   const double spacing = GENERATE(0.4, 0.67);
