@@ -33,6 +33,9 @@ struct RemeshOptions {
   double tolerance = 0.0;
   /// And in the end edges are split where faces are beyond it, or vertices of the reference, until they are as short.
   bool refine_beyond = false;
+  /// Edges far shorter than they should be collapse where that folds the surface no more than it is, whatever faces turn
+  /// by. Not with refine_beyond: a proof would split again what gave way.
+  bool collapse_needles = false;
   double max_normal_deviation_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
   double feature_angle_deg = 25.0;        ///< edges that turn by more are creases; 0 = none
   int iterations = 4;

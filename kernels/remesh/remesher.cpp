@@ -120,8 +120,7 @@ void Remesher::run(RemeshReport& report) {
     // Later passes find no lattice but along seams; where lengths adapt they undo what the tolerance had split.
     if (i == 0 && (options_.find_creases || options_.sizing_tolerance > 0.0)) coarsen(report);
     collapse_short({kCollapseBelow, kSplitAbove}, rounds, report);
-    // A proof would split again what gave way.
-    if (!options_.refine_beyond && blunt(rounds, report) > 0)
+    if (options_.collapse_needles && blunt(rounds, report) > 0)
       collapse_short({kCollapseBelow, kSplitAbove}, i == 0 ? kCoarseRounds : kLaterRounds, report);
     if (i == 0) {
       sort_by_position();

@@ -95,6 +95,7 @@ RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool floa
   k.tolerance = tolerance > 0.0 ? kLoopShare * tolerance : kShapeShare * length;
   if (creases == "graded") k.crease_tolerance = kCreaseShare * length;
   k.refine_beyond = tolerance > 0.0;
+  k.collapse_needles = !k.refine_beyond;
   k.max_normal_deviation_deg = max_normal_deviation_deg;
   k.feature_angle_deg = feature_angle_deg;
   k.iterations = iterations;
