@@ -95,6 +95,32 @@ TilePage page_of(const fs::path& tile) {
 
 }  // namespace
 
+TEST_CASE("tile textures: pages finer than the cap holds for a tile are told before anything is done",
+          "[fault]") {
+  const TempFolder folder;
+  const fs::path in = write_cloth(folder.path() / "in.ply"), few = folder.path() / "few.ply",
+                 baked = folder.path() / "baked.glb", out = folder.path() / "site";
+  REQUIRE(tessera_command(
+              {"decimate", in.string(), "--target-faces", "2000", "-o", few.string(), "-q", "--no-html"})
+              .code == 0);
+  const CommandResult bake = tessera_command({"bake", few.string(), "--from", in.string(), "--texel", "0.12",
+                                              "-o", baked.string(), "-q", "--no-html"});
+  INFO(bake.errors);
+  REQUIRE(bake.code == 0);
+  const auto tiles = [&](const char* cap) {
+    return tessera_command({"tiles", baked.string(), "-o", out.string(), "-q", "--progress", "none",
+                            "--texture", "auto", "--memory", cap});
+  };
+  // 1.8 million texels on 2,000 faces, where four a face were told.
+  const CommandResult refused = tiles("160M");
+  CHECK(refused.code == 4);
+  CHECK(refused.errors.find("task 0") == std::string::npos);
+  CHECK(refused.errors.find("level-0-tiles") != std::string::npos);
+  CHECK(refused.errors.find("would do is --memory") != std::string::npos);
+  CHECK_FALSE(fs::exists(out));
+  CHECK(tiles("1G").code == 0);
+}
+
 TEST_CASE("tile textures: coarse levels show the pattern that their vertices lost", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_cloth(folder.path() / "in.ply"), out = folder.path() / "site";

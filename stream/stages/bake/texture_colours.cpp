@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -22,6 +23,11 @@ namespace {
 constexpr std::uint64_t kTextureLookBytes = std::uint64_t{64}
                                             << 20;  ///< of coordinates, to see whether there are any
 constexpr double kMaxFaceTexels = 0x1p24;  ///< a face with more repeats its page: its middle alone is sampled
+
+std::optional<TextureSize> size_of(const TexturePage& page) {
+  if (page.bytes == 0) return std::nullopt;
+  return texture_size(ReadFile(page.file), page.offset, page.bytes);
+}
 
 struct TexturedFace {
   std::uint32_t page, pad;
@@ -91,14 +97,11 @@ class TextureColours : public BakeColours {
     textures_ = open_textures(path_, sort_);
     if (!textures_) throw InputError(path_.string() + ": has no texture coordinates");
     for (const TexturePage& page : textures_->pages()) {
-      const auto size =
-          page.bytes > 0 ? texture_size(ReadFile(page.file), page.offset, page.bytes) : std::nullopt;
-      if (!size)
+      if (!size_of(page))
         throw InputError(path_.string() + ": its page " + page.name +
                          " is not there, or neither PNG nor JPEG; put it beside the mesh");
-      image_bytes_ = std::max(image_bytes_, texture_image_bytes(*size, page.bytes));
     }
-    vertex_bytes_ = claimed_mesh_size(path_).vertices * sizeof(Double3);
+    bytes_ = texture_colours_bytes(claimed_mesh_size(path_).vertices, state.run, size_of_pages(path_));
   }
 
   void read(const Double3& shift, TaskContext& context, const TexturePointSink& sink) override {
@@ -153,7 +156,7 @@ class TextureColours : public BakeColours {
       }
     });
   }
-  std::uint64_t bytes() const override { return 2 * vertex_bytes_ + 2 * sort_ + image_bytes_; }
+  std::uint64_t bytes() const override { return bytes_; }
   bool has_normals() const override { return true; }
   std::vector<std::string> notices() const override {
     if (bare_ == 0) return {};
@@ -164,7 +167,7 @@ class TextureColours : public BakeColours {
   std::filesystem::path path_, temp_;
   std::uint64_t sort_;
   std::unique_ptr<TextureReader> textures_;
-  std::uint64_t image_bytes_ = 0, vertex_bytes_ = 0, bare_ = 0;
+  std::uint64_t bytes_ = 0, bare_ = 0;
 };
 
 }  // namespace
@@ -172,6 +175,21 @@ class TextureColours : public BakeColours {
 bool has_textures(const std::filesystem::path& mesh) {
   const std::unique_ptr<TextureReader> textures = open_textures(mesh, kTextureLookBytes);
   return textures != nullptr && !textures->pages().empty();
+}
+
+PagesSize size_of_pages(const std::filesystem::path& mesh) {
+  PagesSize all;
+  for (const TexturePage& page : texture_pages(mesh)) {
+    const auto size = size_of(page);
+    if (!size) continue;
+    all.texels += std::uint64_t{size->width} * size->height;
+    all.image_bytes = std::max(all.image_bytes, texture_image_bytes(*size, page.bytes));
+  }
+  return all;
+}
+
+std::uint64_t texture_colours_bytes(std::uint64_t vertices, const RunOptions& run, const PagesSize& pages) {
+  return 2 * vertices * sizeof(Double3) + 2 * sort_bytes(run) + pages.image_bytes;
 }
 
 std::unique_ptr<BakeColours> colours_of_textures(const std::filesystem::path& mesh, const JobState& state) {

@@ -134,7 +134,9 @@ JobDescription tiles_job(const TilesOptions& options) {
   stages.push_back({"tileset", [](const JobState& state) { return make_tileset_stage(state); }});
   JobDescription job{"tiles", std::move(stages), 0, summarise, {}, {}};
   job.needs = [options](const JobState& state) {
-    return tiles_needs(state.run, options, claimed_mesh_size(state.inputs.at(0)));
+    const std::filesystem::path& mesh = state.inputs.at(0);
+    return tiles_needs(state.run, options, claimed_mesh_size(mesh),
+                       options.has_texture() ? size_of_pages(mesh) : PagesSize());
   };
   return job;
 }

@@ -21,6 +21,7 @@ constexpr double kSiteBytes = 8.0;
 constexpr double kNormalBytes = 1.0;
 constexpr double kTexturePointBytes = 28.0;  ///< points of all levels, and what sorts the first
 constexpr double kTextureSiteBytes = 4.0;
+constexpr double kUsedTexels = 0.7;  ///< of those of a page, by faces
 
 std::uint64_t bytes_of(std::uint64_t faces, double each) {
   return static_cast<std::uint64_t>(static_cast<double>(faces) * each);
@@ -28,16 +29,26 @@ std::uint64_t bytes_of(std::uint64_t faces, double each) {
 
 }  // namespace
 
-std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& options, const MeshSize& mesh) {
+std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& options, const MeshSize& mesh,
+                                   const PagesSize& pages) {
   std::vector<StageNeed> needs = import_needs(run, {0, kTilesImport}, mesh);
   const auto named = [](int level, const std::string& stage) { return level_folder(level) + "-" + stage; };
   const std::uint64_t tile = std::min(mesh.faces, options.tile_faces);
   // The parent of a cell has more faces than a tile may: of a surface, the cell a quarter of them.
-  if (options.has_texture()) needs.push_back({"texture-points", tile_points_bytes(sort_bytes(run), 0), 0});
-  // Of the first level with pictures, where every vertex of the level below is a point.
-  const std::uint64_t picture = options.has_texture() ? tile_texture_bytes(tile, 4 * tile) : 0;
-  needs.push_back({named(0, "tiles"), tile_task_bytes(surface_block_bytes(tile / 4)) + picture,
-                   tile_task_bytes(2 * surface_block_bytes(tile)) + 2 * picture});
+  std::uint64_t sure = 0, likely = 0;
+  if (options.has_texture()) {
+    const std::uint64_t page = pages.texels > 0 ? texture_colours_bytes(mesh.vertices, run, pages) : 0;
+    needs.push_back({"texture-points", tile_points_bytes(sort_bytes(run), 0) + page, 0});
+    // Of the first level with pictures every vertex of the level below is a point, or every texel of a page.
+    const double share =
+        static_cast<double>(tile) / static_cast<double>(std::max<std::uint64_t>(mesh.faces, 1));
+    const std::uint64_t texels = bytes_of(pages.texels, share);
+    sure = tile_texture_bytes(tile, std::max(4 * tile, bytes_of(texels, kUsedTexels)));
+    likely = std::max(2 * tile_texture_bytes(tile, 4 * tile),
+                      tile_texture_bytes(tile, std::min(2 * texels, pages.texels)));
+  }
+  needs.push_back({named(0, "tiles"), tile_task_bytes(surface_block_bytes(tile / 4)) + sure,
+                   tile_task_bytes(2 * surface_block_bytes(tile)) + likely});
   if (mesh.faces <= options.tile_faces) return needs;
   needs.push_back({named(1, "tolerance"), level_tolerance_bytes(mesh.faces), 0});
   const SimplifyOptions simplify;

@@ -8,12 +8,15 @@
 #include "stream/import/import_needs.h"
 #include "stream/runtime/disk_space.h"
 #include "stream/runtime/stage.h"
+#include "stream/stages/bake/texture_colours.h"
 #include "stream/stages/tiles/tiles_options.h"
 
 namespace tessera {
 
 /// Memory of the import, of level 0 and of level 1; further levels are smaller.
-std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& options, const MeshSize& mesh);
+/// \param pages  of the mesh, where textures are made of them
+std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& options, const MeshSize& mesh,
+                                   const PagesSize& pages = {});
 
 /// Disk, by rates measured on meshes of scans: within a fifth where faces lie as there.
 struct TilesDisk {
