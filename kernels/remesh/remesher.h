@@ -109,7 +109,9 @@ class Remesher {
   bool keeps_valences(std::size_t at) const;
   static bool stays_flat(const NewFace& face, const Double3& from);
   Refusal check_moved_faces(std::uint32_t u, std::size_t at) const;
-  Refusal check_blunted_faces(std::uint32_t u, std::size_t at) const;
+  bool keeps_shape(const NewFace& face, const Double3& from) const;
+  static bool gets_flat(const NewFace& face);
+  bool keeps_sides(std::uint32_t u, std::size_t at) const;
   bool folds_no_more(std::uint32_t u, std::size_t at) const;
   bool keeps_walls(std::uint32_t u, std::size_t at) const;
   bool is_line_near(std::uint32_t u, std::size_t at) const;

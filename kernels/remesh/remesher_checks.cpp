@@ -127,7 +127,7 @@ Remesher::Refusal Remesher::check_star(std::uint32_t u, std::uint32_t v, double 
   if (at == star_.ring_size() || !keeps_lines(u, at) || !keeps_lengths(u, at, longest) ||
       !keeps_valences(at) || !is_collapse_ok(mesh_, star_, at))
     return Refusal::kLink;
-  const Refusal refusal = blunting_ ? check_blunted_faces(u, at) : check_moved_faces(u, at);
+  const Refusal refusal = check_moved_faces(u, at);
   if (refusal != Refusal::kNone) return refusal;
   return is_line_near(u, at) ? Refusal::kNone : Refusal::kTolerance;
 }
@@ -173,8 +173,19 @@ bool Remesher::stays_flat(const NewFace& face, const Double3& from) {
          squared_distance(from, at[0]) <= kFlatAltitude * kFlatAltitude * before.longest2;
 }
 
-/// The faces that stay, with ring[at] in the place of u, against the reference; what goes must lie near one of them.
+/// Whether a face whose first corner comes from there keeps its side and does not get thinner than faces may be.
+bool Remesher::keeps_shape(const NewFace& face, const Double3& from) const {
+  const double before = mean_ratio(from, face.at[1], face.at[2]),
+               after = mean_ratio(face.at[0], face.at[1], face.at[2]);
+  // The normal of a flat face says nothing.
+  const Double3 n = before < kMinMeanRatio ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
+  return normal_fits(face, n) && !(after < kMinMeanRatio && after < before);
+}
+
+/// The faces that stay, with ring[at] in the place of u, against the reference; what goes must lie near one of them. Of what is
+/// blunted the star is asked for folds, in the place of shapes and of what faces turn by.
 Remesher::Refusal Remesher::check_moved_faces(std::uint32_t u, std::size_t at) const {
+  if (blunting_ && !keeps_sides(u, at)) return Refusal::kFold;
   const std::uint32_t v = star_.ring[at];
   const Double3 from = mesh_.at(u), to = mesh_.at(v);
   const double limit = options_.tolerance;
@@ -184,15 +195,11 @@ Remesher::Refusal Remesher::check_moved_faces(std::uint32_t u, std::size_t at) c
     if (i == at || j == at) continue;
     const std::uint32_t a = star_.ring[i], b = star_.ring[j];
     const NewFace face{{v, a, b}, {to, mesh_.at(a), mesh_.at(b)}};
-    if (stays_flat(face, from)) {
+    if (!blunting_ && stays_flat(face, from)) {
       nearest = 0.0;
       continue;
     }
-    const double before = mean_ratio(from, face.at[1], face.at[2]),
-                 after = mean_ratio(to, face.at[1], face.at[2]);
-    // The normal of a flat face says nothing.
-    const Double3 n = before < kMinMeanRatio ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
-    if (!normal_fits(face, n) || (after < kMinMeanRatio && after < before)) return Refusal::kFold;
+    if (blunting_ ? gets_flat(face) : !keeps_shape(face, from)) return Refusal::kFold;
     if (!within(face, 1u)) return Refusal::kTolerance;
     if (limit > 0.0)
       nearest =

@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "kernels/mesh/flat_faces.h"
-#include "kernels/mesh/triangle_foot.h"
 #include "kernels/remesh/remesher.h"
 
 namespace tessera {
@@ -109,26 +108,15 @@ bool Remesher::keeps_walls(std::uint32_t u, std::size_t at) const {
   return true;
 }
 
-/// What check_moved_faces() asks, but folds in the place of shapes and of what faces turn by.
-Remesher::Refusal Remesher::check_blunted_faces(std::uint32_t u, std::size_t at) const {
-  if (!folds_no_more(u, at) || !keeps_walls(u, at)) return Refusal::kFold;
-  const std::uint32_t v = star_.ring[at];
-  const Double3 from = mesh_.at(u), to = mesh_.at(v);
-  const double limit = options_.tolerance;
-  double nearest = limit > 0.0 ? std::numeric_limits<double>::max() : 0.0;
-  for (std::size_t i = 0; i < star_.faces; ++i) {
-    const std::size_t j = star_.following(i);
-    if (i == at || j == at) continue;
-    const std::uint32_t a = star_.ring[i], b = star_.ring[j];
-    const NewFace face{{v, a, b}, {to, mesh_.at(a), mesh_.at(b)}};
-    const FaceExtent extent = face_extent(to, face.at[1], face.at[2]);
-    if (extent.twice_area <= kFlatRoom * kFlatAltitude * extent.longest2) return Refusal::kFold;
-    if (!within(face, 1u)) return Refusal::kTolerance;
-    if (limit > 0.0)
-      nearest =
-          std::min(nearest, squared_distance(from, foot_in_triangle(from, to, face.at[1], face.at[2]).at));
-  }
-  return nearest > limit * limit ? Refusal::kTolerance : Refusal::kNone;
+/// Whether the star of u, gathered, may be blunted by its collapse into ring[at].
+bool Remesher::keeps_sides(std::uint32_t u, std::size_t at) const {
+  return folds_no_more(u, at) && keeps_walls(u, at);
+}
+
+/// Whether a face is too low to be told from a line.
+bool Remesher::gets_flat(const NewFace& face) {
+  const FaceExtent extent = face_extent(face.at[0], face.at[1], face.at[2]);
+  return extent.twice_area <= kFlatRoom * kFlatAltitude * extent.longest2;
 }
 
 }  // namespace tessera

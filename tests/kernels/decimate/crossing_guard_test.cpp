@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <optional>
 
 #include "kernels/decimate/decimate.h"
 #include "kernels/mesh/block_contacts.h"
@@ -30,6 +31,27 @@ bool is_flat(const CollapseMesh& mesh) {
     const Double3 &a = mesh.at(f.vertex[0]), &b = mesh.at(f.vertex[1]), &c = mesh.at(f.vertex[2]);
     return (f.state & kStateDead) == 0 && !(norm(cross(b - a, c - a)) > 1e-9);
   });
+}
+
+struct RandomCollapse {
+  std::uint32_t u = 0;  ///< goes
+  std::size_t at = 0;   ///< into that one of its ring
+  std::uint32_t v = 0;
+};
+/// Of a vertex within the mesh whose star may go. \param star  gets it
+std::optional<RandomCollapse> random_collapse(const CollapseMesh& mesh, Random& random, Star& star) {
+  RandomCollapse c;
+  c.u = static_cast<std::uint32_t>(random.below(mesh.vertices()));
+  if ((mesh.state(c.u) & kVertexKept) != 0 || !mesh.gather(c.u, star) || !star.closed || star.faces < 4)
+    return std::nullopt;
+  c.at = random.below(star.faces);
+  c.v = star.ring[c.at];
+  std::size_t shared = 0;
+  mesh.for_each_neighbour(c.v, [&](std::uint32_t w) {
+    for (std::size_t i = 0; i < star.faces; ++i) shared += star.ring[i] == w;
+  });
+  if (shared != 2 || (mesh.state(c.v) & kVertexPinched) != 0) return std::nullopt;
+  return c;
 }
 
 }  // namespace
@@ -125,16 +147,9 @@ TEST_CASE("crossing guard: collapses that it is not asked about, before and afte
   std::size_t added = 0, harmless = 0, meeting = 0;
   Star star;
   for (int step = 0; step < 300; ++step) {
-    const auto u = static_cast<std::uint32_t>(random.below(mesh.vertices()));
-    if ((mesh.state(u) & kVertexKept) != 0 || !mesh.gather(u, star) || !star.closed || star.faces < 4)
-      continue;
-    const std::size_t at = random.below(star.faces);
-    const std::uint32_t v = star.ring[at];
-    std::size_t shared = 0;
-    mesh.for_each_neighbour(v, [&](std::uint32_t w) {
-      for (std::size_t i = 0; i < star.faces; ++i) shared += star.ring[i] == w;
-    });
-    if (shared != 2 || (mesh.state(v) & kVertexPinched) != 0) continue;
+    const auto collapse = random_collapse(mesh, random, star);
+    if (!collapse) continue;
+    const std::size_t at = collapse->at;
     const CollapseMesh before = mesh;
     const bool asked = step > 40 && random.below(3) != 0;
     const bool adds = asked && guard.collapse_adds(star, at);
@@ -190,16 +205,9 @@ TEST_CASE("crossing guard: collapses in a sheet are answered without a search, a
   std::size_t added = 0, spared = 0;
   Star star, other;
   for (int step = 0; step < 500; ++step) {
-    const auto u = static_cast<std::uint32_t>(random.below(mesh.vertices()));
-    if ((mesh.state(u) & kVertexKept) != 0 || !mesh.gather(u, star) || !star.closed || star.faces < 4)
-      continue;
-    const std::size_t at = random.below(star.faces);
-    const std::uint32_t v = star.ring[at];
-    std::size_t shared = 0;
-    mesh.for_each_neighbour(v, [&](std::uint32_t w) {
-      for (std::size_t i = 0; i < star.faces; ++i) shared += star.ring[i] == w;
-    });
-    if (shared != 2 || (mesh.state(v) & kVertexPinched) != 0 || !mesh.gather(v, other)) continue;
+    const auto collapse = random_collapse(mesh, random, star);
+    if (!collapse || !mesh.gather(collapse->v, other)) continue;
+    const auto [u, at, v] = *collapse;
     const CollapseMesh before = mesh;
     const std::uint64_t looked = guard.looked_at();
     const auto kind = step < 20 ? 0 : random.below(10) > 1 ? 2 : random.below(2);
