@@ -6,11 +6,13 @@
 #include <utility>
 
 #include "kernels/decimate/auto_tolerance.h"
+#include "kernels/field/field.h"
 #include "octree/error.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/points/projection.h"
 #include "stream/meshes/texture_option.h"
 #include "stream/points/clip_polygon.h"
+#include "stream/points/plan.h"
 #include "stream/points/point_filter.h"
 
 namespace tessera {
@@ -24,6 +26,23 @@ std::uint32_t ReconstructOptions::max_hole_edges() const {
     throw UsageError("--max-hole " + max_hole + ": not auto or a number of edges up to " +
                      std::to_string(kMaxHoleEdges));
   return edges;
+}
+
+bool ReconstructOptions::may_fuse_stores() const {
+  return (decimates() || has_levels()) && max_hole_edges() == 0 && border != "smooth" &&
+         reference == "surface";
+}
+
+bool ReconstructOptions::may_weld() const {
+  return !may_fuse_stores() || smooths_border();
+}
+
+bool ReconstructOptions::fuses_stores(const Plan& plan) const {
+  return may_fuse_stores() && !(smooths_border() && plan.noise_cells > kExactNoise);
+}
+
+bool ReconstructOptions::fuses_first_pass() const {
+  return may_fuse_stores() && !smooths() && !has_levels();
 }
 
 namespace {
@@ -113,11 +132,12 @@ OptionTable option_table(ReconstructOptions& o) {
   t.add("min-component", &o.min_component,
         "faces; smaller islands are dropped; 0 = measured, and islands that are mostly border and folded "
         "go too, 1 = keep all");
-  t.add("max-hole", &o.max_hole,
-        "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
-        "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "
-        "auto: in noisy scans what is narrower than the radius, slits too, from above 20 h with a rim of at "
-        "most 400 edges, by a membrane or a patch that folds where no smooth one fits, none with a tolerance")
+  t.add(
+       "max-hole", &o.max_hole,
+       "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
+       "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "
+       "auto: in noisy scans what is narrower than the radius, slits too, from above 20 h with a rim of at "
+       "most 400 edges, by a membrane or a patch that folds where no smooth one fits; none with --border raw")
       .shown_as("auto|N");
   t.add("holes", &o.holes,
         "keep: the surface ends where the data does; close: an object gets no border at all, open terrain "
@@ -128,7 +148,8 @@ OptionTable option_table(ReconstructOptions& o) {
   t.add("border", &o.border,
         "the line in which a noisy scan ends; raw: where the field does, which wavers from cell to cell; "
         "smooth: its vertices move by at most a cell towards the middle of their neighbours; auto: smooth, "
-        "but raw with a tolerance, where smooth costs a mesh of full resolution on disk")
+        "but raw with levels, and with a tolerance where the noise is below 0.03 of the resolution: smooth "
+        "costs a mesh of full resolution on disk there")
       .one_of({"auto", "smooth", "raw"});
   t.add("outliers", &o.outliers,
         "auto: drop points that too few neighbours confirm, a share of the median, or fewer than three where "

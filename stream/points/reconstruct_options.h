@@ -8,6 +8,8 @@
 
 namespace tessera {
 
+struct Plan;
+
 struct ReconstructOptions {
   double resolution = 0.0;
   std::uint64_t levels = 1;
@@ -60,13 +62,22 @@ struct ReconstructOptions {
   /// Whether the ground goes on below strewn points that are left out, in scenes from above.
   bool clears_ground() const { return surface == "all" && vegetation == "drop" && models_top(); }
   bool finds_ground() const { return surface == "ground" || clears_ground(); }
-  bool smooths_border() const {
-    return border == "smooth" || (border == "auto" && tolerance == 0.0 && !has_levels());
-  }
+  /// Of noisy scans.
+  bool smooths_border() const { return border == "smooth" || (border == "auto" && !has_levels()); }
   /// Whether the result is not the mesh of full resolution.
   bool decimates() const { return tolerance != 0.0; }
   bool smooths() const { return smooth != "off"; }
   bool has_texture() const { return texture != 0.0; }
+  /// Whether the surface stage leaves stores that passes read, instead of patches that are welded: the job has a tolerance or
+  /// levels, no hole waits to be filled and no border to be smoothed, as in scans with more noise than kExactNoise,
+  /// and what the points leave of the tolerance need not be known before.
+  bool fuses_stores(const Plan& plan) const;
+  /// Whether there are scans of which it does, and scans of which it does not.
+  bool may_fuse_stores() const;
+  bool may_weld() const;
+  /// Whether the first pass of decimation runs there, too, where it does: the mesh need not be smoothed before, and is of one
+  /// cell size.
+  bool fuses_first_pass() const;
   /// The N of max_hole, 0 for auto. \throws UsageError for what is neither
   std::uint32_t max_hole_edges() const;
   /// Also reads the files of --clip and --crs. \throws UsageError for options that mean nothing together; InputError

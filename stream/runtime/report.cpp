@@ -67,7 +67,7 @@ Json warnings_of(const Json& entry) {
 
 Json result_of(const Json& report, const std::string& stage) {
   for (const Json& entry : report.at("stages"))
-    if (entry.at("name") == stage) return entry.at("result");
+    if (entry.at("name") == stage) return entry.at("result").empty() ? Json(nullptr) : entry.at("result");
   return nullptr;
 }
 

@@ -251,6 +251,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"coverage_check", "forecast_stage", "reconstruct_job"});
     by("tools/levels", "stream/stages/surface",
        {"level_fields", "level_files", "level_surface_stage", "levels_stage"});
+    by("tools/decimate", "stream/stages/reconstruct", {"weld_stages"});
     by("tools/site", "stream/stages/reconstruct", {"site_after"});
     by("tools/site", "stream/stages/tiles", {"tiles_needs"});
     by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});

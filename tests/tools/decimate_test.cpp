@@ -1,16 +1,19 @@
 // tessera decimate as a user runs it: the same bytes whatever must not matter, a proven tolerance, clear refusals.
 #include <catch2/catch.hpp>
 
+#include <cmath>
 #include <cstdlib>
 #include <string>
 #include <vector>
 
 #include "stream/check/mesh_check.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
 
@@ -263,6 +266,61 @@ TEST_CASE("reconstruct --tolerance: the mesh shrinks within a proven distance, s
     CHECK(file_bytes(out) == bytes);
     CHECK_FALSE(fs::exists(out.string() + ".tessera"));
   }
+}
+
+TEST_CASE(
+    "reconstruct --tolerance: a noisy scan has the borders and fillings of its full mesh, an exact one "
+    "neither",
+    "[pipeline]") {
+  const TempFolder folder;
+  const auto run = [&](const fs::path& scan, const std::string& name, const std::vector<std::string>& more) {
+    const fs::path out = folder.path() / (name + ".ply");
+    std::vector<std::string> line = {"reconstruct", scan.string(), "-o", out.string(),
+                                     "--progress",  "none",        "-q", "--no-html"};
+    line.insert(line.end(), more.begin(), more.end());
+    const CommandResult r = tessera_command(line);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return out;
+  };
+  const auto check_of = [&](const fs::path& mesh) {
+    MeshCheckOptions options;
+    options.temp = folder.path();
+    return check_mesh(*open_mesh_file(mesh), options);
+  };
+  // A floor with slits narrower than the support of a sample, and a round hole.
+  const auto floor = [&](const std::string& name, double noise) {
+    Random random(5);
+    std::string text = "x y z nx ny nz\n";
+    const auto slit = [](double x, double y) { return std::abs(x) < 5.0 && std::abs(y) < 2.3; };
+    for (int i = 0; i < 300 * 300; ++i) {
+      const double x = 0.5 * (i % 300), y = 0.5 * (i / 300), z = random.in(-noise, noise);
+      if (slit(x - 64, y - 64) || slit(x - 30, y - 100) || std::hypot(x - 100, y - 100) < 9.0) continue;
+      text += std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + " 0 0 1\n";
+    }
+    write_durably(folder.path() / name, text);
+    return folder.path() / name;
+  };
+  const fs::path noisy = floor("noisy.xyz", 0.3), exact = floor("exact.xyz", 0.0);
+  const fs::path full = run(noisy, "full", {}), small = run(noisy, "small", {"--tolerance", "auto"}),
+                 ragged = run(noisy, "ragged", {"--tolerance", "auto", "--border", "raw"});
+  const Json report = report_of(small);
+  CHECK(report.at("certificate").at("proven") == true);
+  CHECK(report.at("mesh").at("holes").at("filled") == report_of(full).at("mesh").at("holes").at("filled"));
+  CHECK(report.at("mesh").at("holes").at("filled") == 2);
+  CHECK(report.at("raw_mesh").at("faces") == report_of(full).at("mesh").at("faces"));
+  CHECK(check_of(small).boundary_loops == check_of(full).boundary_loops);
+  CHECK(check_of(ragged).boundary_loops >= check_of(small).boundary_loops);
+  CHECK(file_bytes(small) == file_bytes(run(noisy, "smooth", {"--tolerance", "auto", "--border", "smooth"})));
+  CHECK(file_bytes(small) ==
+        file_bytes(run(noisy, "tiles", {"--tolerance", "auto", "--tile-size", "64", "-t", "1"})));
+  CHECK_FALSE(file_bytes(small) == file_bytes(ragged));
+  // An exact one makes no mesh of full resolution on disk.
+  const fs::path fused = run(exact, "fused", {"--tolerance", "auto"});
+  CHECK(file_bytes(fused) == file_bytes(run(exact, "raw", {"--tolerance", "auto", "--border", "raw"})));
+  const Json told = report_of(fused);
+  for (const Json& stage : told.at("stages"))
+    if (stage.at("name") == "mesh-read") CHECK(stage.at("units") == 0);
 }
 
 }  // namespace decimate_test

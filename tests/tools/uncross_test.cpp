@@ -193,7 +193,7 @@ TEST_CASE(
               .code == 0);
   const fs::path out = folder / "out.ply";
   const auto run = [&](std::vector<std::string> more) {
-    more.insert(more.end(), {"--tolerance", "auto", "--force"});
+    more.insert(more.end(), {"--tolerance", "auto", "--border", "raw", "--force"});
     reconstructed(scan, out, more);
     return file_bytes(out);
   };
@@ -215,7 +215,8 @@ TEST_CASE(
               .code == 0);
   const fs::path out = folder / "out.ply";
   const auto run = [&](std::vector<std::string> more) {
-    more.insert(more.end(), {"--resolution", "0.04", "--tolerance", "auto", "--keep-raw", "--force"});
+    more.insert(more.end(),
+                {"--resolution", "0.04", "--tolerance", "auto", "--border", "raw", "--keep-raw", "--force"});
     reconstructed(scan, out, more);
     return file_bytes(out) + file_bytes(folder / "out.raw.ply");
   };

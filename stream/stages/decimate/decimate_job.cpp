@@ -35,7 +35,9 @@ StageEntry simplify_entry(const SimplifyOptions& options, const SimplifyStores& 
                         return make_simplify_stage(state, stores.options(state, options), stores, pass);
                       }};
   if (pass.round == 0)  // later ones have something to do only where the proof fails
-    entry.forecast = [=](const PlannedScan& scan) { return forecast_simplify(scan, options, pass.pass); };
+    entry.forecast = [=, elsewhere = pass.pass == 0 && stores.after_first](const PlannedScan& scan) {
+      return elsewhere && scan.fuses_stores ? idle_forecast() : forecast_simplify(scan, options, pass.pass);
+    };
   return entry;
 }
 
@@ -96,7 +98,7 @@ Json certificate_of(const Json& report) {
   Json last = result_of(report, certify_name(0));
   for (int round = 1; round < kMaxRounds; ++round) {
     const Json again = result_of(report, certify_name(round));
-    if (!again.is_object() || again.empty()) continue;
+    if (!again.is_object()) continue;
     last = again;
     last["rounds_again"] = round;
   }
@@ -125,7 +127,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
   // Against a reference of its own a mesh may fail for good; another round helps where the passes were too bold.
   const int rounds = own && options.tolerance != 0.0 ? kMaxRounds : 1;
   for (int round = 0; round < rounds; ++round) {
-    for (int p = round == 0 && stores.after_first ? 1 : 0; p < options.passes; ++p) {
+    for (int p = round == 0 && stores.after_first && !stores.first_done ? 1 : 0; p < options.passes; ++p) {
       if (options.target_faces > 0 && round == 0)
         stages.push_back(simplify_entry(options, stores, {p, round, true}));
       stages.push_back(simplify_entry(options, stores, {p, round, false}));

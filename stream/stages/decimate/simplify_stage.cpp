@@ -29,7 +29,7 @@ class SimplifyStage : public Stage {
         blocks_(state, stores, pass,
                 {options.tolerance, options.tolerance, kTaskFaces,
                  [&](const MeshStore& in, const MeshStore& reference) {
-                   if (pass.pass == 0 && stores.first_blocks) return stores.first_blocks(in);
+                   if (pass.pass == 0 && stores.ran_first(state)) return stores.first_blocks(in);
                    return simplify_blocks(in, reference, options, pass.pass);
                  }}),
         in_(blocks_.in()),
@@ -190,7 +190,7 @@ int last_round(const std::filesystem::path& work) {
 
 MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass) {
   if (pass.pass == 0) return stores.full(state);
-  if (pass.pass == 1 && pass.round == 0 && stores.after_first) return stores.after_first(state);
+  if (pass.pass == 1 && pass.round == 0 && stores.ran_first(state)) return stores.after_first(state);
   const SimplifyPass before{pass.pass - 1, pass.round, false};
   return MeshStore(list_task_files(state.work / before.folder(), ".tmm"));
 }
@@ -216,7 +216,8 @@ std::uint64_t simplify_task_bytes(std::uint64_t block_bytes, std::uint64_t faces
 
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
                                            const SimplifyStores& stores, const SimplifyPass& pass) {
-  if (pass.round > last_round(state.work)) return make_idle_stage(pass.stage_name());
+  const bool ran = pass.pass == 0 && pass.round == 0 && stores.ran_first(state);
+  if (ran || pass.round > last_round(state.work)) return make_idle_stage(pass.stage_name());
   return std::make_unique<SimplifyStage>(state, options, stores, pass);
 }
 

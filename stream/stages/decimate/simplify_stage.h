@@ -44,6 +44,8 @@ struct SimplifyStores {
   /// What the first pass of the first round left, and its blocks, where that ran in another stage; else empty.
   std::function<MeshStore(const JobState&)> after_first;
   std::function<std::vector<MeshBlockCut>(const MeshStore& full)> first_blocks;
+  /// Whether it did, where that is known only during the job; else empty: where there is `after_first`.
+  std::function<bool(const JobState&)> first_done = {};
   /// What passes and certificate may use of the tolerance, where that is known only during the job; else empty: all.
   std::function<double(const JobState&)> tolerance_left = {};
   /// What the certificate is against where `full` was smoothed, with bounds of its faces to it; else empty.
@@ -73,6 +75,7 @@ struct SimplifyStores {
     if (!holds_floats_only(state.output)) return {};
     return placed ? placed(state) : store_placement(state.output, full(state), tolerance);
   }
+  bool ran_first(const JobState& state) const { return after_first && (!first_done || first_done(state)); }
   MeshStore reference(const JobState& state) const { return given ? given(state) : full(state); }
 };
 /// Where a pass reads: the mesh of full resolution for the first, else what the pass before left.

@@ -79,7 +79,7 @@ PlannedScan planned_scan(const Plan& plan, const std::vector<PlanBrick>& bricks,
   scan.oriented_in_blocks = scan.knows_sides || (options.from == "above" && !mode.by_sensor) ||
                             (asks && scan.columns && scan.columns->look_open());
   scan.closes = HolesMode(options.holes).close;
-  scan.fuses_stores = fuses_stores(options);
+  scan.fuses_stores = options.fuses_stores(plan);
   const HoleLimit holes = hole_limit(options, plan, true);
   scan.max_hole_edges = holes.edges, scan.max_chained_edges = holes.chained;
   scan.filling_bytes = holes.filling_bytes();

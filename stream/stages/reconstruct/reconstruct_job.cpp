@@ -3,14 +3,13 @@
 #include "kernels/decimate/auto_tolerance.h"
 #include "stream/files/json.h"
 #include "stream/runtime/report.h"
+#include "stream/runtime/serial_stage.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "stream/files/task_files.h"
 #include "stream/import/crs_sidecar.h"
-#include "stream/import/import_bytes.h"
-#include "stream/import/import_needs.h"
-#include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_store_output.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
@@ -21,10 +20,10 @@
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/decimate/result_mend.h"
 #include "stream/stages/decimate/simplify_needs.h"
-#include "stream/stages/plan/forecast_rates.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/reconstruct/forecast_stage.h"
 #include "stream/stages/reconstruct/scan_colours.h"
+#include "stream/stages/reconstruct/weld_stages.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/ground_stages.h"
 #include "stream/stages/scan/normals_stage.h"
@@ -46,10 +45,6 @@
 #include "stream/stages/surface/surface_stage.h"
 #include "stream/stages/surface/uncross_holes_stage.h"
 #include "stream/stages/surface/write_stage.h"
-#include "stream/stages/weld/blunt_stage.h"
-#include "stream/stages/weld/border_stage.h"
-#include "stream/stages/weld/uncross_stage.h"
-#include "stream/stages/weld/weld_stage.h"
 
 namespace tessera {
 namespace {
@@ -151,51 +146,45 @@ StageEntry coverage_of(const std::function<MeshStore(const JobState&)>& store) {
           forecast_coverage};
 }
 
-/// Of an import stage of the raw mesh: microseconds a face.
-struct ImportRate {
-  const char* stage;
-  double time;
-  bool in_buckets;  ///< of vertices, a task each
-};
-constexpr ImportRate kImportRates[] = {{"mesh-read", 0.05, false},
-                                       {"mesh-vertices", 0.1, true},
-                                       {"mesh-corners", 0.1, false},
-                                       {"mesh-tiles", 0.4, true}};
-
-StageForecast forecast_raw_import(const PlannedScan& scan, const std::string& stage) {
-  if (stage == "mesh-repair") {
-    StageForecast repair = idle_forecast();
-    repair.task_bytes = import_repair_task_bytes(surface_block_bytes(4 * ImportPlan::kBrickVertices));
-    return repair;
-  }
-  const double faces = scan.faces * rates::kFacesMargin * rates::kFacesMargin;
-  const MeshSize mesh = {bytes_of(faces, kVerticesPerFace), bytes_of(faces, 1.0)};
-  const std::uint64_t buckets = mesh.vertices / ImportPlan::kBucketVertices + 1;
-  const auto sure = import_needs(scan.run, {0, "mesh"}, {}),
-             needs = import_needs(scan.run, {0, "mesh"}, mesh);
-  for (std::size_t i = 0; i < needs.size(); ++i) {
-    if (needs[i].stage != stage) continue;
-    const ImportRate& rate = kImportRates[i];
-    StageForecast told;
-    (rate.in_buckets ? told.task_bytes : told.finish_bytes) = std::max(needs[i].sure, needs[i].likely);
-    told.tasks = rate.in_buckets ? buckets : 0;
-    told.sure_bytes = sure[i].sure;
-    told.disk_bytes = scan.output_bytes;  // about as much as the file
-    told.files = rate.in_buckets ? 2 * buckets : 1;
-    told.processor_us = scan.faces * rate.time;
-    told.moved_bytes = static_cast<double>(scan.output_bytes);
-    return told;
-  }
-  return idle_forecast();
+/// \pre the survey is done
+bool fuses_stores(const JobState& state) {
+  return reconstruct_options(state).fuses_stores(Plan::of_work(state.work));
 }
 
-/// The raw mesh comes back as a store.
-std::vector<StageEntry> raw_import_stages() {
-  std::vector<StageEntry> stages = import_stages({0, "mesh", kRawMeshFile});
-  for (StageEntry& entry : stages)
-    entry.forecast = [stage = entry.name](const PlannedScan& scan) {
-      return forecast_raw_import(scan, stage);
+/// The stages of one of the two ways that the surface of a job may go, which only its survey knows.
+/// \param fused  without welding (ReconstructOptions::fuses_stores)
+std::vector<StageEntry> stages_if_fused(bool fused, std::vector<StageEntry> stages) {
+  for (StageEntry& entry : stages) {
+    entry.make = [make = entry.make, name = entry.name, fused](const JobState& state) {
+      return fuses_stores(state) == fused ? make(state) : make_idle_stage(name);
     };
+    if (entry.forecast)
+      entry.forecast = [forecast = entry.forecast, fused](const PlannedScan& scan) {
+        return scan.fuses_stores == fused ? forecast(scan) : idle_forecast();
+      };
+  }
+  return stages;
+}
+
+/// With levels alone the stores are the result.
+std::vector<StageEntry> written_level_stages() {
+  CrossingPlan mend;
+  mend.may_cut = true;
+  mend.mesh = [](const JobState& state) {
+    return StoreFiles{list_task_files(state.work / kFullFolder, ".tmm"),
+                      list_task_files(state.work / kPrunedFullFolder, ".tmm")};
+  };
+  const auto whole = [=](const JobState& state) { return open_mended(state, mend); };
+  std::vector<StageEntry> stages = crossing_stages(mend);
+  for (StageEntry& e : stages)
+    e.forecast = [name = e.name](const PlannedScan& scan) { return forecast_mend(scan, name); };
+  stages.push_back(coverage_of(whole));
+  stages.push_back({"write",
+                    [=](const JobState& state) {
+                      return make_store_write_stage(state, whole(state), "made by tessera reconstruct",
+                                                    sort_bytes(state.run));
+                    },
+                    forecast_write});
   return stages;
 }
 
@@ -236,7 +225,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
     stages.push_back({"surface", make_surface_stage, forecast_surface});
   }
   const auto append = [&](std::vector<StageEntry> more) {
-    for (StageEntry& entry : more) stages.push_back(std::move(entry));
+    std::move(more.begin(), more.end(), std::back_inserter(stages));
   };
   const auto finish = [&](SimplifyStores stores) {
     stores.placed = [](const JobState& state) { return plan_placement(state, Plan::of_work(state.work)); };
@@ -264,57 +253,32 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
                                        },
                                        forecast_store_write});
   };
-  if (fuses_stores(options)) {
+  if (options.has_levels() && !options.decimates()) {
     append(store_end_stages(options));
-    CrossingPlan mend;
-    mend.may_cut = true;
-    mend.mesh = [](const JobState& state) {
-      return StoreFiles{list_task_files(state.work / kFullFolder, ".tmm"),
-                        list_task_files(state.work / kPrunedFullFolder, ".tmm")};
-    };
-    const auto whole = [=](const JobState& state) { return open_mended(state, mend); };
-    if (!options.decimates()) {
-      std::vector<StageEntry> found = crossing_stages(mend);
-      for (StageEntry& e : found)
-        e.forecast = [name = e.name](const PlannedScan& scan) { return forecast_mend(scan, name); };
-      append(std::move(found));
-      append({coverage_of(whole),
-              {"write",
-               [=](const JobState& state) {
-                 return make_store_write_stage(state, whole(state), "made by tessera reconstruct",
-                                               sort_bytes(state.run));
-               },
-               forecast_write}});
-    } else if (fuses_first_pass(options)) {
-      finish({open_full_surface, open_first_pass, first_pass_blocks, reconstruct_tolerance});
-    } else {
-      finish({open_full_surface, nullptr, nullptr, reconstruct_tolerance});
-    }
+    append(written_level_stages());
     return stages;
   }
-  append({{"weld", make_weld_stage, forecast_weld},
-          {"border", make_border_stage, forecast_border},
-          {"blunt", make_blunt_stage, forecast_blunt}});
-  append(uncross_stages(written_by(true)));
-  append(hole_stages());
+  const bool fuses = options.may_fuse_stores(), welds = options.may_weld();
+  if (fuses) append(welds ? stages_if_fused(true, store_end_stages(options)) : store_end_stages(options));
+  if (welds) append(fuses ? stages_if_fused(false, weld_stages(options)) : weld_stages(options));
   if (!options.decimates()) {
     append({{"coverage", [](const JobState& state) { return make_coverage_stage(state, welded_faces); },
              forecast_coverage},
             {"write", make_write_stage, forecast_write}});
     return stages;
   }
-  append({{"raw", make_raw_write_stage, forecast_write}});
-  append(raw_import_stages());
-  SimplifyStores stores = imported_stores("mesh");
+  SimplifyStores stores = welded_stores();
   stores.tolerance_left = reconstruct_tolerance;
-  if (options.reference == "points") {
-    append({{"points",
-             [=](const JobState& state) {
-               return make_samples_stage(state, {reconstruct_tolerance(state), stores.full, true});
-             },
-             [](const PlannedScan& scan) { return forecast_samples(scan, true); }}});
-    stores.tolerance_left = [](const JobState& state) { return tolerance_left(state.work); };
+  if (fuses) {
+    stores.full = [welded = stores.full](const JobState& state) {
+      return fuses_stores(state) ? open_full_surface(state) : welded(state);
+    };
+    if (options.fuses_first_pass()) stores.after_first = open_first_pass;
+    stores.first_blocks = first_pass_blocks;
+    if (welds) stores.first_done = [](const JobState& state) { return fuses_stores(state); };
   }
+  if (options.reference == "points")
+    stores.tolerance_left = [](const JobState& state) { return tolerance_left(state.work); };
   finish(stores);
   return stages;
 }

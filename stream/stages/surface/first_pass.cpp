@@ -107,15 +107,6 @@ SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) 
   return simplify;
 }
 
-bool fuses_stores(const ReconstructOptions& options) {
-  return (options.decimates() || options.has_levels()) && options.max_hole_edges() == 0 &&
-         !options.smooths_border() && options.reference == "surface";
-}
-
-bool fuses_first_pass(const ReconstructOptions& options) {
-  return fuses_stores(options) && !options.smooths() && !options.has_levels();
-}
-
 MeshStore open_full_surface(const JobState& state) {
   return open(state, kFullFolder, kPrunedFullFolder);
 }
@@ -191,7 +182,7 @@ struct FirstPass::Impl {
         full(c.create(kFullFolder + task_file_stem(t) + ".tmm"), info) {
     const ReconstructOptions options = reconstruct_options(state);
     min_faces = options.min_component != 0 ? options.min_component : automatic_min_component(0);
-    if (fuses_first_pass(options)) {
+    if (options.fuses_first_pass()) {
       first.emplace(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info);
       cube = block_bricks = kCube;
     }

@@ -29,11 +29,6 @@ struct SimplifyOptions;
 double reconstruct_tolerance(const JobState& state);
 /// What `reconstruct --tolerance` decimates with, its tolerance as it was typed.
 SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options);
-/// True if the surface stage leaves stores that passes read: the job has a tolerance or levels, no hole waits to be
-/// filled and no border to be smoothed, and what the points leave of the tolerance need not be known before.
-bool fuses_stores(const ReconstructOptions& options);
-/// True if the job's first pass runs there, too: the mesh need not be smoothed before, and is of one cell size.
-bool fuses_first_pass(const ReconstructOptions& options);
 
 inline constexpr int kFirstPassEdge = 4;  ///< bricks along the largest blocks
 

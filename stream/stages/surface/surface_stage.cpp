@@ -59,7 +59,7 @@ class SurfaceStage : public Stage {
     bytes_limit_ = tiling.tile_bytes_limit;
     groups_ = make_tile_groups(store_.bricks(), tiling);
     state_ = state;
-    fused_ = fuses_stores(options);
+    fused_ = options.fuses_stores(plan_);
     extract_ = extract_options(options, fused_);
   }
 

@@ -211,11 +211,12 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
     setup.options.tolerance = 0.5;
     setup.options.reference = "points";
     setup.options.keep_raw = true;
-    names = {"distribute",    "order",        "seen-spacing", "seen",      "normals", "surface",
-             "weld",          "uncross-1",    "uncross-2",    "uncross-3", "raw",     "mesh-read",
-             "mesh-vertices", "mesh-corners", "mesh-tiles",   "points",    "pass-1",  "pass-2",
-             "pass-3",        "crossings",    "mend",         "certify",   "samples", "coverage",
-             "keep-raw",      "write"};
+    names = {"distribute",   "order",      "seen-spacing",  "seen",      "normals",   "surface",
+             "weld",         "border",     "blunt",         "uncross-1", "uncross-2", "uncross-3",
+             "loops",        "holes",      "uncross-holes", "raw",       "mesh-read", "mesh-vertices",
+             "mesh-corners", "mesh-tiles", "points",        "pass-1",    "pass-2",    "pass-3",
+             "crossings",    "mend",       "certify",       "samples",   "coverage",  "keep-raw",
+             "write"};
   }
   Forecasted forecasted;
   const auto reserved = run_all(points, setup, work.path(), forecasted);
@@ -243,6 +244,7 @@ TEST_CASE("forecast: points that merge, hot bricks and noise stay below what is 
     for (int i = 0; i < 3000; ++i)
       points.push_back({{random.in(-90, 90), random.in(-90, 90), random.in(-90, 90)}, {}, 0});
     setup.options.normals = "estimate";
+    setup.options.tolerance = GENERATE(0.0, 0.3);
   }
   Forecasted forecasted;
   check_forecast(forecasted, run_all(points, setup, work.path(), forecasted), {});

@@ -1,0 +1,18 @@
+/// \file weld_stages.h
+/// Patches of the surface become one mesh: joined, their border made smooth, holes filled; for jobs that go on with it, written
+/// and read again as a store.
+#pragma once
+#include <vector>
+
+#include "stream/points/reconstruct_options.h"
+#include "stream/runtime/stage.h"
+#include "stream/stages/decimate/simplify_stage.h"
+
+namespace tessera {
+
+/// They stand behind the stage "surface" where that leaves patches (ReconstructOptions::fuses_stores).
+std::vector<StageEntry> weld_stages(const ReconstructOptions& options);
+/// The store of the mesh, with a tolerance. \pre the stages are done
+SimplifyStores welded_stores();
+
+}  // namespace tessera
