@@ -30,8 +30,7 @@ class MultifrontalSolver final : public LinearSolver {
 
   FactorReport analyse(const SparseMatrix& a) override {
     assert(a.rows == a.columns);
-    if (store_ != nullptr || options_.ordering == Ordering::kNestedDissection)
-      return analyse(a, store_ != nullptr ? Ordering::kMinimumDegree : Ordering::kNestedDissection);
+    if (options_.ordering == Ordering::kNestedDissection) return analyse(a, Ordering::kNestedDissection);
     FactorReport report = analyse(a, Ordering::kMinimumDegree);
     if (options_.ordering != Ordering::kAuto || a.rows < kMinDissectedRows ||
         (report.status == SolveStatus::kSolved && report.flops < kMinDissectFlops))
@@ -124,6 +123,10 @@ class MultifrontalSolver final : public LinearSolver {
 
 std::unique_ptr<LinearSolver> make_multifrontal_solver(const SolverOptions& options, FactorStore& store) {
   return std::make_unique<MultifrontalSolver<MultifrontalCholesky>>(options, &store);
+}
+
+std::unique_ptr<LinearSolver> make_lu_solver(const SolverOptions& options, FactorStore& store) {
+  return std::make_unique<MultifrontalSolver<MultifrontalLu>>(options, &store);
 }
 
 std::unique_ptr<LinearSolver> make_fronts_solver(const SolverOptions& options) {

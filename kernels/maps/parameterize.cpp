@@ -108,7 +108,7 @@ void require_solved(SolveStatus status, const std::string& message) {
 /// \param memory  for both; 0 = no limit
 std::unique_ptr<LinearSolver> fitting_factor(const SparseMatrix& a, std::uint64_t memory, FactorStore& store,
                                              ParameterizeReport& report) {
-  auto solver = make_multifrontal_solver({.tolerance = 1e-10}, store);
+  auto solver = make_multifrontal_solver({.ordering = Ordering::kMinimumDegree, .tolerance = 1e-10}, store);
   report.factor = solver->analyse(a);
   require_solved(report.factor.status, report.factor.message);
   const std::uint64_t bytes = report.factor.peak_bytes + report.factor.factor_entries * sizeof(double);

@@ -164,6 +164,7 @@ std::unique_ptr<LinearSolver> CoarseSystem::make_part_solver(const Part& part, F
   SolverOptions options;
   options.tolerance = plate_ ? kPlateInnerTolerance : kCoarseTolerance;
   options.positions = part.position;
+  options.ordering = Ordering::kMinimumDegree;  // later rounds read the factor of the first one
   auto direct = make_multifrontal_solver(options, factor);
   const FactorReport analysed = direct->analyse(part.own);
   if (analysed.status == SolveStatus::kSolved && factor_pays(analysed, part.own, plate_)) return direct;

@@ -152,6 +152,33 @@ TEST_CASE("multifrontal solver: a factor in the store serves again", "[unit]") {
   CHECK(of_twice.appended == appended);
 }
 
+TEST_CASE("multifrontal solver: the same bits with a store and without, by either ordering", "[unit]") {
+  const SparseMatrix a = system_of(40, 2);
+  const std::vector<double> b = test::load_of(a, 3);
+  const Ordering ordering = GENERATE(Ordering::kMinimumDegree, Ordering::kNestedDissection);
+  const SolverOptions options{.ordering = ordering, .tolerance = 1e-10};
+  const bool lu = GENERATE(false, true);
+  MemoryFactorStore store;
+  std::vector<double> held(b.size()), stored(b.size());
+  std::uint64_t entries[2], bytes[2];
+  for (const bool in_store : {false, true}) {
+    const auto solver = in_store
+                            ? lu ? make_lu_solver(options, store) : make_multifrontal_solver(options, store)
+                        : lu ? make_lu_solver(options)
+                             : make_fronts_solver(options);
+    const FactorReport report = solver->analyse(a);
+    REQUIRE(report.status == SolveStatus::kSolved);
+    entries[in_store] = report.factor_entries;
+    bytes[in_store] = report.peak_bytes;
+    REQUIRE(solver->factor(a).status == SolveStatus::kSolved);
+    REQUIRE(solver->solve(b, in_store ? stored : held, 3).status == SolveStatus::kSolved);
+  }
+  CHECK(entries[0] == entries[1]);
+  CHECK(store.size() == entries[1]);
+  CHECK(bytes[0] == bytes[1] + sizeof(double) * entries[1]);
+  CHECK(held == stored);
+}
+
 TEST_CASE("multifrontal solver: what it cannot do is said", "[unit]") {
   const SparseMatrix a = system_of(20, 1);
   MemoryFactorStore store;
