@@ -6,6 +6,7 @@
 #include <string>
 
 #include "kernels/mesh/block_contacts.h"
+#include "kernels/mesh/face_boxes.h"
 #include "kernels/mesh/flat_faces.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/remesher.h"
@@ -131,12 +132,13 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
 }
 
 std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces) {
-  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5); an edge and a half in the lists of edges
-  // (16 each, twice, and as much again while they grow; freed for the sort by place), or in the end a hierarchy over the
-  // faces and where they lie (28 + 13); and the block that comes out, sorted (16 + half of 60, twice), once more where it
-  // crosses itself. Half a point of the reference for the hierarchy to find.
-  const std::uint64_t lists = 144, search = ClosestFaces::bytes_per_face() + 41;
-  return max_faces * (32 + 47 + std::max(lists, search) + 92 + 46) +
+  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5). Beside it, one after the other: an edge and a half in the
+  // lists of edges (16 each, twice, and as much again while they grow; freed for the sort by place); a hierarchy over the
+  // faces and where they lie (28 + 13); the block that comes out, sorted (16 + half of 60, twice). Where it crosses itself all that
+  // once more beside it, guarded. Half a point of the reference for the hierarchy to find.
+  const std::uint64_t lists = 144, search = ClosestFaces::bytes_per_face() + 41, sorted = 92, found = 46;
+  return max_faces * (32 + 47 + std::max({lists, search, sorted}) + found) +
+         FaceBoxes::bytes(max_faces, FaceBoxes::Order::kMorton) +
          reference_faces * (ReferenceSurface::bytes_per_face() + 12) + (std::uint64_t{1} << 20);
 }
 

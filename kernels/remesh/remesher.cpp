@@ -139,6 +139,8 @@ void Remesher::run(RemeshReport& report) {
     refine(report);  // what mending took away from the tolerance
   }
   report.guard_spent = guard_spent_;
+  std::vector<Edge>().swap(edges_);  // their memory is needed for what comes out
+  std::vector<Edge>().swap(listed_);
 }
 
 /// Down to a mesh too coarse, and by splits back to one that remembers nothing of the lattice it came from.
