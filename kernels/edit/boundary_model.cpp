@@ -7,12 +7,14 @@
 
 #include "octree/error.h"
 #include "solvers/laplacian_system.h"
+#include "solvers/multifrontal_solver.h"
 
 namespace tessera {
 namespace {
 
 constexpr int kMaxRefinements = 4;
-constexpr double kRoundingShare = 1e-13;  ///< of the largest value: corrections below it are rounding
+constexpr std::size_t kResidualColumns = 4;  ///< at a time, in extended precision
+constexpr double kRoundingShare = 1e-13;     ///< of the largest value: corrections below it are rounding
 
 /// Solutions are refined against the operators, not against the matrix.
 constexpr double kAnyResidual = std::numeric_limits<double>::infinity();
@@ -25,6 +27,13 @@ double damping(double smoothness, int level) {
 void require_solved(SolveStatus status, const std::string& message) {
   if (status == SolveStatus::kTooLarge) throw ResourceError(message);
   if (status != SolveStatus::kSolved) throw InputError("the surface cannot be solved for: " + message);
+}
+
+/// \param store  null: the factor lies in memory
+std::unique_ptr<LinearSolver> make_boundary_solver(bool symmetric, const SolverOptions& options,
+                                                   FactorStore* store) {
+  if (store == nullptr) return make_solver(symmetric ? SolverKind::kFronts : SolverKind::kLu, options);
+  return symmetric ? make_multifrontal_solver(options, *store) : make_lu_solver(options, *store);
 }
 
 }  // namespace
@@ -55,7 +64,17 @@ struct BoundaryModel::Impl {
   /// Right-hand sides that are missing: -(-1)^k (L D L ...) f on the free vertices, from differences along edges.
   void residual(std::span<const double> values, int width, std::span<double> out) const {
     const auto w = static_cast<std::size_t>(width);
-    std::vector<long double> f(values.begin(), values.end()), next(values.size(), 0.0L);
+    for (std::size_t first = 0; first < w; first += kResidualColumns)
+      residual(values, w, first, std::min(kResidualColumns, w - first), out);
+  }
+
+  /// Of the columns from `first` on. \param width  of all
+  void residual(std::span<const double> values, std::size_t width, std::size_t first, std::size_t w,
+                std::span<double> out) const {
+    const std::size_t n = values.size() / width;
+    std::vector<long double> f(n * w), next(n * w, 0.0L);
+    for (std::size_t i = 0; i < n; ++i)
+      for (std::size_t c = 0; c < w; ++c) f[i * w + c] = values[i * width + first + c];
     for (int level = 1; level <= order; ++level) {
       for (const std::int32_t v : rows[static_cast<std::size_t>(level) - 1]) {
         const auto i = static_cast<std::size_t>(v);
@@ -76,7 +95,7 @@ struct BoundaryModel::Impl {
     const double sign = order % 2 == 1 ? 1.0 : -1.0;
     for (std::size_t k = 0; k < system.free_vertices.size(); ++k)
       for (std::size_t c = 0; c < w; ++c)
-        out[k * w + c] =
+        out[k * width + first + c] =
             static_cast<double>(sign * f[static_cast<std::size_t>(system.free_vertices[k]) * w + c]);
   }
 };
@@ -109,8 +128,9 @@ BoundaryModel::BoundaryModel(const Laplacian& operators, std::span<const std::ui
       m.report.symmetric = m.report.symmetric &&
                            m.scale[0][static_cast<std::size_t>(v)] == m.scale[1][static_cast<std::size_t>(v)];
   m.report.unknowns = m.system.free_vertices.size();
-  m.solver = make_solver(m.report.symmetric ? SolverKind::kFronts : SolverKind::kLu,
-                         {.memory_bytes = options.memory_bytes, .tolerance = kAnyResidual, .order = m.order});
+  m.solver = make_boundary_solver(
+      m.report.symmetric, {.memory_bytes = options.memory_bytes, .tolerance = kAnyResidual, .order = m.order},
+      options.store);
   m.report.factor = m.solver->analyse(m.system.matrix);
   require_solved(m.report.factor.status, m.report.factor.message);
   m.report.factor = m.solver->factor(m.system.matrix);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "octree/error.h"
+#include "solvers/factor_store.h"
 #include "solvers/laplacian.h"
 #include "solvers/linear_solver.h"
 
@@ -20,6 +21,8 @@ namespace tessera {
 struct BoundaryModelOptions {
   int order = 2;                   ///< 1, 2 or 3
   std::uint64_t memory_bytes = 0;  ///< a factor that is predicted to need more is not tried; 0 = no limit
+  /// Where the factor lies; then it does not count. Empty, and outlives the model. Null: in memory.
+  FactorStore* store = nullptr;
 };
 
 /// The system has no solution, or rounding leaves it none.

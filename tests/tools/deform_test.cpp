@@ -278,6 +278,34 @@ TEST_CASE("deform: regions by paint and by creases", "[pipeline]") {
   }
 }
 
+TEST_CASE("deform: a factor that memory does not hold is on disk, and the bytes are the same", "[memory]") {
+  const TempFolder folder;
+  const fs::path in = write_bar(folder.path() / "in.ply", 120);
+  const fs::path script = write_json(folder.path() / "edit.json", edit());
+  const auto run = [&](const std::string& out, const std::string& cap) {
+    return tessera_command({"deform", in.string(), script.string(), "-o", (folder.path() / out).string(),
+                            "--no-html", "--memory", cap});
+  };
+  const CommandResult refused = run("none.ply", "8M");
+  INFO(refused.errors);
+  REQUIRE(refused.code == 4);
+  const std::size_t at = refused.errors.find("would do is --memory ");
+  REQUIRE(at != std::string::npos);
+  const std::uint64_t named = std::stoull(refused.errors.substr(at + 21));
+  const CommandResult narrow = run("narrow.ply", std::to_string(named) + "M");
+  INFO(narrow.errors);
+  REQUIRE(narrow.code == 0);
+  CHECK(narrow.peak_bytes <= named << 20);
+  REQUIRE(run("wide.ply", "2G").code == 0);
+  CHECK(file_bytes(folder.path() / "narrow.ply") == file_bytes(folder.path() / "wide.ply"));
+  const Json less = report_of(folder.path() / "narrow.ply").at("edit"),
+             all = report_of(folder.path() / "wide.ply").at("edit");
+  const auto factor = all.at("factor_entries").get<std::uint64_t>() * sizeof(double);
+  CHECK(less.at("factor_spilled_bytes").get<std::uint64_t>() > factor / 10);
+  CHECK(all.at("factor_spilled_bytes") == 0);
+  CHECK(less.at("factor_bytes") == all.at("factor_bytes"));
+}
+
 TEST_CASE("deform: goes on after a stop", "[fault]") {
   const TempFolder folder;
   const fs::path in = write_bar(folder.path() / "in.ply", 100);

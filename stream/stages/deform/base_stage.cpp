@@ -37,7 +37,9 @@ class BaseStage : public SerialStage {
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
   std::uint64_t finish_bytes() const override {
-    return base_stage_bytes(own_, store_.face_count(), store_.block_bytes(all()), options_.base_vertices);
+    BaseInput input{0, store_.face_count(), store_.block_bytes(all())};
+    for (const MeshPatchEntry& e : store_.patches()) input.vertices += e.vertices;
+    return base_stage_bytes(own_, input, options_.base_vertices);
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {

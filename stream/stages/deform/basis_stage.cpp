@@ -22,6 +22,7 @@
 #include "stream/stages/deform/deform_stages.h"
 #include "stream/stages/deform/edit_script.h"
 #include "stream/stages/deform/pose_base.h"
+#include "stream/stages/deform/spilled_factor.h"
 #include "stream/stages/deform/vertex_batches.h"
 
 namespace tessera {
@@ -67,7 +68,9 @@ struct BasisProblem {
   BaseMetric metric;
   EditRegions regions;
   BoundaryModelOptions options;
-  bool volumes = false;  ///< the levels of the layer too
+  bool volumes = false;            ///< the levels of the layer too
+  std::filesystem::path temp;      ///< for what of a factor does not fit
+  std::uint64_t factor_bytes = 0;  ///< of a factor in memory
 };
 
 struct BasisSolution {
@@ -75,6 +78,7 @@ struct BasisSolution {
   EditBasisReport report;
   std::vector<LayerLevel> levels;
   double levels_s = 0.0;
+  std::uint64_t spilled_bytes = 0;  ///< of the factor
 };
 
 /// \param problem  its metric is replaced where the one given is singular
@@ -82,7 +86,10 @@ BasisSolution solve_basis(BasisProblem& problem) {
   BasisSolution out;
   const TriangleSpan base{problem.base.position, problem.base.faces};
   const auto solve = [&] {
+    SpilledFactor factor(problem.temp, problem.factor_bytes);
+    problem.options.store = &factor;
     out.edit = edit_basis(base, problem.metric.operators, problem.regions, problem.options, out.report);
+    out.spilled_bytes = factor.spilled_bytes();
   };
   try {
     solve();
@@ -118,7 +125,7 @@ Json system_json(const BasisProblem& problem, const BasisSolution& solved) {
                               (model.symmetric ? ": Cholesky, the system is symmetric"
                                                : ": LU, the smoothness differs along the boundary")},
                {"factor_entries", model.factor.factor_entries},
-               {"factor_bytes", model.factor.peak_bytes},
+               {"factor_bytes", model.factor.peak_bytes + sizeof(double) * model.factor.factor_entries},
                {"residual", model.residual},
                {"refinements", model.refinements},
                {"energy", solved.report.energy},
@@ -140,6 +147,7 @@ class BasisStage : public SerialStage {
  public:
   BasisStage(const JobState& state, const DeformOptions& options)
       : input_(state.inputs.at(0)),
+        work_(state.work),
         run_(state.run),
         loose_(options.islands == "follow"  ? LoosePieces::kFollow
                : options.islands == "fixed" ? LoosePieces::kFix
@@ -165,8 +173,10 @@ class BasisStage : public SerialStage {
     problem->base = base_;
     problem->regions = regions(context);
     problem->metric = base_metric(base_, script_, problem->regions.role);
-    problem->options = {.order = script_.order, .memory_bytes = system_bytes(base_.position.size(), script_)};
+    problem->options = {.order = script_.order, .memory_bytes = fronts_bytes(base_.position.size(), script_)};
     problem->volumes = script_.volumes;
+    problem->temp = work_;
+    problem->factor_bytes = held_factor_bytes(base_.position.size(), script_, run_);
     context.check_stop();
     long_call([problem, solved] { *solved = solve_basis(*problem); });
     const double all_s = seconds_since(start);
@@ -185,6 +195,7 @@ class BasisStage : public SerialStage {
     context.advance(base_.position.size());
     result["prepare_s"] = all_s - solved->levels_s;
     result["levels_s"] = solved->levels_s;
+    result["factor_spilled_bytes"] = solved->spilled_bytes;
     return result;
   }
 
@@ -292,7 +303,7 @@ class BasisStage : public SerialStage {
   }
 
   static constexpr std::uint32_t kNobody = 0xffffffffu;
-  std::filesystem::path input_;
+  std::filesystem::path input_, work_;
   RunOptions run_;
   LoosePieces loose_;
   EditScript script_;

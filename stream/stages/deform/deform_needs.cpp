@@ -16,17 +16,26 @@
 #include "stream/stages/deform/deform_stages.h"
 #include "stream/stages/deform/pose_base.h"
 #include "stream/stages/deform/vertex_batches.h"
+#include "stream/stages/plan/planned_patches.h"
 
 namespace tessera {
 namespace {
 
 constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20, kWriteSlackBytes = std::uint64_t{32} << 20;
-/// Bytes a vertex of the base, at the most: operators, system and factor of order 1, 2, 3, and what a column of the solution
-/// takes. All of it, with seven columns, on sheets and tori of 40,000 to 490,000 vertices that are support throughout: 1,393 to 1,568
-/// bytes of order 1, 2,012 to 2,757 of order 2, 2,901 to 3,994 of order 3; eight columns more take 320.
-constexpr std::uint64_t kSystemBytes[] = {900, 2100, 4200}, kUnevenBytes = 50000;
+/// Bytes a vertex of the base, at the most, while the system of order 1, 2, 3 is solved for, without its factor and columns. With
+/// seven columns, on sheets and tori of 39,000 to 420,000 vertices that are support throughout: 1,091 to 1,199 bytes of
+/// order 1, 1,269 to 1,377 of order 2, 1,571 to 2,549 of order 3, 2,140 to 3,990 where smoothness differs.
+constexpr std::uint64_t kSolvingBytes[] = {830, 1030, 2280}, kUnevenSolvingBytes = 3880;
+/// Of these, the ordering and fronts: 118 to 170, 382 to 563, 652 to 1,536 and 1,361 to 2,658.
+constexpr std::uint64_t kFrontsBytes[] = {300, 750, 2000}, kUnevenFrontsBytes = 3400;
+/// Of factors: how much may lie in memory. 444 to 495, 1,285 to 1,608, 2,475 to 3,584, twice as much where smoothness differs.
+constexpr std::uint64_t kFactorBytes[] = {600, 1800, 4000}, kUnevenFactorBytes = 8000;
+/// Of a block of a mesh, with colours.
+constexpr std::uint64_t kBlockVertexBytes = 37, kBlockFaceBytes = 17;
 constexpr std::uint64_t kSystemSlackBytes = std::uint64_t{16} << 20;  ///< small ones vary more
 constexpr std::uint64_t kColumnBytes = 60, kVertexBytes = 850;
+/// Of a vertex of the base while others stream past it: positions, normals and faces at rest and posed, its role.
+constexpr std::uint64_t kHeldBytes = 200;
 /// Of what is kept: a vertex of the base without its columns, and with copies of it; a column with its gradients.
 constexpr std::uint64_t kKeptBytes = 80, kLevelBytes = 80, kKeptColumnBytes = 20;
 /// Of the vertices asked for: how many a base has at the most.
@@ -43,33 +52,55 @@ std::uint64_t columns(const EditScript& script) {
   return (targets ? 6 : 3) + 4 * handles.size();
 }
 
+/// Smoothness that differs may leave a system that is not symmetric, whose factors are larger.
+bool is_uneven(const EditScript& script) {
+  return script.order == 3 && std::any_of(script.regions.begin(), script.regions.end(),
+                                          [](const EditRegion& r) { return r.smoothness >= 0.0; });
+}
+
+/// Of the basis while it is solved for, without the factor.
+std::uint64_t solving_bytes(std::uint64_t vertices, const EditScript& script) {
+  return vertices * ((is_uneven(script) ? kUnevenSolvingBytes : kSolvingBytes[script.order - 1]) +
+                     columns(script) * kColumnBytes) +
+         kSystemSlackBytes;
+}
+
 }  // namespace
 
 std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices) {
   return std::max(faces + faces / 2, 3 * base_vertices);
 }
 
-std::uint64_t base_stage_bytes(bool own, std::uint64_t faces, std::uint64_t block,
-                               std::uint64_t base_vertices) {
-  if (own) return 2 * block + kSlackBytes;
-  const std::uint64_t base_bytes = base_capacity(faces, base_vertices);
-  return 3 * block +
-         std::max(remesh_bytes(base_bytes, faces),
-                  smooth_bytes(base_bytes / 2, base_bytes, base_low_pass().front())) +
+std::uint64_t base_stage_bytes(bool own, const BaseInput& input, std::uint64_t base_vertices) {
+  if (own) return 2 * input.loading_bytes + kSlackBytes;
+  const std::uint64_t most_faces = base_capacity(input.faces, base_vertices);
+  // What came in, its vectors perhaps grown by doubling, and a copy to go by.
+  const std::uint64_t held = kBlockVertexBytes * input.vertices + kBlockFaceBytes * input.faces;
+  return std::max(input.loading_bytes, 3 * held + std::max(remesh_bytes(most_faces, input.faces),
+                                                           held + smooth_bytes(most_faces / 2, most_faces,
+                                                                               base_low_pass().front()))) +
          kSlackBytes;
 }
 
-std::uint64_t system_bytes(std::uint64_t vertices, const EditScript& script) {
-  // Smoothness that differs may leave a system that is not symmetric, whose factors are larger.
-  const bool uneven =
-      script.order == 3 && std::any_of(script.regions.begin(), script.regions.end(),
-                                       [](const EditRegion& r) { return r.smoothness >= 0.0; });
-  return vertices * (uneven ? kUnevenBytes : kSystemBytes[script.order - 1]) + kSystemSlackBytes;
+BaseInput base_input(std::uint64_t faces) {
+  return {static_cast<std::uint64_t>(static_cast<double>(faces) * kVerticesPerFace), faces,
+          surface_block_bytes(faces)};
+}
+
+std::uint64_t fronts_bytes(std::uint64_t vertices, const EditScript& script) {
+  return vertices * (is_uneven(script) ? kUnevenFrontsBytes : kFrontsBytes[script.order - 1]) +
+         kSystemSlackBytes;
+}
+
+std::uint64_t held_factor_bytes(std::uint64_t vertices, const EditScript& script, const RunOptions& run) {
+  const std::uint64_t factor = vertices *
+                               (is_uneven(script) ? kUnevenFactorBytes : kFactorBytes[script.order - 1]),
+                      room = run.memory_bytes * 13 / 16, need = solving_bytes(vertices, script) + kSlackBytes;
+  return std::min(factor, room > need ? room - need : 0);
 }
 
 std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script, const RunOptions& run) {
-  const std::uint64_t solved =
-      system_bytes(vertices, script) + vertices * (kVertexBytes + columns(script) * kColumnBytes);
+  const std::uint64_t solved = solving_bytes(vertices, script) + held_factor_bytes(vertices, script, run);
   const bool paints = std::any_of(script.regions.begin(), script.regions.end(),
                                   [](const EditRegion& r) { return r.shape == RegionShape::kPainted; });
   const std::uint64_t painted =
@@ -94,9 +125,14 @@ WriteStageSize basis_size(const BasisReader& basis, bool poses) {
 }
 
 std::uint64_t write_stage_bytes(const WriteStageSize& size, const RunOptions& run) {
-  return 2 * size.basis_bytes + 200 * size.vertices + DisplacementEncoder::bytes(size.faces) +
-         (size.poses ? pose_base_bytes(size.vertices, size.faces, size.volumes) : 0) + sort_bytes(run) +
-         vertex_window(run) * kDisplacedVertices * DisplacedBatch::kVertexBytes + kWriteSlackBytes;
+  // The base is posed beside its basis; then vertices stream past the base alone; in the end crossings are looked for.
+  const std::uint64_t posing =
+      size.basis_bytes + std::max(size.basis_bytes,  // while it is read
+                                  size.poses ? pose_base_bytes(size.vertices, size.faces, size.volumes) : 0);
+  const std::uint64_t writing = kHeldBytes * size.vertices + DisplacementEncoder::bytes(size.faces) +
+                                sort_bytes(run) +
+                                vertex_window(run) * kDisplacedVertices * DisplacedBatch::kVertexBytes;
+  return std::max(posing + kSlackBytes, writing + kWriteSlackBytes);
 }
 
 std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& options) {
@@ -139,7 +175,7 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   };
   for (const Case& c : cases) {
     const bool first = &c == cases.data();
-    widen(base, first, base_stage_bytes(c.own, c.faces, surface_block_bytes(c.faces), options.base_vertices));
+    widen(base, first, base_stage_bytes(c.own, base_input(c.faces), options.base_vertices));
     widen(basis, first, basis_stage_bytes(c.vertices, script, state.run));
     const std::uint64_t kept =
         kKeptBytes + (script.volumes ? kLevelBytes : 0) + kKeptColumnBytes * columns(script);

@@ -13,12 +13,19 @@ namespace tessera {
 
 /// Faces that splits may leave on the way to the base. \param faces  that decimation leaves
 std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices);
-/// \param block  bytes of all faces loaded
-std::uint64_t base_stage_bytes(bool own, std::uint64_t faces, std::uint64_t block,
-                               std::uint64_t base_vertices);
+/// The mesh that a base is made of.
+struct BaseInput {
+  std::uint64_t vertices = 0, faces = 0;
+  std::uint64_t loading_bytes = 0;  ///< MeshStore::block_bytes()
+};
+BaseInput base_input(std::uint64_t faces);  ///< of which nothing is known but these
+/// \param own  it is its own base
+std::uint64_t base_stage_bytes(bool own, const BaseInput& input, std::uint64_t base_vertices);
 
-/// Memory for the factors alone, and of the stage.
-std::uint64_t system_bytes(std::uint64_t vertices, const EditScript& script);
+/// What the fronts of the system take beside the factor; how much of the factor is held in memory under the cap, the rest being
+/// on disk; and all of the stage.
+std::uint64_t fronts_bytes(std::uint64_t vertices, const EditScript& script);
+std::uint64_t held_factor_bytes(std::uint64_t vertices, const EditScript& script, const RunOptions& run);
 std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script, const RunOptions& run);
 
 struct WriteStageSize {

@@ -66,15 +66,32 @@ class DeformWriteStage : public SerialStage {
 
  private:
   Json write(TaskContext& context) const {
-    const DeformBasis basis = file_.load();
+    DeformBasis basis = file_.load();
     const BaseState rest(basis.base.position, basis.base.faces);
-    const auto source = open_mesh_file(mesh_);
+    return prepares_ ? prepare(basis, rest, context) : deform(basis, rest, context);
+  }
+
+  /// The mesh as it is read: welded where its file has corners of its own for every face.
+  struct Source {
+    std::unique_ptr<MeshReader> file;
     std::unique_ptr<WeldedMesh> welded;
-    if (!source->shared_vertices() && (prepares_ || lower_extension(output_) != ".stl"))
-      welded = std::make_unique<WeldedMesh>(*source,
-                                            WeldOptions{weld_bytes_, temp_, [&] { context.check_stop(); }});
-    MeshReader& mesh = welded ? *welded : *source;
-    return prepares_ ? prepare(basis, rest, mesh, context) : deform(basis, rest, mesh, context);
+    MeshReader& mesh() { return welded ? *welded : *file; }
+  };
+  Source open_source(TaskContext& context) const {
+    Source source{open_mesh_file(mesh_), nullptr};
+    if (!source.file->shared_vertices() && (prepares_ || lower_extension(output_) != ".stl"))
+      source.welded = std::make_unique<WeldedMesh>(
+          *source.file, WeldOptions{weld_bytes_, temp_, [&context] { context.check_stop(); }});
+    return source;
+  }
+
+  /// Where vertices stream past the base, its basis functions need no room.
+  static void drop_functions(DeformBasis& basis) {
+    basis.edit.columns = {};
+    basis.edit.rotation_columns = {};
+    basis.edit.active = {};
+    basis.edit.target = {};
+    basis.levels = {};
   }
 
   static void encode(const DisplacementEncoder& encoder, double diagonal, DisplacedBatch& b) {
@@ -119,7 +136,7 @@ class DeformWriteStage : public SerialStage {
     for (std::size_t i = 0; i < b.rgba.size(); ++i) b.rgba[i] = colour_of(role_at(basis, b.displaced.of[i]));
   }
 
-  Json deform(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
+  Json deform(DeformBasis& basis, const BaseState& rest, TaskContext& context) const {
     const Json about = parse_json(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const bool colours = options_.dry_run;
@@ -127,6 +144,9 @@ class DeformWriteStage : public SerialStage {
     const bool mirrored = take_out_mirror(basis, handles);
     const PosedBase pose = pose_base(basis, handles, [&] { context.check_stop(); });
     const BaseState posed(pose.position, basis.base.faces);
+    drop_functions(basis);
+    Source source = open_source(context);
+    MeshReader& mesh = source.mesh();
     std::unique_ptr<DisplacementEncoder> encoder;
     if (!applies_) encoder = std::make_unique<DisplacementEncoder>(rest);
     context.check_stop();
@@ -236,15 +256,17 @@ class DeformWriteStage : public SerialStage {
             {"largest_after", std::sqrt(max_after)}};
   }
 
-  Json prepare(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh,
-               TaskContext& context) const {
+  Json prepare(DeformBasis& basis, const BaseState& rest, TaskContext& context) const {
     Json about = parse_json(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
+    const std::filesystem::path aside = output_aside(output_);
+    BasisWriter writer(aside, basis);
+    drop_functions(basis);
+    Source source = open_source(context);
+    MeshReader& mesh = source.mesh();
     const DisplacementEncoder encoder(rest);
     const MeshCounts n = count_mesh(mesh, context);
     const InputFingerprint print = fingerprint_input(mesh_);
-    const std::filesystem::path aside = output_aside(output_);
-    BasisWriter writer(aside, basis);
     std::uint64_t tangents = 0;
     double worst = 0.0;
     stream_vertices(

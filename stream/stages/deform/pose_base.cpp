@@ -136,12 +136,13 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   const auto start = Clock::now();
   smooth.posed = smooth_base(basis.edit, at, pose);
   out.basis_s = since(start);
-  const std::vector<Rotation> active = pose_rotations(basis.edit, pose);
+  std::vector<Rotation> active = pose_rotations(basis.edit, pose);
   out.rotations_s = since(start) - out.basis_s;
   Detailed details{posed_base(basis.edit, at, active, smooth.rest, smooth.posed), 0};
   out.pose_s = since(start);
   check_stop();
   const std::vector<Rotation> rotation = rotations_of_all(basis.edit, active);
+  active = {};
   const std::vector<std::uint8_t> free = support_flags(basis.edit.role), watched = watched_faces(basis);
   const RotatedBase rotated{at, faces, free, rotation};
   const UnflipReport flips = unflip(rotated, details.position);
@@ -226,9 +227,10 @@ std::vector<std::string> pose_warnings(const PosedBase& pose, std::size_t faces)
 }
 
 std::uint64_t pose_base_bytes(std::uint64_t vertices, std::uint64_t faces, bool volumes) {
-  return vertices * 600 + unflip_bytes(vertices, faces) +
-         std::max(self_intersections_bytes(faces) + 48 * faces,
-                  volumes ? displacement_volume_bytes(faces) : 0);
+  // Crossings are looked for when what turned faces back is gone.
+  return vertices * (volumes ? 600 : 400) +
+         std::max(unflip_bytes(vertices, faces) + (volumes ? displacement_volume_bytes(faces) : 0),
+                  self_intersections_bytes(faces) + 48 * faces);
 }
 
 }  // namespace tessera

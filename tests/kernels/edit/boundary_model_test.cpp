@@ -125,6 +125,50 @@ TEST_CASE("boundary model: solutions are those of the dense system", "[unit]") {
   CHECK(worst < 1e-9);
 }
 
+TEST_CASE("boundary model: a factor in a store gives the same bits", "[unit]") {
+  const Surface s = bumpy_sphere();
+  const Laplacian lap = laplacian({s.position, s.faces});
+  const std::vector<std::uint8_t> free = belt(s);
+  const int order = GENERATE(1, 2, 3);
+  const bool mixed = GENERATE(false, true);
+  CAPTURE(order, mixed);
+  std::vector<double> smoothness(s.position.size(), order - 1.0);
+  if (mixed)
+    for (std::size_t v = 0; v < smoothness.size(); v += 2) smoothness[v] = 0.0;
+  MemoryFactorStore store;
+  BoundaryModel held(lap, free, smoothness, {.order = order}),
+      stored(lap, free, smoothness, {.order = order, .memory_bytes = 0, .store = &store});
+  CHECK(store.size() == stored.report().factor.factor_entries);
+  CHECK(store.size() > 0);
+  std::vector<double> a = coordinates(s), b = a;
+  held.solve(a, 3);
+  stored.solve(b, 3);
+  CHECK(a == b);
+}
+
+TEST_CASE("boundary model: columns are solved for one by one", "[unit]") {
+  // More of them than are refined at a time.
+  const Surface s = bumpy_sphere();
+  BoundaryModel model(laplacian({s.position, s.faces}), belt(s), {}, {.order = 2});
+  const std::vector<double> three = coordinates(s);
+  constexpr std::size_t kCopies = 3;
+  std::vector<double> nine;
+  for (std::size_t v = 0; v < s.position.size(); ++v)
+    for (std::size_t k = 0; k < kCopies; ++k)
+      nine.insert(nine.end(), three.begin() + static_cast<std::ptrdiff_t>(3 * v),
+                  three.begin() + static_cast<std::ptrdiff_t>(3 * v + 3));
+  std::vector<double> alone = three;
+  model.solve(alone, 3);
+  const int refinements = model.report().refinements;
+  CHECK(refinements > 0);
+  model.solve(nine, 3 * kCopies);
+  CHECK(model.report().refinements == refinements);
+  double worst = 0.0;
+  for (std::size_t i = 0; i < nine.size(); ++i)
+    worst = std::max(worst, std::fabs(nine[i] - alone[i / (3 * kCopies) * 3 + i % 3]));
+  CHECK(worst < 1e-13);
+}
+
 TEST_CASE("boundary model: less smoothness everywhere is a lower order", "[unit]") {
   // Delta^2 f = 0 beyond the boundary leaves a thin plate, Delta f = 0 beyond it a membrane.
   const Surface s = bumpy_sphere();
