@@ -125,6 +125,12 @@ std::uint64_t sort_bytes(const RunOptions& run) {
   return std::min<std::uint64_t>(std::uint64_t{64} << 20, run.memory_bytes / 8);
 }
 
+StageNeed store_write_need(const RunOptions& run, std::uint64_t patch_bytes, std::uint64_t patches,
+                           std::uint64_t sort_bytes) {
+  const std::uint64_t write = write_mesh_store_bytes(patch_bytes, patches, sort_bytes);
+  return {"write", write, max_bytes_at_once(run, write, patch_bytes)};
+}
+
 std::unique_ptr<Stage> make_keep_raw_stage(const JobState& state, MeshStore store, std::string comment,
                                            std::uint64_t sort_bytes) {
   return std::make_unique<StoreWriteStage>("keep-raw", state, raw_output_path(state.output), std::move(store),

@@ -38,6 +38,10 @@ SidecarOutput known_origin();
 /// What the sorts of a stage may take under the job's cap.
 std::uint64_t sort_bytes(const RunOptions& run);
 
+/// What the write stage takes, told before there is a mesh: for patches of some bytes (MeshStore::block_bytes()).
+StageNeed store_write_need(const RunOptions& run, std::uint64_t patch_bytes, std::uint64_t patches,
+                           std::uint64_t sort_bytes);
+
 /// Stage "keep-raw", the same with the name of raw_output_path().
 std::unique_ptr<Stage> make_keep_raw_stage(const JobState& state, MeshStore store, std::string comment,
                                            std::uint64_t sort_bytes);

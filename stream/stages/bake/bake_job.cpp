@@ -8,6 +8,7 @@
 #include "stream/import/import_stages.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
+#include "stream/stages/bake/bake_needs.h"
 #include "stream/stages/bake/bake_pages.h"
 #include "stream/stages/bake/bake_stages.h"
 
@@ -98,6 +99,7 @@ JobDescription bake_job(const BakeOptions& options) {
       for (const StageNeed& need :
            import_needs(state.run, {1, kFineMesh}, claimed_mesh_size(state.inputs.at(1))))
         needs.push_back(need);
+    for (const StageNeed& need : bake_needs(state.run, options.page_size)) needs.push_back(need);
     return needs;
   };
   return job;

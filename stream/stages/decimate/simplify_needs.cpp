@@ -55,10 +55,8 @@ std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t referenc
     const std::uint64_t cell = certify_cell_bytes(reference + result, largest_patch(reference), around);
     return std::max(certify_task_bytes(cell), certify_finish_bytes(cell, patches));
   };
-  const std::uint64_t patch = surface_block_bytes(largest_patch(result)),
-                      write = write_mesh_store_bytes(patch, patches, sort_bytes(run));
   return {{"certify", certify(1), certify(kMaxAround)},
-          {"write", write, max_bytes_at_once(run, write, patch)}};
+          store_write_need(run, surface_block_bytes(largest_patch(result)), patches, sort_bytes(run))};
 }
 
 std::vector<StageNeed> simplify_needs(const RunOptions& run, const SimplifyOptions& options,

@@ -119,8 +119,20 @@ JobDescription merge_job(const MergeOptions& options) {
                                                     sort_bytes(s.run));
                     }});
   JobDescription job{"merge", std::move(stages), 0, summarise, {carried_crs(), known_origin()}, job_page()};
-  job.needs = [meshes = options.meshes](const JobState& state) {
-    return import_needs(state, meshes, merge_import);
+  job.needs = [meshes = options.meshes, mends = options.crossings != "keep", mend](const JobState& state) {
+    std::vector<StageNeed> needs = import_needs(state, meshes, merge_import);
+    MeshSize all{0, 0};
+    for (std::size_t i = 0; i < meshes; ++i) {
+      const MeshSize mesh = claimed_mesh_size(state.inputs.at(i));
+      all.vertices += mesh.vertices, all.faces += mesh.faces;
+    }
+    if (mends)
+      for (const StageNeed& need : crossing_needs(mend, all, ImportPlan::kBrickVertices))
+        needs.push_back(need);
+    const std::uint64_t vertices = std::min(all.vertices, ImportPlan::kBrickVertices);
+    needs.push_back(store_write_need(state.run, MeshStore::block_bytes(vertices, 2 * vertices),
+                                     all.vertices / ImportPlan::kBrickVertices, sort_bytes(state.run)));
+    return needs;
   };
   return job;
 }

@@ -1,5 +1,7 @@
 #include "stream/stages/smooth/smooth_job.h"
 
+#include <algorithm>
+
 #include "stream/files/json.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
@@ -34,6 +36,12 @@ void summarise(Json& report) {
   report["input"] = import_report(report, kImport);
   if (const Json mended = mending_of(report, kInputMendPrefix); mended.is_object())
     report["crossings"] = {{"input", mended}};
+}
+
+/// Of a patch of the imported mesh.
+std::uint64_t patch_bytes(const MeshSize& mesh) {
+  const std::uint64_t vertices = std::min(mesh.vertices, ImportPlan::kBrickVertices);
+  return MeshStore::block_bytes(vertices, 2 * vertices);
 }
 
 MeshPlacement placement(const JobState& state, const SmoothPlan& plan) {
@@ -128,6 +136,8 @@ JobDescription smooth_job(const SmoothOptions& options) {
       for (const StageNeed& need : crossing_needs(input, mesh, ImportPlan::kBrickVertices))
         needs.push_back(need);
     for (const StageNeed& need : smooth_needs(rounds, mesh)) needs.push_back(need);
+    needs.push_back(store_write_need(state.run, patch_bytes(mesh), mesh.vertices / ImportPlan::kBrickVertices,
+                                     kSortBytes));
     return needs;
   };
   const SmoothPlanner planner = [plan](const JobState& state) {

@@ -50,7 +50,8 @@ std::vector<StageNeed> smooth_before_needs(const std::string& method, const Mesh
 }
 
 std::vector<StageNeed> smooth_needs(const std::vector<SmoothRound>& rounds, const MeshSize& mesh) {
-  std::vector<StageNeed> needs;
+  std::vector<StageNeed> needs = noise_needs(mesh, ImportPlan::kBrickVertices);
+  needs.resize(1);  // noise is measured by the rounds themselves
   for (std::size_t round = 1; round <= rounds.size(); ++round)
     needs.push_back(smooth_round_need(rounds[round - 1], round, mesh, ImportPlan::kBrickVertices));
   for (const StageNeed& need : untangle_needs(mesh, ImportPlan::kBrickVertices)) needs.push_back(need);
