@@ -13,6 +13,7 @@ namespace {
 
 constexpr std::uint64_t kSliceBytes = std::uint64_t{4} << 20;
 constexpr std::size_t kChunkPoints = 16384;
+constexpr std::uint64_t kTextPointBytes = 24;  ///< about; formats whose headers tell no number of points
 constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 
 /// The system of scans so far, and that of one more. \throws InputError
@@ -39,6 +40,8 @@ class MeasuredScans : public MeasuredPoints {
       files_.push_back(open_point_file(path, options));
       const PointFileInfo& info = files_.back()->info();
       join_crs(path, info.crs, crs);
+      points_about +=
+          info.declared_points > 0 ? info.declared_points : info.planned_bytes() / kTextPointBytes;
       attributes.normals = attributes.normals || info.attributes.normals;
       attributes.colour = attributes.colour || info.attributes.colour;
       attributes.intensity_16 = attributes.intensity_16 || info.attributes.intensity_16;

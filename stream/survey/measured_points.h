@@ -25,10 +25,11 @@ class MeasuredPoints {
   /// Sentences for the user; complete after the first pass.
   virtual std::vector<std::string> notices() const { return {}; }
 
-  PointAttributes attributes;  ///< arrays of chunks that an output may hold
-  Crs crs;                     ///< unknown where none is named
-  Double3 shift = {0, 0, 0};   ///< to be added to positions
-  std::uint64_t left_out = 0;  ///< withheld, placeholders, missing; after the first pass
+  PointAttributes attributes;      ///< arrays of chunks that an output may hold
+  Crs crs;                         ///< unknown where none is named
+  Double3 shift = {0, 0, 0};       ///< to be added to positions
+  std::uint64_t points_about = 0;  ///< of a pass, by headers, else by the size of the file; of scans alone
+  std::uint64_t left_out = 0;      ///< withheld, placeholders, missing; after the first pass
 };
 
 /// \param window  so many slices of a file wait in memory at most, kSliceMemory each; >= 1

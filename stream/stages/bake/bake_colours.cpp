@@ -37,12 +37,14 @@ class ScanColours : public BakeColours {
       points_->read([&](const PointChunk& chunk) {
         context.check_stop();
         histogram.add(chunk);
+        context.advance(chunk.size());
       });
       shown.colour_range = histogram.range();
     }
     std::vector<std::uint32_t> grey;
     points_->read([&](const PointChunk& chunk) {
       context.check_stop();
+      context.advance(chunk.size());
       if (choice_.intensity) colour_points(ColourBy::kIntensity, shown, chunk, {}, grey);
       const std::vector<std::uint32_t>& rgba = choice_.intensity ? grey : chunk.rgba;
       if (choice_.intensity ? chunk.intensity.empty() : rgba.empty())
@@ -54,6 +56,7 @@ class ScanColours : public BakeColours {
                  : Double3{});
     });
   }
+  std::uint64_t units() const override { return (choice_.intensity ? 2 : 1) * points_->points_about; }
   std::uint64_t bytes() const override { return kReadAhead * kSliceMemory; }
   bool has_normals() const override { return choice_.normals; }
   Crs crs() const override { return points_->crs; }
@@ -87,7 +90,13 @@ class StoreColours : public BakeColours {
         if (near.first_patch[v] == p)
           sink(block.position[v] + by, mesh_.info().colour ? block.rgba[v] & 0xffffffu : 0xffffffu,
                unit_or_zero(normal[v]));
+      context.advance(mesh_.patches()[p].vertices);
     }
+  }
+  std::uint64_t units() const override {
+    std::uint64_t vertices = 0;
+    for (const MeshPatchEntry& p : mesh_.patches()) vertices += p.vertices;
+    return vertices;
   }
   std::uint64_t bytes() const override { return 8 * mesh_.largest_patch_bytes(); }
   bool has_normals() const override { return true; }
@@ -106,6 +115,7 @@ class DirectedColours : public BakeColours {
       if (normal != Double3{}) sink(p, kNoPointColour, normal);
     });
   }
+  std::uint64_t units() const override { return colours_->units() + directions_.units(); }
   std::uint64_t bytes() const override { return std::max(colours_->bytes(), directions_.bytes()); }
   bool has_normals() const override { return true; }
   Crs crs() const override { return colours_->crs(); }

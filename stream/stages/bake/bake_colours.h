@@ -16,9 +16,10 @@ namespace tessera {
 class BakeColours {
  public:
   virtual ~BakeColours() = default;
-  /// Hands out all points, `shift` taken off their coordinates.
+  /// Hands out all points, `shift` taken off their coordinates; advances by about units().
   /// \throws as the readers do; StoppedError
   virtual void read(const Double3& shift, TaskContext& context, const TexturePointSink& sink) = 0;
+  virtual std::uint64_t units() const = 0;  ///< of progress: points, faces of textures
   virtual std::uint64_t bytes() const = 0;  ///< memory of reading
   virtual bool has_normals() const { return false; }
   virtual Crs crs() const { return {}; }  ///< unknown where that of the mesh is theirs

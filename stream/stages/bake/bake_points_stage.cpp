@@ -28,8 +28,8 @@ class BakePointsStage : public SerialStage {
   }
 
   std::string name() const override { return "texture-points"; }
-  std::uint64_t units() const override { return 1; }
-  std::string unit_name() const override { return "passes"; }
+  std::uint64_t units() const override { return std::max<std::uint64_t>(1, colours_->units()); }
+  std::string unit_name() const override { return "points"; }
   std::uint64_t finish_bytes() const override {
     return bake_points_bytes(sort_bytes_, mesh_.patches().size()) + colours_->bytes();
   }
@@ -38,9 +38,11 @@ class BakePointsStage : public SerialStage {
     std::uint64_t given = 0, kept = 0;
     context.count_written(write_texture_points(
         context.create(kBakePoints), mesh_, work_, sort_bytes_, colours_->has_normals(),
-        [&](const TexturePointSink& sink) { colours_->read(mesh_.info().shift, context, sink); }, given,
-        kept));
-    context.advance(1);
+        {context, colours_->units(), units()},
+        [&](TaskContext& reading, const TexturePointSink& sink) {
+          colours_->read(mesh_.info().shift, reading, sink);
+        },
+        given, kept));
     if (kept == 0) throw EmptyError("no coloured point lies near the mesh; are both in one system?");
     Json result = {{"points", given}, {"near", kept}, {"left_out", colours_->left_out()}};
     if (const std::vector<std::string> notices = colours_->notices(); !notices.empty())

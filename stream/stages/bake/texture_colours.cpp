@@ -101,7 +101,9 @@ class TextureColours : public BakeColours {
         throw InputError(path_.string() + ": its page " + page.name +
                          " is not there, or neither PNG nor JPEG; put it beside the mesh");
     }
-    bytes_ = texture_colours_bytes(claimed_mesh_size(path_).vertices, state.run, size_of_pages(path_));
+    const MeshSize size = claimed_mesh_size(path_);
+    faces_ = size.faces;
+    bytes_ = texture_colours_bytes(size.vertices, state.run, size_of_pages(path_));
   }
 
   void read(const Double3& shift, TaskContext& context, const TexturePointSink& sink) override {
@@ -111,6 +113,7 @@ class TextureColours : public BakeColours {
       context.check_stop();
       spill.append(batch.data(), batch.size_bytes());
       faces += batch.size();
+      context.advance(batch.size());
     });
     const auto mesh = open_mesh_file(path_);
     std::vector<Double3> position;
@@ -138,13 +141,15 @@ class TextureColours : public BakeColours {
         sort.add(face);
       }
       at += batch.size();
+      context.advance(batch.size());
     });
     std::vector<Double3>().swap(position);
     TextureImage image;
     std::uint32_t open = TextureReader::kNoPage;
     sort.drain([&](std::span<const TexturedFace> batch) {
-      context.check_stop();
       for (const TexturedFace& face : batch) {
+        context.check_stop();
+        context.advance(1);
         if (face.page != open) {
           open = face.page;
           const TexturePage& page = textures_->pages()[open];
@@ -156,6 +161,7 @@ class TextureColours : public BakeColours {
       }
     });
   }
+  std::uint64_t units() const override { return 3 * faces_; }  // textures, corners, texels
   std::uint64_t bytes() const override { return bytes_; }
   bool has_normals() const override { return true; }
   std::vector<std::string> notices() const override {
@@ -167,7 +173,7 @@ class TextureColours : public BakeColours {
   std::filesystem::path path_, temp_;
   std::uint64_t sort_;
   std::unique_ptr<TextureReader> textures_;
-  std::uint64_t bytes_ = 0, bare_ = 0;
+  std::uint64_t bytes_ = 0, bare_ = 0, faces_ = 0;
 };
 
 }  // namespace

@@ -10,12 +10,14 @@
 #include "octree/error.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/packed_file.h"
+#include "stream/runtime/progress_share.h"
 
 namespace tessera {
 namespace {
 
 constexpr PackedKind kTexturePoints = {"TSTEXPT1", "a file of coloured points"};
 constexpr double kMaxTextureCells = 1 << 18;  ///< along an axis
+constexpr std::uint64_t kSortingPart = 4;     ///< one so many of the time, about, beside reading
 /// Of a brick: points so near to the box of a patch are kept. About an edge of the mesh; with more, points beside a mesh of
 /// a part of the scan would count as points on it, and texels would be too fine.
 constexpr double kNearShare = 0x1p-5;
@@ -65,7 +67,7 @@ Int3 TextureCells::cell_of(const Double3& p) const {
 
 std::uint64_t write_texture_points(const std::filesystem::path& path, const MeshStore& mesh,
                                    const std::filesystem::path& temp, std::uint64_t sort_bytes, bool normals,
-                                   const std::function<void(const TexturePointSink&)>& give,
+                                   const TexturePointProgress& progress, const TexturePointGiver& give,
                                    std::uint64_t& given, std::uint64_t& kept,
                                    const TexturePointCells& wanted) {
   TextureCells cells = TextureCells::around(mesh, wanted.share);
@@ -87,7 +89,8 @@ std::uint64_t write_texture_points(const std::filesystem::path& path, const Mesh
   };
   ExternalSort<SortedPoint> sort(temp, sort_bytes);
   given = kept = 0;
-  give([&](const Double3& p, std::uint32_t rgba, const Double3& normal) {
+  ProgressShare reading(progress.context, progress.steps, progress.units - progress.units / kSortingPart);
+  give(reading, [&](const Double3& p, std::uint32_t rgba, const Double3& normal) {
     given += rgba != kNoPointColour;
     for (std::size_t a = 0; a < 3; ++a)
       if (!(p[a] >= all.low[a] && p[a] <= all.high[a])) return;  // nor a number
@@ -104,6 +107,8 @@ std::uint64_t write_texture_points(const std::filesystem::path& path, const Mesh
     sort.add(s);
     ++(rgba == kNoPointColour ? cells.directions : kept);
   });
+  reading.complete();
+  ProgressShare sorting(progress.context, kept + cells.directions, progress.units / kSortingPart);
   PackedWriter writer(path, kTexturePoints);
   std::vector<TextureCellEntry> table;
   std::vector<TexturePoint> open;
@@ -112,6 +117,8 @@ std::uint64_t write_texture_points(const std::filesystem::path& path, const Mesh
     if (open.empty()) return;
     TextureCellEntry entry{key, open.size(), writer.append(bytes_of(open))};
     table.push_back(entry);
+    sorting.advance(open.size());
+    sorting.check_stop();
     open.clear();
   };
   sort.drain([&](std::span<const SortedPoint> batch) {
@@ -122,6 +129,7 @@ std::uint64_t write_texture_points(const std::filesystem::path& path, const Mesh
     }
   });
   close();
+  sorting.complete();
   cells.points = kept;
   cells.normals = normals ? 1 : 0;
   return writer.finish(table, std::as_bytes(std::span(&cells, 1)));

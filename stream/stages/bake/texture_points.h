@@ -8,6 +8,7 @@
 
 #include "octree/lattice.h"
 #include "stream/meshes/mesh_store.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 
@@ -46,12 +47,23 @@ struct TexturePointCells {
   bool near_only = true;  ///< those near to patches; else those around the whole mesh
 };
 
+/// Hands out all points; advances by about so many steps.
+using TexturePointGiver = std::function<void(TaskContext& context, const TexturePointSink& sink)>;
+
+/// Steps of who gives, and units of the stage that reading and sorting are together.
+struct TexturePointProgress {
+  TaskContext& context;
+  std::uint64_t steps;
+  std::uint64_t units;
+};
+
 /// Writes the points that lie near to patches of the mesh, sorted by cell, position and colour.
-/// \param give  hands out all points  \param sort_bytes  memory of the sort
+/// \param sort_bytes  memory of the sort
 /// \returns bytes written
+/// \throws StoppedError, and what `give` throws
 std::uint64_t write_texture_points(const std::filesystem::path& path, const MeshStore& mesh,
                                    const std::filesystem::path& temp, std::uint64_t sort_bytes, bool normals,
-                                   const std::function<void(const TexturePointSink&)>& give,
+                                   const TexturePointProgress& progress, const TexturePointGiver& give,
                                    std::uint64_t& given, std::uint64_t& kept,
                                    const TexturePointCells& wanted = {});
 

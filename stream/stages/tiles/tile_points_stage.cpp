@@ -13,6 +13,7 @@
 #include "stream/files/read_file.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/meshes/texture_option.h"
+#include "stream/runtime/progress_share.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/bake/bake_colours.h"
 #include "stream/stages/bake/bake_needs.h"
@@ -31,6 +32,8 @@ constexpr int kLevelsBelow = 2;      ///< whose faces are as wide as the points 
 constexpr double kTexelShare = 0.7;  ///< of the spacing, as of baked textures: two texels a point
 /// Cells of a file of points are so many cubes of means wide, or a few more: few cells to look through, few points in one.
 constexpr double kCubesPerCell = 8.0;
+constexpr std::uint64_t kMeasuringPart =
+    4;  ///< one so many of the time, about: the area, before points are read
 
 /// Vertices of the mesh, and points on its wide faces.
 class SurfaceColours : public BakeColours {
@@ -45,8 +48,10 @@ class SurfaceColours : public BakeColours {
       sample_wide_faces(
           faces_.load(std::array{p}), spacing_,
           [&](const Double3& at, std::uint32_t rgba, const Double3& n) { sink(at + by, rgba, n); });
+      context.advance(faces_.patches()[p].faces);
     }
   }
+  std::uint64_t units() const override { return vertices_->units() + faces_.face_count(); }
   std::uint64_t bytes() const override { return vertices_->bytes(); }
   bool has_normals() const override { return true; }
 
@@ -105,13 +110,15 @@ class TilePointsStage : public SerialStage {
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
     double area = 0.0;
+    ProgressShare measuring(context, mesh_.face_count(), mesh_.face_count() / kMeasuringPart);
     for (std::size_t p = 0; p < mesh_.patches().size(); ++p) {
       context.check_stop();
       const MeshBlock block = mesh_.load(std::array{p});
       for (const auto& f : block.faces)
         area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
-      context.advance(block.faces.size());
+      measuring.advance(block.faces.size());
     }
+    measuring.complete();
     if (!(area > 0.0)) throw EmptyError("the mesh has no area: there is nothing to texture");
     // Vertices at seams of patches are counted more than once: the spacing comes out a little less than it is.
     double spacing = std::sqrt(area / static_cast<double>(vertices_));
@@ -123,8 +130,11 @@ class TilePointsStage : public SerialStage {
     BakeColours& from = pages_ ? *colours_ : *surface;
     context.count_written(write_texture_points(
         context.create(kPointsFile), mesh_, state_.work, sort_bytes(state_.run), from.has_normals(),
-        [&](const TexturePointSink& sink) { from.read(mesh_.info().shift, context, sink); }, given, kept,
-        {share_for(mesh_, kCubesPerCell * spacing), true}));
+        {context, from.units(), mesh_.face_count() - mesh_.face_count() / kMeasuringPart},
+        [&](TaskContext& reading, const TexturePointSink& sink) {
+          from.read(mesh_.info().shift, reading, sink);
+        },
+        given, kept, {share_for(mesh_, kCubesPerCell * spacing), true}));
     if (kept == 0) throw EmptyError("the textures of the mesh show nothing of it");
     spacing = std::sqrt(area / static_cast<double>(kept));
     const double texel = texture_ == kAutoTexture ? kTexelShare * spacing : texture_;
@@ -170,14 +180,14 @@ class LevelPointsStage : public SerialStage {
     while (cube > wanted_ * kHalfStep) cube *= 0.5;
     std::uint64_t given = 0, kept = 0;
     context.count_written(write_texture_points(
-        context.create(kPointsFile), mesh_, temp_, sort_bytes_, true,
-        [&](const TexturePointSink& sink) {
+        context.create(kPointsFile), mesh_, temp_, sort_bytes_, true, {context, units(), units()},
+        [&](TaskContext& reading, const TexturePointSink& sink) {
           below_.for_each_cell([&](const Double3& low, const TexturePointBlock& points) {
-            context.check_stop();
+            reading.check_stop();
             mean_points(
                 points.position, points.rgba, points.normal, cube,
                 [&](const Double3& p, std::uint32_t rgba, const Double3& n) { sink(p + low, rgba, n); });
-            context.advance(points.position.size());
+            reading.advance(points.position.size());
           });
         },
         given, kept, {share_for(mesh_, kCubesPerCell * cube), false}));
