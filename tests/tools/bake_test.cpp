@@ -1,11 +1,15 @@
 // tessera bake as a user runs it: the same bytes whatever must not matter, colours of the scan, textures that others can read.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <functional>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "octree/error.h"
@@ -13,9 +17,15 @@
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/texture_image.h"
+#include "stream/import/import_mesh.h"
+#include "stream/import/import_stages.h"
+#include "stream/stages/bake/bake_colours.h"
+#include "stream/stages/bake/bake_stages.h"
+#include "stream/stages/bake/texture_colours.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
+#include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
 
 namespace bake_test {
@@ -340,6 +350,72 @@ TEST_CASE("bake: pages show the intensity of scans where that is asked for", "[p
                                                    folder.path() / "f.ply", {"--colour", "intensity"}));
   CHECK(fine.code == 2);
   CHECK(fine.errors.find("--colour intensity") != std::string::npos);
+}
+
+namespace {
+
+/// Asked to stop once so many units are done.
+class StoppingContext : public SerialContext {
+ public:
+  StoppingContext(const fs::path& work, std::uint64_t stop_at) : SerialContext(work), stop_at_(stop_at) {}
+  void check_stop() const override {
+    if (advanced >= stop_at_) throw StoppedError("asked to");
+  }
+  void advance(std::uint64_t units) override {
+    SerialContext::advance(units);
+    largest_step = std::max(largest_step, units);
+  }
+  std::uint64_t largest_step = 0;
+
+ private:
+  std::uint64_t stop_at_;
+};
+
+}  // namespace
+
+TEST_CASE("bake: points are read and sorted with progress that moves, and a stop is heeded amid both",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path work = folder.path() / "work", coarse = write_hills(folder.path() / "in.ply"),
+                 scan = write_points(folder.path() / "in.xyz"), textured = folder.path() / "textured.ply";
+  fs::create_directories(work);
+  const CommandResult r = tessera_command(words(coarse, scan, textured));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  JobState state;
+  state.work = work;
+  state.inputs = {coarse};
+  state.run.memory_bytes = std::uint64_t{1} << 30;
+  state.run.threads = 1;
+  static_cast<void>(import_mesh(coarse, work, "mesh", state.run, {}));
+  static_cast<void>(import_mesh(textured, work, "fine", state.run, {}));
+  const auto fine = [&] { return open_imported_mesh(work, "fine"); };
+  BakeStores stores;
+  stores.mesh = [&](const JobState&) { return open_imported_mesh(work, "mesh"); };
+  stores.comment = [](const JobState&) { return std::string(); };
+  using Colours = std::function<std::unique_ptr<BakeColours>(const JobState&)>;
+  const std::vector<std::pair<std::string, Colours>> sources = {
+      {"scan", [&](const JobState&) { return colours_of_scans({scan}, {}); }},
+      {"textures", [&](const JobState& s) { return colours_of_textures(textured, s); }},
+      {"vertices and directions",
+       [&](const JobState&) { return with_directions(colours_of_store(fine(), true), fine()); }}};
+  for (const auto& [name, colours] : sources) {
+    INFO(name);
+    stores.colours = colours;
+    const std::unique_ptr<Stage> stage = make_bake_points_stage(state, stores);
+    CHECK(stage->unit_name() == "points");
+    StoppingContext whole(work, ~std::uint64_t{0});
+    static_cast<void>(stage->finish({}, whole));
+    CHECK(whole.advanced == stage->units());
+    CHECK(whole.largest_step <= stage->units() / 2);
+    for (const std::uint64_t share : {1, 5, 9}) {
+      INFO(share << " tenths");
+      const std::unique_ptr<Stage> again = make_bake_points_stage(state, stores);
+      StoppingContext stopped(work, share * stage->units() / 10);
+      CHECK_THROWS_AS(again->finish({}, stopped), StoppedError);
+      CHECK(stopped.advanced < stage->units());
+    }
+  }
 }
 
 TEST_CASE("bake: what cannot work is refused", "[pipeline]") {

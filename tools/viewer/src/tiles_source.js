@@ -50,7 +50,7 @@ function runAtOnce(queue) {
 /**
  * \param url  of the tileset, beside the page
  * \param on   {loaded(), failed(message)}: a tile came; it did not
- * \returns a source like that of a mesh, with update(), and the matrix of its root
+ * \returns a source like that of a mesh, with the matrix of its root, and hurry(), to be called once something is shown
  */
 export function openTiles(url, on) {
   const tiles = new TilesRenderer(url);
@@ -60,17 +60,22 @@ export function openTiles(url, on) {
   tiles.lruCache.minBytesSize = 256 * 2 ** 20;
   tiles.lruCache.maxBytesSize = 768 * 2 ** 20;
   const colours = new Set(), steps = { finest: Infinity };
-  // The tile that is wanted first comes alone: processor and decoders are not shared with those that come after it.
+  // Until there is a picture tiles come one by one: processor and decoders are not shared between what it shows and what
+  // comes after it.
   const jobs = tiles.downloadQueue.maxJobsPerOrigin;
   tiles.downloadQueue.maxJobsPerOrigin = 1;
   tiles.addEventListener("load-model", ({ scene }) => {
-    tiles.downloadQueue.maxJobsPerOrigin = jobs;
     dress(scene, colours, steps);
     on.loaded();
   });
   for (const event of ["needs-update", "tile-visibility-change", "tiles-load-end", "dispose-model"])
     tiles.addEventListener(event, () => on.changed());
-  tiles.addEventListener("load-error", () => (tiles.downloadQueue.maxJobsPerOrigin = jobs));
+  const hurry = () => {
+    if (tiles.downloadQueue.maxJobsPerOrigin === jobs) return;
+    tiles.downloadQueue.maxJobsPerOrigin = jobs;
+    tiles.downloadQueue.scheduleJobRun();
+  };
+  tiles.addEventListener("load-error", hurry);
   tiles.addEventListener("load-error", ({ url: at, error }) => on.failed(`${decodeURI(String(at ?? url))}: ${error?.message ?? error}`));
   const opened = new Promise((done) => {
     const ready = () => {
@@ -83,5 +88,5 @@ export function openTiles(url, on) {
     };
     tiles.addEventListener("load-tileset", ready);
   });
-  return { tiles, object: tiles.group, colours, steps, opened };
+  return { tiles, object: tiles.group, colours, steps, opened, hurry };
 }

@@ -55,7 +55,7 @@ const total = (sums) => Object.values(sums).reduce((a, b) => a + b, 0);
 const rounded = (x) => Math.round(100 * x) / 100;
 
 async function measure(site) {
-  const server = spawn(binary, ["view", site], { stdio: ["ignore", "pipe", "inherit"] });
+  const server = spawn(binary, ["view", site], { stdio: ["ignore", "pipe", "ignore"] });
   const url = await new Promise((done, fail) => {
     server.stdout.once("data", (text) => done(String(text).trim()));
     server.once("exit", (code) => fail(new Error(`tessera view ended with ${code}`)));
@@ -65,26 +65,21 @@ async function measure(site) {
     const page = await browser.open("about:blank");
     await new Promise((done) => setTimeout(done, 500));  // what Chromium does of its own accord when it starts
     await page.send("Performance.enable", { timeDomain: "threadTicks" });
-    const requests = new Map();
-    browser.listeners.push(({ method, params }) => {
-      if (method === "Network.requestWillBeSent") requests.set(params.requestId, { url: params.request.url, bytes: 0 });
-      if (method === "Network.loadingFinished" && requests.has(params.requestId))
-        requests.get(params.requestId).bytes = params.encodedDataLength;
-    });
     const before = cpuSeconds(browser.child.pid), served = total(cpuSeconds(server.pid)), load = loadavg()[0], start = Date.now();
     await page.send("Page.navigate", { url });
     await page.until("window.tessera && tessera.times.picture !== null", 120);
     const after = cpuSeconds(browser.child.pid), wall = (Date.now() - start) / 1000;
-    const asked = [...requests.values()].filter((r) => r.url.startsWith("http"));
     const metrics = Object.fromEntries((await page.send("Performance.getMetrics")).metrics.map((m) => [m.name, m.value]));
-    const { times, state } = await page.evaluate("({times: tessera.times, state: tessera.state()})");
+    const { times, state, asked } = await page.evaluate(`({ times: tessera.times, state: tessera.state(),
+      asked: [...performance.getEntriesByType("navigation"), ...performance.getEntriesByType("resource")]
+        .filter((r) => r.startTime < tessera.times.picture).map((r) => r.transferSize) })`);
     if (shots) writeFileSync(join(shots, `${basename(site)}.png`), await page.screenshot());
     const by = {};
     for (const kind of Object.keys(after)) by[kind] = rounded(after[kind] - (before[kind] ?? 0));
     return {
       site: basename(site), picture_s: rounded(times.picture / 1000), seen_s: rounded(wall), cpu_s: rounded(total(after) - total(before)), by,
       main_thread_s: rounded(metrics.TaskDuration), server_s: rounded(total(cpuSeconds(server.pid)) - served), load: rounded(load),
-      requests: asked.length, bytes: asked.reduce((sum, r) => sum + r.bytes, 0), triangles: state.triangles, trouble: state.trouble,
+      requests: asked.length, bytes: asked.reduce((sum, bytes) => sum + bytes, 0), triangles: state.triangles, trouble: state.trouble,
     };
   } finally {
     await browser.close();
