@@ -54,7 +54,7 @@ function runAtOnce(queue) {
  */
 export function openTiles(url, on) {
   const tiles = new TilesRenderer(url);
-  for (const queue of [tiles.downloadQueue, tiles.parseQueue, tiles.processNodeQueue]) runAtOnce(queue);
+  for (const queue of [tiles.parseQueue, tiles.processNodeQueue]) runAtOnce(queue);  // that of downloads is one of many
   tiles.manager.addHandler(/\.(gltf|glb)$/, new GLTFLoader(tiles.manager).setMeshoptDecoder(MeshoptDecoder));
   tiles.errorTarget = 6;
   tiles.lruCache.minBytesSize = 256 * 2 ** 20;
@@ -73,7 +73,7 @@ export function openTiles(url, on) {
   const hurry = () => {
     if (tiles.downloadQueue.maxJobsPerOrigin === jobs) return;
     tiles.downloadQueue.maxJobsPerOrigin = jobs;
-    tiles.downloadQueue.scheduleJobRun();
+    for (const queue of tiles.downloadQueue.originQueues.values()) queue.scheduleJobRun();  // those that wait
   };
   tiles.addEventListener("load-error", hurry);
   tiles.addEventListener("load-error", ({ url: at, error }) => on.failed(`${decodeURI(String(at ?? url))}: ${error?.message ?? error}`));
