@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdlib>
+#include <optional>
 
 #include "kernels/points/column_filters.h"
 #include "kernels/points/thin_columns.h"
@@ -58,6 +59,11 @@ constexpr std::int32_t kRoughCells = kCell;
 constexpr std::int32_t kSmoothBottom = kCell;
 /// Pits in what stands, no wider than twice this, are closed.
 constexpr int kPitRadius = 4;
+
+/// Walls that nobody saw: from so far below their upper edge on they have the mean colour of so many columns behind it and to
+/// both sides. With that of its own column alone each would be a streak down to the ground.
+constexpr std::uint32_t kWallFade = 4 * kQuantaPerCell;
+constexpr int kWallColours = 8;
 
 /// Columns within `radius` of those with this flag.
 std::vector<std::uint8_t> dilate_flags(ColumnSquare s, const std::vector<std::uint8_t>& flags,
@@ -469,6 +475,37 @@ float slope(const std::vector<std::int32_t>& height, std::size_t before, std::si
   return left ? step(before, here) : right ? step(here, after) : 0.0f;
 }
 
+/// Mean colour of the columns behind the upper edge of a step. \param high  the column at it, on the side `to` along the axis
+std::uint32_t wall_colour(const SurfaceModel& model, int high_u, int high_v, int axis, int to) {
+  std::array<std::uint32_t, 3> sum{};
+  std::uint32_t coloured = 0;
+  for (int back = 0; back < kWallColours; ++back)
+    for (int side = -kWallColours; side <= kWallColours; ++side) {
+      const int u = high_u + (axis == 0 ? to * back : side), v = high_v + (axis == 0 ? side : to * back);
+      const std::uint32_t rgba = model.rgba[model.at(u, v)];
+      if ((rgba >> 24) == 0) continue;
+      ++coloured;
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += rgba >> (8 * c) & 0xffu;
+    }
+  if (coloured == 0) return 0;
+  std::uint32_t mean = 0xff000000u;
+  for (std::size_t c = 0; c < 3; ++c) mean |= (sum[c] + coloured / 2) / coloured << (8 * c);
+  return mean;
+}
+
+/// From the colour of the upper edge to that of the wall. \param below  quanta below the edge, >= 0
+std::uint32_t faded(std::uint32_t edge, std::uint32_t wall, std::int64_t below) {
+  if ((edge >> 24) == 0 || (wall >> 24) == 0) return edge;
+  const auto part = static_cast<std::uint32_t>(std::min<std::int64_t>(below, kWallFade));
+  std::uint32_t out = 0xff000000u;
+  for (std::size_t c = 0; c < 3; ++c)
+    out |=
+        ((edge >> (8 * c) & 0xffu) * (kWallFade - part) + (wall >> (8 * c) & 0xffu) * part + kWallFade / 2) /
+            kWallFade
+        << (8 * c);
+  return out;
+}
+
 /// On the raster at a column.
 ModelSample level_sample(const SurfaceModel& model, const std::vector<std::int32_t>& height, int u, int v,
                          std::uint32_t rgba) {
@@ -521,13 +558,15 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
         Float3 normal = {0.0f, 0.0f, 1.0f};
         normal[static_cast<std::size_t>(axis)] = -steep;
         normal = unit(normal);
+        const bool rises = rise > 0;
+        std::optional<std::uint32_t> wall;  // asked for where any of it was not seen
         for (std::int64_t k = 1; k <= lines; ++k) {
           const auto along = static_cast<std::int32_t>(k * kCell / (lines + 1));
           ModelSample m = {u * kCell + kCell / 2,
                            v * kCell + kCell / 2,
                            model.height[i] + static_cast<std::int32_t>(k * rise / (lines + 1)),
                            normal,
-                           model.rgba[rise > 0 ? j : i],
+                           model.rgba[rises ? j : i],
                            true,
                            tall};
           (axis == 0 ? m.u : m.v) += along;
@@ -535,6 +574,12 @@ void sample_surface_model(const SurfaceModel& model, int first, int last,
           const bool seen = measured && is_measured_at(model, step, m.height);
           if (seen && !skin) continue;
           m.unseen = filled || (tall && !seen);
+          if (tall && !seen) {
+            if (!wall)
+              wall = wall_colour(model, u + (rises && axis == 0), v + (rises && axis == 1), axis,
+                                 rises ? 1 : -1);
+            m.rgba = faded(m.rgba, *wall, std::int64_t{model.height[rises ? j : i]} - m.height);
+          }
           use(m);
         }
       }

@@ -1,5 +1,6 @@
 // The surface model of scenes seen from above: layers of columns, what stands in for strewn points, walls of steps, holes.
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
@@ -140,6 +141,33 @@ TEST_CASE("surface model: a crown becomes one smooth skin with walls down to the
   CHECK(level >= 32 * 32);
   CHECK(steps > 4 * 30 * 15);
   CHECK(outward > 20 * 15);
+}
+
+TEST_CASE("surface model: walls that nobody saw have no streaks of the columns above them", "[unit]") {
+  // A block whose columns are black and white in turn, over grey ground.
+  const bool skin = GENERATE(false, true);
+  const auto layers = layers_of([](int u, int v) {
+    const bool block = in_square(u, v, 80, 110);
+    ColumnLayers c = column(block ? 30 : 2, block);
+    c.top.rgba = !block ? 0xff808080u : (u + v) % 2 == 0 ? 0xff000000u : 0xffffffffu;
+    c.bottom.rgba = c.top.rgba;
+    return c;
+  });
+  const SurfaceModel model = fit_surface_model(layers, kEdge, skin ? ModelUse::kSkin : ModelUse::kStandIn);
+  std::uint64_t edge = 0, wall = 0;
+  int darkest = 255, brightest = 0;
+  for (const ModelSample& m : samples_of(model)) {
+    if (!m.step || !m.unseen || m.height < cells(4)) continue;
+    const int shade = static_cast<int>(m.rgba & 0xffu);
+    if (m.height > cells(29)) edge += shade < 64 || shade > 192;
+    if (m.height > cells(25)) continue;
+    ++wall;
+    darkest = std::min(darkest, shade), brightest = std::max(brightest, shade);
+  }
+  CHECK(edge > 50);
+  REQUIRE(wall > 1000);
+  CHECK(darkest >= 110);
+  CHECK(brightest <= 145);
 }
 
 TEST_CASE("surface model: no samples where the wall of a step was measured", "[unit]") {
@@ -314,6 +342,7 @@ TEST_CASE("surface model: a column depends on nothing beyond the halo", "[proper
     if (r % 41 == 0) return ColumnLayers{};
     const bool crown = (u / 23 + v / 17) % 3 == 0;
     ColumnLayers c = column((crown ? 30 : 3) + (r % 100) * (crown ? 0.05 : 0.002), crown && r % 5 != 0);
+    c.top.rgba = c.bottom.rgba = 0xff000000u | (r * 2654435761u & 0xffffffu);
     c.bottom = column(3 + (r % 7) * 0.01, crown).bottom;
     c.synthetic = u / 31 % 4 == 0 && on_terrain;
     if (on_terrain) c.terrain = c.bottom.height;
@@ -341,6 +370,17 @@ TEST_CASE("surface model: a column depends on nothing beyond the halo", "[proper
       stands += (part.flags[b] & kModelStands) != 0;
     }
   CHECK(stands > 500);
+  // Their colours too.
+  const auto sampled = [](const SurfaceModel& model, int first) {
+    std::vector<std::array<std::int64_t, 4>> samples;
+    sample_surface_model(model, first, first + kBrickCells, [&](const ModelSample& m) {
+      samples.push_back({m.u - first * kCell, m.v - first * kCell, m.height, m.rgba});
+    });
+    std::sort(samples.begin(), samples.end());
+    return samples;
+  };
+  const bool same = sampled(all, 2 * kBrickCells) == sampled(part, kBrickCells);
+  CHECK(same);
 }
 
 TEST_CASE("column layers: what lies between the top and the bottom is counted", "[unit]") {
