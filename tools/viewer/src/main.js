@@ -133,7 +133,7 @@ function offerColours(names) {
   const first = ["deviation", "uncertain", "rgb", "plain"].find((name) => name === "plain" || contentColours.has(name));
   setColour(chosen && mode ? mode : first);
 }
-let chosen = false, hurry = () => {};
+let chosen = false;
 
 function setSection(kind) {
   section = kind;
@@ -198,10 +198,8 @@ function everyFrame() {
     drawMeasurements(element("over"), tools.measurements, stage.camera, stage.size, scan.step);
     drawAxes(element("axes"), axes, stage.camera);
     const { triangles, points } = stage.renderer.info.render;
-    if (times.picture === null && triangles + points > 0) {
+    if (times.picture === null && triangles + points > 0)
       Object.assign(times, { picture: performance.now(), frames: stage.renderer.info.render.frame });
-      hurry();
-    }
     if (tiles) {
       element("counts").textContent = `${points > 0 ? `${numberText(points, 1)} points` : `${numberText(triangles, 1)} faces`} shown, ${tiles.visibleTiles.size} tiles`;
       element("busy").style.width = tiles.loadProgress < 1 ? `${100 * tiles.loadProgress}%` : "0";
@@ -241,7 +239,6 @@ async function tilesSource() {
     failed: (text) => trouble(`A tile could not be shown: ${text}`),
   });
   tiles = source.tiles;
-  hurry = source.hurry;
   tiles.setCamera(stage.camera);
   stage.update = [() => {
     tiles.setResolutionFromRenderer(stage.camera, stage.renderer);

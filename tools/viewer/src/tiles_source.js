@@ -50,32 +50,27 @@ function runAtOnce(queue) {
 /**
  * \param url  of the tileset, beside the page
  * \param on   {loaded(), failed(message)}: a tile came; it did not
- * \returns a source like that of a mesh, with the matrix of its root, and hurry(), to be called once something is shown
+ * \returns a source like that of a mesh, with update(), and the matrix of its root
  */
 export function openTiles(url, on) {
   const tiles = new TilesRenderer(url);
-  for (const queue of [tiles.parseQueue, tiles.processNodeQueue]) runAtOnce(queue);  // that of downloads is one of many
+  for (const queue of [tiles.downloadQueue, tiles.parseQueue, tiles.processNodeQueue]) runAtOnce(queue);
   tiles.manager.addHandler(/\.(gltf|glb)$/, new GLTFLoader(tiles.manager).setMeshoptDecoder(MeshoptDecoder));
   tiles.errorTarget = 6;
   tiles.lruCache.minBytesSize = 256 * 2 ** 20;
   tiles.lruCache.maxBytesSize = 768 * 2 ** 20;
   const colours = new Set(), steps = { finest: Infinity };
-  // Until there is a picture tiles come one by one: processor and decoders are not shared between what it shows and what
-  // comes after it.
+  // The tile that is wanted first comes alone: processor and decoders are not shared with those that come after it.
   const jobs = tiles.downloadQueue.maxJobsPerOrigin;
   tiles.downloadQueue.maxJobsPerOrigin = 1;
   tiles.addEventListener("load-model", ({ scene }) => {
+    tiles.downloadQueue.maxJobsPerOrigin = jobs;
     dress(scene, colours, steps);
     on.loaded();
   });
   for (const event of ["needs-update", "tile-visibility-change", "tiles-load-end", "dispose-model"])
     tiles.addEventListener(event, () => on.changed());
-  const hurry = () => {
-    if (tiles.downloadQueue.maxJobsPerOrigin === jobs) return;
-    tiles.downloadQueue.maxJobsPerOrigin = jobs;
-    for (const queue of tiles.downloadQueue.originQueues.values()) queue.scheduleJobRun();  // those that wait
-  };
-  tiles.addEventListener("load-error", hurry);
+  tiles.addEventListener("load-error", () => (tiles.downloadQueue.maxJobsPerOrigin = jobs));
   tiles.addEventListener("load-error", ({ url: at, error }) => on.failed(`${decodeURI(String(at ?? url))}: ${error?.message ?? error}`));
   const opened = new Promise((done) => {
     const ready = () => {
@@ -88,5 +83,5 @@ export function openTiles(url, on) {
     };
     tiles.addEventListener("load-tileset", ready);
   });
-  return { tiles, object: tiles.group, colours, steps, opened, hurry };
+  return { tiles, object: tiles.group, colours, steps, opened };
 }
