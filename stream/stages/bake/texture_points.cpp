@@ -10,7 +10,7 @@
 #include "octree/error.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/packed_file.h"
-#include "stream/runtime/progress_share.h"
+#include "stream/stages/bake/progress_share.h"
 
 namespace tessera {
 namespace {
