@@ -1,7 +1,9 @@
 #include "kernels/points/sign_solver.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <numeric>
 
@@ -145,6 +147,86 @@ class Flips {
   Lists<std::uint32_t, std::uint64_t> touching_;
 };
 
+/// Which signs are beyond doubt. Pairs join in the order of their votes, so a node may hang on a group by split votes that others
+/// outvoted since. Nodes that joined by clear votes are clusters; those with an anchor or a root are decided, and so is, one
+/// after the other, every cluster for whose signs votes of decided ones speak, clearly and whatever the open ones turn out to be.
+class DecidedClusters {
+ public:
+  /// \param component, sign  SignSolution's
+  DecidedClusters(const Contraction& tree, std::span<const PatchVote> votes,
+                  std::span<const std::uint32_t> component, std::span<const std::int8_t> sign)
+      : votes_(votes), component_(component), sign_(sign) {
+    const auto n = static_cast<std::uint32_t>(component.size());
+    UnionFind joined(n);
+    for (const SignJoin& j : tree.joins)  // flips may have torn what joined
+      if (j.confidence >= kUncertain && sign[j.a] * sign[j.b] == j.sign) joined.unite(j.a, j.b);
+    find_clusters(joined.roots());
+    decided_.assign(n, 0);
+    for (std::uint32_t v = 0; v < n; ++v)
+      if (component[v] == v) decided_[cluster_[v]] = 1;
+    touching_ = make_lists<std::uint32_t, std::uint64_t>(n, [&](const auto& put) {
+      for (std::uint32_t v = 0; v < votes.size(); ++v) {
+        const std::uint32_t a = cluster_[votes[v].a], b = cluster_[votes[v].b];
+        if (a != b) put(a, v), put(b, v);
+      }
+    });
+    decide();
+  }
+
+  bool has(std::uint32_t node) const { return decided_[cluster_[node]] != 0; }
+
+ private:
+  /// Of what joined, the nodes of each component.
+  void find_clusters(std::span<const std::uint32_t> joined) {
+    std::vector<std::uint32_t> order(joined.size());
+    std::iota(order.begin(), order.end(), 0u);
+    const auto key = [&](std::uint32_t v) { return std::array{joined[v], component_[v], v}; };
+    std::sort(order.begin(), order.end(), [&](std::uint32_t l, std::uint32_t r) { return key(l) < key(r); });
+    cluster_.resize(joined.size());
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      const std::uint32_t v = order[i], before = i > 0 ? order[i - 1] : v;
+      const bool goes_on = i > 0 && joined[v] == joined[before] && component_[v] == component_[before];
+      cluster_[v] = goes_on ? cluster_[before] : v;
+    }
+  }
+
+  void decide() {
+    std::vector<std::uint32_t> open;
+    for (std::uint32_t v = 0; v < cluster_.size(); ++v)
+      if (cluster_[v] == v && decided_[v] == 0) open.push_back(v);
+    const auto decide_one = [&](std::uint32_t c) {
+      decided_[c] = is_told(c) ? 1 : 0;
+      return decided_[c] != 0;
+    };
+    while (std::erase_if(open, decide_one) > 0) {
+    }
+  }
+
+  bool is_told(std::uint32_t cluster) const {
+    std::int64_t kept = 0, broken = 0, open = 0;
+    for (const std::uint32_t k : touching_[cluster]) {
+      const PatchVote& v = votes_[k];
+      const std::uint32_t a = cluster_[v.a];
+      // The signs of two components against each other are found later.
+      const bool known =
+          component_[v.a] == component_[v.b] && decided_[a == cluster ? cluster_[v.b] : a] != 0;
+      const bool keep = sign_[v.a] == sign_[v.b];
+      kept += known ? (keep ? v.same : v.opposite) : 0;
+      broken += known ? (keep ? v.opposite : v.same) : 0;
+      open += known ? 0 : std::abs(v.same - v.opposite);
+    }
+    const std::int64_t net = kept - broken;
+    return net > open && static_cast<double>(net) >= double{kUncertain} * static_cast<double>(kept + broken);
+  }
+
+  std::span<const PatchVote> votes_;
+  std::span<const std::uint32_t> component_;
+  std::span<const std::int8_t> sign_;
+  std::vector<std::uint32_t> cluster_;            ///< per node, its smallest member
+  std::vector<std::uint8_t> decided_;             ///< per cluster
+  Lists<std::uint32_t, std::uint64_t> touching_;  ///< per cluster, votes with other ones
+};
+
 }  // namespace
 
 void merge_votes(std::vector<PatchVote>& votes) {
@@ -170,7 +252,6 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
   std::iota(tree.parent.begin(), tree.parent.end(), 0u);
   tree.relation.assign(n, 1);
   tree.round.assign(n, kNever);
-  tree.confidence.assign(n, 1.0f);
   std::vector<std::uint64_t> group(weight.begin(), weight.end());  // weight of the group of a root
   std::vector<std::uint32_t> best(n, kNever);
   SignedUnionFind trees(n);
@@ -205,7 +286,9 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
       SignedUnionFind::SignedRoot a = trees.find(edge.a), b = trees.find(edge.b);
       if (a.root == b.root) continue;
       if (heavier(b.root, a.root)) std::swap(a, b);
-      trees.hang(b.root, a.root, a.sign * b.sign * (edge.same >= edge.opposite ? 1 : -1));
+      const std::int8_t sign = edge.same >= edge.opposite ? 1 : -1;
+      trees.hang(b.root, a.root, a.sign * b.sign * sign);
+      tree.joins.push_back({edge.a, edge.b, static_cast<float>(confidence(edge)), sign});
     }
     for (const std::uint32_t v : joined) {
       const SignedUnionFind::SignedRoot at = trees.find(v);
@@ -213,7 +296,6 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
       tree.parent[v] = at.root;
       tree.relation[v] = static_cast<std::int8_t>(at.sign);
       tree.round[v] = round;
-      tree.confidence[v] = static_cast<float>(confidence(votes[best[v]]));
     }
     for (const std::uint32_t v : joined) {
       best[v] = kNever;
@@ -246,16 +328,17 @@ SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const 
   SignSolution out;
   out.sign.assign(n, 1);
   out.component.resize(n);
-  out.uncertain.assign(n, 0);
+  out.uncertain.resize(n);
   for (const std::uint32_t v : tree.joined_last) {
     const std::uint32_t p = tree.parent[v];
     const bool anchor = p == v || (!anchors.empty() && anchors[v] != 0);
     out.component[v] = anchor ? v : out.component[p];
     if (p == v) continue;
     out.sign[v] = static_cast<std::int8_t>(out.sign[p] * tree.relation[v]);
-    out.uncertain[v] = !anchor && (out.uncertain[p] != 0 || tree.confidence[v] < kUncertain) ? 1 : 0;
   }
   Flips(tree, votes, out.sign).run();
+  const DecidedClusters decided(tree, votes, out.component, out.sign);
+  for (std::uint32_t v = 0; v < n; ++v) out.uncertain[v] = decided.has(v) ? 0 : 1;
   for (const PatchVote& v : votes) {
     out.frustrated_votes += static_cast<std::uint64_t>(out.sign[v.a] == out.sign[v.b] ? v.opposite : v.same);
     out.total_votes += static_cast<std::uint64_t>(v.same + v.opposite);

@@ -27,13 +27,21 @@ struct ContractionLimits {
   double min_confidence = 0.0;  ///< nor do those below in |same - opposite| / (same + opposite)
 };
 
+/// A pair of groups that joined, by the nodes that stood for them.
+struct SignJoin {
+  std::uint32_t a = 0;
+  std::uint32_t b = 0;
+  float confidence = 0.0f;  ///< |same - opposite| / (same + opposite) then
+  std::int8_t sign = 1;     ///< for which most votes spoke
+};
+
 /// How groups joined: a forest. A node joins its parent's group in its round, all that hangs below it joined
 /// before.
 struct Contraction {
-  std::vector<std::uint32_t> parent;       ///< itself for the last of a group
-  std::vector<std::int8_t> relation;       ///< sign relative to the parent
-  std::vector<std::uint32_t> round;        ///< rises towards the root, roots: the largest value
-  std::vector<float> confidence;           ///< |same - opposite| / (same + opposite) when it joined; roots 1
+  std::vector<std::uint32_t> parent;  ///< itself for the last of a group
+  std::vector<std::int8_t> relation;  ///< sign relative to the parent
+  std::vector<std::uint32_t> round;   ///< rises towards the root, roots: the largest value
+  std::vector<SignJoin> joins;        ///< by round; where several joined at once, not with the parent alone
   std::vector<std::uint32_t> joined_last;  ///< all nodes by descending round: parents before their children
 };
 
@@ -50,8 +58,9 @@ struct SignSolution {
   std::vector<std::int8_t> sign;  ///< per patch, +1 or -1; +1 for the root of its component
   std::vector<std::uint32_t>
       component;  ///< per patch, the nearest anchor that it hangs on, or the root of its component
-  std::vector<std::uint8_t> uncertain;  ///< per patch: somewhere on its way to that the votes were split
-  std::uint64_t frustrated_votes = 0;   ///< weight of votes that the solution breaks
+  std::vector<std::uint8_t>
+      uncertain;  ///< per patch: split votes join it to that, and what is decided does not clearly speak for its sign
+  std::uint64_t frustrated_votes = 0;  ///< weight of votes that the solution breaks
   std::uint64_t total_votes = 0;
 };
 

@@ -228,6 +228,32 @@ TEST_CASE("signs: votes that cancel join nothing and end", "[unit]") {
   CHECK(s.sign[2] * s.sign[3] == -1);
 }
 
+TEST_CASE("signs: a join by split votes leaves no doubt where enough others speak for it", "[unit]") {
+  // 1 joins 0 by split votes, and 2 hangs on it; each of the others joins 0 and speaks for 1 too, more weakly than 0 does.
+  const auto solve = [](std::uint32_t others) {
+    std::vector<PatchVote> votes = {{0, 1, 700, 400}, {1, 2, 70, 0}};
+    for (std::uint32_t k = 3; k < 3 + others; ++k)
+      votes.push_back({0, k, 60, 0}), votes.push_back({1, k, 55, 0});
+    merge_votes(votes);
+    return solve_signs(std::vector<std::uint64_t>(3 + others, 1), votes);
+  };
+  const SignSolution few = solve(8), enough = solve(10);
+  CHECK(few.uncertain[1] == 1);
+  CHECK(few.uncertain[2] == 1);
+  CHECK(few.uncertain[3] == 0);
+  CHECK(std::count(enough.uncertain.begin(), enough.uncertain.end(), 1) == 0);
+  CHECK(enough.sign == std::vector<std::int8_t>(13, 1));
+}
+
+TEST_CASE("signs: what a flip tears off is in doubt unless decided ones speak for it", "[unit]") {
+  // 1 and 2 join at once; then what both say of 3 turns 2 around, against a tie of 60 that was clear.
+  const std::vector<PatchVote> votes = {
+      {0, 1, 100, 0}, {1, 2, 60, 0}, {0, 2, 0, 20}, {2, 3, 0, 50}, {0, 3, 55, 0}};
+  const SignSolution s = solve_signs(std::vector<std::uint64_t>{9, 1, 1, 1}, votes);
+  REQUIRE(s.sign == std::vector<std::int8_t>{1, 1, -1, 1});
+  CHECK(s.uncertain == std::vector<std::uint8_t>{0, 0, 1, 0});
+}
+
 TEST_CASE("signs: no more votes are broken than by the signs that most votes were made from", "[property]") {
   std::uint64_t state = 11;
   const std::size_t n = 400;
