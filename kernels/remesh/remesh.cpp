@@ -86,6 +86,7 @@ void RemeshOptions::validate() const {
   need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
   need(max_normal_deviation_deg >= 0.0 && max_normal_deviation_deg <= 180.0, "max_normal_turn_deg",
        "in [0, 180]");
+  need(min_angle_deg >= 0.0 && min_angle_deg < 60.0, "min_angle_deg", "in [0, 60)");
   need(iterations >= 0 && relaxations >= 0, "iterations", "0 or more");
 }
 

@@ -114,6 +114,11 @@ void Remesher::set_target(Info& info, const Double3& at) const {
 void Remesher::run(RemeshReport& report) {
   for (std::uint32_t v = 0; v < info_.size(); ++v)
     report.locked_vertices += (mesh_.state(v) & kVertexLocked) != 0;
+  if (options_.min_angle_deg > 0.0) {
+    raise_angles(report);
+    report.guard_spent = guard_spent_;
+    return;
+  }
   for (int i = 0; i < options_.iterations; ++i) {
     const int rounds = i == 0 ? kFirstRounds : kLaterRounds;
     split_long(rounds, report);

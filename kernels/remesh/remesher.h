@@ -127,6 +127,16 @@ class Remesher {
   bool move_vertex(std::uint32_t v, const Double3& to, RemeshReport& report);
   Double3 wish(std::uint32_t v) const;
   void finish(RemeshReport& report);
+  void raise_angles(RemeshReport& report);
+  std::vector<std::uint32_t> sharp_faces() const;
+  void raise(std::uint32_t f, bool last_resort, RemeshReport& report);
+  bool place_best(std::uint32_t v, RemeshReport& report);
+  Double3 best_place(std::uint32_t v) const;
+  bool collapse_best(std::uint32_t f, RemeshReport& report);
+  bool is_between_lines(std::uint32_t f) const;
+  bool is_held(std::uint32_t f) const;
+  std::uint32_t corner_to_split(std::uint32_t f) const;
+  std::size_t split_sharp(RemeshReport& report);
   void weigh();
   void mend_all(RemeshReport& report);
   void mend(std::uint32_t f, RemeshReport& report);
@@ -145,7 +155,6 @@ class Remesher {
   void compact();
   void sort_by_position();
 
-  static double sharpness(const Double3& a, const Double3& b, const Double3& c);
   bool normal_fits(const NewFace& f, const Double3& n) const;
   bool within(const NewFace& f, unsigned new_edges) const;
   bool near_at_points(const NewFace& f, unsigned new_edges, double limit, std::uint32_t hint) const;
@@ -163,6 +172,7 @@ class Remesher {
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;
   bool mending_ = false, refining_ = false;
+  double sharp_above_ = 1.0;    ///< squared cosine of min_angle_deg, with room for rounding
   bool blunting_ = false;       ///< of edges so short that shapes around them tell nothing
   std::vector<float> gravity_;  ///< per vertex: how much neighbours are drawn to it; empty: all alike
   int round_ = 0;

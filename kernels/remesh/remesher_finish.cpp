@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "kernels/remesh/remesher.h"
+#include "kernels/remesh/triangle_quality.h"
 
 namespace tessera {
 namespace {
@@ -22,14 +23,6 @@ constexpr double kLongCollapse = 1.6;                        ///< targets: no ed
 constexpr double kStrongFinishCrease = 0.70710678118654752;  ///< cosine of its turn: others yield to shape
 
 }  // namespace
-
-/// The squared cosine of the smallest angle, from 1/4 to 1.
-double Remesher::sharpness(const Double3& a, const Double3& b, const Double3& c) {
-  const double x = squared_distance(a, b), y = squared_distance(b, c), z = squared_distance(c, a);
-  const double minimum = std::min({x, y, z}), sum = x + y + z - 2.0 * minimum;
-  const double product = x < y ? (x < z ? y * z : x * y) : (y < z ? z * x : x * y);
-  return product > 0.0 ? sum * sum / (4.0 * product) : 1.0;
-}
 
 /// Of the faces around the gathered star if its centre were at p.
 double Remesher::star_sharpness(const Double3& p) const {

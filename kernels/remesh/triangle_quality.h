@@ -1,12 +1,21 @@
 /// \file triangle_quality.h
 /// How near a mesh is to equilateral triangles of one size: sums of integers, so parts add up in any order.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
 #include "kernels/mesh/mesh_block.h"
 
 namespace tessera {
+
+/// The squared cosine of the smallest angle, from 1/4 to 1; 1 where two corners lie at one place.
+[[nodiscard]] inline double sharpness(const Double3& a, const Double3& b, const Double3& c) {
+  const double x = squared_distance(a, b), y = squared_distance(b, c), z = squared_distance(c, a);
+  const double minimum = std::min({x, y, z}), sum = x + y + z - 2.0 * minimum;
+  const double product = x < y ? (x < z ? y * z : x * y) : (y < z ? z * x : x * y);
+  return product > 0.0 ? sum * sum / (4.0 * product) : 1.0;
+}
 
 struct TriangleQuality {
   static constexpr std::size_t kAngleBins = 180;  ///< of one degree

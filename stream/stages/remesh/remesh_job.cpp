@@ -67,7 +67,7 @@ CrossingPlan mend_of_round(const RemeshJobOptions& options, const SimplifyStores
   const auto margin = [=](const JobState& state) {
     return options.tolerance > 0.0 ? options.tolerance : kMeasuredShare * last_sizing(state).edge;
   };
-  CrossingPlan mend = result_mend(stores, margin, options.passes, round, kMaxRounds);
+  CrossingPlan mend = result_mend(stores, margin, options.all_passes(), round, kMaxRounds);
   mend.strict = options.crossings == "repair";
   if (options.tolerance > 0.0) return mend;
   mend.may_cut = true;
@@ -83,14 +83,16 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
   CertifyRequest request;
   request.name = certify_name(round);
   request.tolerance = options.tolerance;
-  request.mesh = [=](const JobState& s) { return open_round_result(s, options.passes, round); };
+  request.mesh = [=](const JobState& s) { return open_round_result(s, options.all_passes(), round); };
   request.reference = stores.full;
   const bool proves = options.tolerance > 0.0;
   if (!last) request.failed_file = failed_faces_file(round);
   request.crossing_file = left_faces_file(round);
   if (round > 0 && proves) {
     request.name_before = certify_name(round - 1);
-    request.mesh_before = [=](const JobState& s) { return open_round_result(s, options.passes, round - 1); };
+    request.mesh_before = [=](const JobState& s) {
+      return open_round_result(s, options.all_passes(), round - 1);
+    };
   }
   return {request.name, [=](const JobState& state) {
             if (round > last_remesh_round(state.work) || was_too_fine(state.work, round))
@@ -117,7 +119,7 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
     for (StageEntry& entry : crossing_stages(input)) stages.push_back(std::move(entry));
   const SimplifyStores stores = repairs ? mended_stores(input) : imported_stores(kRemeshImport);
   for (int round = 0; round < kMaxRounds; ++round) {
-    for (int p = 0; p < options.passes; ++p) {
+    for (int p = 0; p < options.all_passes(); ++p) {
       const SimplifyPass pass{p, round, false};
       stages.push_back({pass.stage_name(), [=](const JobState& state) {
                           return make_remesh_stage(state, before_rounding(state, options), stores, pass);
@@ -129,7 +131,8 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
   }
   stages.push_back({"write", [=](const JobState& state) {
                       return make_store_write_stage(
-                          state, open_round_result(state, options.passes, last_remesh_round(state.work)),
+                          state,
+                          open_round_result(state, options.all_passes(), last_remesh_round(state.work)),
                           "made by tessera remesh, edges of " + dump_json(Json(last_sizing(state).edge)),
                           sort_bytes(state.run), placement(state, options));
                     }});
@@ -140,7 +143,7 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
     if (repairs)
       for (const StageNeed& need : crossing_needs(input, mesh, remesh_source(options).brick_vertices))
         needs.push_back(need);
-    for (int p = 0; p < options.passes; ++p)
+    for (int p = 0; p < options.all_passes(); ++p)
       needs.push_back({SimplifyPass{p, 0, false}.stage_name(), remesh_pass_bytes(options, mesh.faces, 1),
                        remesh_pass_bytes(options, mesh.faces, 2 * kMaxAround)});
     // What comes out is decimated no further.

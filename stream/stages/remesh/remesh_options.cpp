@@ -1,10 +1,13 @@
 #include "stream/stages/remesh/remesh_options.h"
 
+#include <string>
+
 #include "octree/error.h"
 
 namespace tessera {
 namespace {
 
+constexpr int kMostPasses = 8;  ///< as many as keys of new vertices tell apart
 /// Of the tolerance that operations may use: they look at points of a face, the proof at all of it.
 constexpr double kLoopShare = 0.75;
 /// Of the tolerance that a chord of an adapted length may use. Edges get 4/3 of their length before they are split, and
@@ -48,6 +51,12 @@ OptionTable option_table(RemeshJobOptions& o) {
   t.add("feature-angle", &o.feature_angle_deg,
         "edges that turn by more degrees are kept as creases; 0 = none")
       .within(0, 180);
+  t.add("min-angle", &o.min_angle_deg,
+        "faces with a smaller angle than so many degrees are flipped, moved, collapsed or split in two more "
+        "passes, as far as the tolerance, or without one a fifth of the edges, and creases allow; what is "
+        "left "
+        "is told; 0 = none, e.g. remesh mesh.ply --faces 100000 --min-angle 30 -o even.ply")
+      .within(0, 40);
   t.add("iterations", &o.iterations, "of splits, collapses, flips and relaxation in each pass").within(1, 50);
   t.add("even", &o.even,
         "what the last relaxations make alike: angles, areas of the cells around vertices at the expense of "
@@ -64,7 +73,7 @@ OptionTable option_table(RemeshJobOptions& o) {
         "those that do as given: they are cut out first and the holes closed anew, and closed bodies that "
         "pass through each other or themselves united")
       .one_of({"refuse", "repair"});
-  t.add("passes", &o.passes, "passes over shifted blocks").within(1, 8);
+  t.add("passes", &o.passes, "passes over shifted blocks").within(1, kMostPasses);
   t.add("block-faces", &o.block_faces, "most faces of a block").at_least(1024);
   return t;
 }
@@ -72,6 +81,9 @@ OptionTable option_table(RemeshJobOptions& o) {
 void RemeshJobOptions::validate() const {
   if (edge == 0.0 && faces == 0 && tolerance == 0.0)
     throw UsageError("give --edge, --faces or --tolerance above 0: nothing says how long edges are to be");
+  if (min_angle_deg > 0.0 && all_passes() > kMostPasses)
+    throw UsageError("--min-angle adds two passes: give --passes of at most " +
+                     std::to_string(kMostPasses - kAnglePasses));
   if (adaptive && !(tolerance > 0.0))
     throw UsageError("--adaptive wants --tolerance above 0: lengths follow from it and the curvature");
   if (adaptive && (edge > 0.0 || faces > 0))

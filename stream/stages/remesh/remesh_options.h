@@ -19,6 +19,7 @@ struct RemeshJobOptions {
   double feature_angle_deg = 25.0;
   int iterations = 4;  ///< in each pass
   int passes = 3;
+  double min_angle_deg = 0.0;  ///< of every face, as far as the input and the tolerance let it; 0 = free
   std::uint64_t block_faces = 1u << 16;
   std::string crossings = "refuse";
   std::string even = "both";     ///< or "angles", "areas"
@@ -26,6 +27,9 @@ struct RemeshJobOptions {
 
   /// Without a tolerance a number of faces is kept by edges as long as it takes.
   bool keeps_faces() const { return faces > 0 && !(tolerance > 0.0); }
+  /// With those that raise angles: two, so that the seams of the first lie inside the blocks of the second.
+  int all_passes() const { return passes + (min_angle_deg > 0.0 ? kAnglePasses : 0); }
+  static constexpr int kAnglePasses = 2;
   /// \throws UsageError naming the option
   void validate() const;
   /// What blocks are remeshed with. \param edge  length of edges, the longest one where they adapt

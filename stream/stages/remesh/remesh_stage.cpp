@@ -7,6 +7,7 @@
 #include "kernels/remesh/sizing_field.h"
 #include "kernels/remesh/triangle_quality.h"
 #include "octree/error.h"
+#include "octree/portable_math.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
@@ -61,15 +62,21 @@ Json to_json(const RemeshReport& r) {
           {"refused_by_tolerance", r.by_tolerance},
           {"refused_by_crossing", r.by_crossing},
           {"guards_spent", r.guard_spent ? 1 : 0},
-          {"refused_by_room", r.by_capacity}};
+          {"refused_by_room", r.by_capacity},
+          {"sharp_in", r.sharp_in},
+          {"sharp_out", r.sharp_out},
+          {"sharp_at_corners", r.sharp_at_corners},
+          {"sharp_held", r.sharp_held},
+          {"sharp_by_tolerance", r.sharp_by_tolerance}};
 }
 
-/// Per face whether it lies within some rings of a face that an earlier pass could not settle.
-std::vector<std::uint8_t> near_active(const MeshBlock& block) {
+/// Per face whether it lies within some rings of one that is active(face).
+template <class Active>
+std::vector<std::uint8_t> near_active(const MeshBlock& block, const Active& active) {
   constexpr int kRings = 5;
   std::vector<std::uint8_t> region_mark(block.key.size(), 0), near(block.faces.size(), 0);
   for (std::size_t f = 0; f < near.size(); ++f)
-    if ((block.face_flags[f] & kFaceDone) == 0)
+    if (active(f))
       for (const std::uint32_t v : block.faces[f]) region_mark[v] = 1;
   for (int ring = 0; ring < kRings; ++ring) {
     for (std::size_t f = 0; f < near.size(); ++f)
@@ -122,6 +129,8 @@ class RemeshStage : public Stage {
         reference_(blocks_.reference()) {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
     kernel_.find_creases = pass_.pass == 0;
+    if (raises()) kernel_.min_angle_deg = options_.min_angle_deg;
+    sharp_above_ = std::pow(cosine_of_degrees(options_.min_angle_deg), 2.0);
     largest_bytes_ = largest_guess_bytes(state.run.memory_bytes);
   }
 
@@ -235,11 +244,18 @@ class RemeshStage : public Stage {
     return sum;
   }
   /// Of the round: the shape of what it leaves is told.
-  bool is_last() const { return pass_.pass + 1 == options_.passes; }
+  bool is_last() const { return pass_.pass + 1 == options_.all_passes(); }
+
+  /// Whether it is one of the passes behind the others.
+  bool raises() const { return pass_.pass >= options_.passes; }
 
   /// The first pass does all of a block, later ones what lies near the seams of the ones before.
   Json remesh_block(std::size_t b, MeshBlock& block, std::uint64_t bytes, TaskContext& context) const {
-    const std::vector<std::uint8_t> near = near_active(block);
+    const std::vector<std::uint8_t> near = near_active(block, [&](std::size_t f) {
+      if (!raises()) return (block.face_flags[f] & kFaceDone) == 0;  // an earlier pass could not settle it
+      const auto& t = block.faces[f];
+      return sharpness(block.position[t[0]], block.position[t[1]], block.position[t[2]]) > sharp_above_;
+    });
     const std::vector<std::uint64_t> seams = seam_keys(block);
     MeshBlock rest;
     const bool whole = std::find(near.begin(), near.end(), 0) == near.end();
@@ -306,6 +322,7 @@ class RemeshStage : public Stage {
   SimplifyPass pass_;
   Sizing sizing_;
   RemeshOptions kernel_;
+  double sharp_above_ = 1.0;         ///< squared cosine of the angle asked for
   std::uint64_t largest_bytes_ = 0;  ///< of the cap, for one task
   PassBlocks blocks_;
   const MeshStore& in_;
