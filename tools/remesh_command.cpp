@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "stream/files/json.h"
@@ -12,6 +13,27 @@
 
 namespace tessera {
 namespace {
+
+/// What --min-angle left, and why.
+void print_small_angles(const Json& report) {
+  if (!report.contains("small_angles")) return;
+  const Json& angles = report.at("small_angles");
+  const auto count = [&](const char* key) { return angles.value(key, std::uint64_t{0}); };
+  const std::uint64_t left = count("below"), lines = count("between_lines"), held = count("held"),
+                      at = count("at_tolerance");
+  fmt::print("angles below {:.4g} degrees: in {} faces before, {} left", angles.value("asked_deg", 0.0),
+             count("below_before"), left);
+  const char* separator = ": ";
+  const auto tell = [&](std::uint64_t faces, const char* why) {
+    if (faces > 0) fmt::print("{}{} {}", separator, faces, why), separator = ", ";
+  };
+  tell(lines, "between creases or borders that meet at a smaller angle");
+  tell(at, "where the tolerance locks them");
+  tell(held, "of the input, kept for the proof");
+  tell(left - std::min(left, lines + at + held),
+       "that could be raised in no way without a fold or a sharper one");
+  fmt::print("\n");
+}
 
 void run_remesh(const RemeshJobOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "remeshed");
@@ -32,6 +54,7 @@ void run_remesh(const RemeshJobOptions& options, JobState state) {
       quality.value("mean_angle_deviation_deg", 0.0), quality.value("smallest_angle_deg", 0.0),
       100.0 * quality.value("share_below_25_deg", 0.0), 100.0 * quality.value("mean_edge_deviation", 0.0),
       100.0 * quality.value("valence_six_share", 0.0));
+  print_small_angles(report);
   const Json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
     fmt::print("distance: at most {} both ways, proven; rms {:.3g} to the input, {:.3g} back\n",

@@ -63,9 +63,9 @@ struct RemeshReport {
   std::size_t splits = 0, collapses = 0, flips = 0, moves = 0;
   /// Why operations were refused.
   std::size_t by_link = 0, by_fold = 0, by_tolerance = 0, by_crossing = 0, by_capacity = 0;
-  /// With min_angle_deg: faces below it before and after, and why those are left: between lines that meet at a smaller
-  /// angle, at vertices that stay, refused for the tolerance at least once in the last try; else what they would fold.
-  std::size_t sharp_in = 0, sharp_out = 0, sharp_at_corners = 0, sharp_held = 0, sharp_by_tolerance = 0;
+  /// With min_angle_deg: faces below it before, and of those left, but for such between lines that meet at a smaller angle:
+  /// at vertices that stay, and refused something for the tolerance in the last try.
+  std::size_t sharp_in = 0, sharp_held = 0, sharp_by_tolerance = 0;
   bool guard_spent =
       false;  ///< boxes of its needles tell too few apart: what makes faces meet was refused up to some step alone
 };

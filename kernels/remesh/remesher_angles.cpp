@@ -71,16 +71,13 @@ void Remesher::raise_angles(RemeshReport& report) {
     raise(f, false, tried);
     const bool by_tolerance = tried.by_tolerance > report.by_tolerance;
     report = tried;
-    if (sharpness_of(f) <= asked) continue;
-    if (is_between_lines(f))
-      ++report.sharp_at_corners;
-    else if (is_held(f))
+    if (sharpness_of(f) <= asked || is_between_lines(f)) continue;
+    if (is_held(f))
       ++report.sharp_held;
-    else if (by_tolerance)
-      ++report.sharp_by_tolerance;
+    else
+      report.sharp_by_tolerance += by_tolerance;
   }
   mending_ = false;
-  report.sharp_out = sharp_faces().size();
 }
 
 /// The sharpest first, then in the order of faces.

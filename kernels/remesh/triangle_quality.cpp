@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "kernels/mesh/mesh_block_ops.h"
@@ -80,6 +81,28 @@ void TriangleQuality::add(const MeshBlock& block, double target) {
     ++cells[bin];
     cell_sums[bin] += rounded(share * 1e6);
   }
+}
+
+SharpFaces count_sharp(const MeshBlock& block, double min_angle_deg) {
+  const double cosine = cosine_of_degrees(min_angle_deg);
+  // Across from the corners.
+  constexpr unsigned kLine[3] = {kFaceBorder12 * 33u, kFaceBorder20 * 33u, kFaceBorder01 * 33u};
+  SharpFaces found;
+  for (std::size_t f = 0; f < block.faces.size(); ++f) {
+    const Double3* at[3];
+    for (std::size_t i = 0; i < 3; ++i) at[i] = &block.position[block.faces[f][i]];
+    if (sharpness(*at[0], *at[1], *at[2]) <= cosine * cosine) continue;
+    ++found.faces;
+    std::size_t smallest = 0;
+    double minimum = std::numeric_limits<double>::max();
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double square = squared_distance(*at[(i + 1) % 3], *at[(i + 2) % 3]);
+      if (square < minimum) minimum = square, smallest = i;
+    }
+    const auto is_line = [&](std::size_t i) { return (block.face_flags[f] & kLine[i % 3]) != 0; };
+    found.between_lines += is_line(smallest + 1) && is_line(smallest + 2);
+  }
+  return found;
 }
 
 void TriangleQuality::merge(const TriangleQuality& o) {

@@ -59,4 +59,13 @@ struct TriangleQuality {
   double mean_cell_deviation() const;
 };
 
+struct SharpFaces {
+  std::uint64_t faces = 0;  ///< with an angle below
+  std::uint64_t between_lines =
+      0;  ///< of them: those whose smallest angle lies between two creases or borders
+};
+
+/// \pre the block bears its creases (kFaceCrease01)
+[[nodiscard]] SharpFaces count_sharp(const MeshBlock& block, double min_angle_deg);
+
 }  // namespace tessera

@@ -290,10 +290,26 @@ std::string quality_figures(const Json& quality) {
   return text;
 }
 
+/// Of remeshing with --min-angle.
+std::string small_angle_figures(const Json& angles) {
+  Rows rows;
+  for (const auto& [key, name] :
+       {std::pair{"/asked_deg", "smallest angle asked for, degrees"},
+        {"/below_before", "faces below it before angles were raised"},
+        {"/below", "faces below it"},
+        {"/between_lines", "of them between creases or borders that meet at a smaller angle"},
+        {"/at_tolerance", "of them where the tolerance locks them"},
+        {"/held", "of them of the input, kept for the proof"}})
+    if (const Json& figure = value_at(angles, key); figure.is_number())
+      rows.emplace_back(name, number_text(figure.get<double>()));
+  return rows.empty() ? "" : html::table(rows);
+}
+
 }  // namespace
 
 std::string shape_figures(const Json& report, const PageParts& parts) {
-  std::string text = quality_figures(value_at(report, "/quality"));
+  std::string text =
+      quality_figures(value_at(report, "/quality")) + small_angle_figures(value_at(report, "/small_angles"));
   if (parts.preview) {
     const PreviewMesh& p = *parts.preview;
     std::vector<std::string> degrees;

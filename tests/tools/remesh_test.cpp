@@ -152,6 +152,34 @@ TEST_CASE("remesh: the shape told is that of all faces, also where rounds of the
   CHECK(report.at("quality").at("faces") == report.at("mesh").at("faces"));
 }
 
+TEST_CASE("remesh: no angle below the one asked for, proven, the same whatever must not matter",
+          "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "out.ply";
+  const auto run = [&](const fs::path& from, std::vector<std::string> more) {
+    fs::remove(out);
+    more.insert(more.end(), {"--edge", "1.8", "--tolerance", "0.1", "--block-faces", "16384"});
+    const CommandResult r = tessera_command(words(from, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return file_bytes(out);
+  };
+  const std::string bytes = run(in, {"--min-angle", "30", "-t", "1", "--memory", "1G"});
+  const Json report = report_of(out), angles = report.at("small_angles");
+  CHECK(report.at("certificate").at("proven") == true);
+  CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.1);
+  CHECK(angles.at("below_before").get<int>() > 20);
+  CHECK(angles.at("below") == 0);
+  CHECK(report.at("quality").at("smallest_angle_deg").get<double>() >= 30.0);
+  CHECK(checked(out).sound());
+  CHECK(run(in, {"--min-angle", "30", "-t", "3", "--memory", "300M", "--tile-size", "128"}) == bytes);
+  CHECK(run(write_waves(folder.path() / "back.ply", true),
+            {"--min-angle", "30", "-t", "2", "--memory", "1G"}) == bytes);
+  const std::string free = run(in, {"-t", "2", "--memory", "1G"});
+  CHECK(free != bytes);
+  CHECK_FALSE(report_of(out).contains("small_angles"));
+}
+
 TEST_CASE("remesh: even angles or even areas, at the other's expense", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");

@@ -1,6 +1,7 @@
 #include "stream/stages/remesh/remesh_job.h"
 
 #include <algorithm>
+#include <string>
 
 #include "stream/files/json.h"
 #include "stream/import/import_needs.h"
@@ -35,8 +36,28 @@ std::string certify_name(int round) {
   return round == 0 ? "certify" : "again-" + std::to_string(round) + "-certify";
 }
 
+/// What became of the faces below the smallest angle that is asked for: before in the first round, left in the last one.
+Json small_angles(const RemeshJobOptions& options, const Json& stages) {
+  Json out = {{"asked_deg", options.min_angle_deg}};
+  const std::string first = SimplifyPass{options.passes, 0, false}.stage_name();
+  for (const Json& stage : stages) {
+    const Json& r = stage.at("result");
+    if (!r.is_object()) continue;
+    const auto count = [&](const char* key) { return r.value(key, std::uint64_t{0}); };
+    if (stage.at("name") == first)
+      out.update({{"faces_before", count("faces_in")}, {"below_before", count("sharp_in")}});
+    if (!r.contains("sharp_left")) continue;
+    out.update({{"faces", count("faces_out")},
+                {"below", count("sharp_left")},
+                {"between_lines", count("sharp_between_lines")},
+                {"held", count("sharp_held")},
+                {"at_tolerance", count("sharp_by_tolerance")}});
+  }
+  return out;
+}
+
 /// The shape of the last pass that ran, the input, what was written, the proof.
-void summarise(Json& report) {
+void summarise(const RemeshJobOptions& options, Json& report) {
   report["input"] = import_report(report, kRemeshImport);
   report["mesh"] = result_of(report, "write");
   report["certificate"] = certificate_of(report);
@@ -44,6 +65,7 @@ void summarise(Json& report) {
   for (const Json& stage : report.at("stages"))
     if (stage.at("result").is_object() && stage.at("result").contains("quality"))
       report["quality"] = stage.at("result").at("quality");
+  if (options.min_angle_deg > 0.0) report["small_angles"] = small_angles(options, report.at("stages"));
 }
 
 MeshPlacement placement(const JobState& state, const RemeshJobOptions& options) {
@@ -136,7 +158,9 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
                           "made by tessera remesh, edges of " + dump_json(Json(last_sizing(state).edge)),
                           sort_bytes(state.run), placement(state, options));
                     }});
-  JobDescription job = {"remesh", std::move(stages), 0, summarise, {known_origin()}, job_page()};
+  JobDescription job = {
+      "remesh",         std::move(stages), 0, [=](Json& report) { summarise(options, report); },
+      {known_origin()}, job_page()};
   job.needs = [=](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, remesh_source(options), mesh);

@@ -62,12 +62,13 @@ Json to_json(const RemeshReport& r) {
           {"refused_by_tolerance", r.by_tolerance},
           {"refused_by_crossing", r.by_crossing},
           {"guards_spent", r.guard_spent ? 1 : 0},
-          {"refused_by_room", r.by_capacity},
-          {"sharp_in", r.sharp_in},
-          {"sharp_out", r.sharp_out},
-          {"sharp_at_corners", r.sharp_at_corners},
-          {"sharp_held", r.sharp_held},
-          {"sharp_by_tolerance", r.sharp_by_tolerance}};
+          {"refused_by_room", r.by_capacity}};
+}
+
+/// Of passes that raise angles, in addition.
+Json raised_to_json(const RemeshReport& r) {
+  return {
+      {"sharp_in", r.sharp_in}, {"sharp_held", r.sharp_held}, {"sharp_by_tolerance", r.sharp_by_tolerance}};
 }
 
 /// Per face whether it lies within some rings of one that is active(face).
@@ -162,12 +163,12 @@ class RemeshStage : public Stage {
       const MeshBlockCut& cut = blocks_[b];
       MeshBlock block;
       if (blocks_.copy_unchanged(cut, &writer, sum, context, is_last() ? &block : nullptr)) {
-        if (is_last()) quality.add(block, sizing_.edge);
+        judge_block(block, quality, sum);
         continue;
       }
       block = in_.load(cut.patches);
       add_counts(sum, remesh_block(b, block, available, context));
-      if (is_last()) quality.add(block, sizing_.edge);
+      judge_block(block, quality, sum);
       write_block(cut, in_.info().lattice, block, writer);
       context.count_read(in_.block_bytes(cut.patches));
       context.advance(cut.faces);
@@ -246,6 +247,13 @@ class RemeshStage : public Stage {
   /// Of the round: the shape of what it leaves is told.
   bool is_last() const { return pass_.pass + 1 == options_.all_passes(); }
 
+  void judge_block(const MeshBlock& block, TriangleQuality& quality, Json& sum) const {
+    if (!is_last()) return;
+    quality.add(block, sizing_.edge);
+    if (!raises()) return;
+    const SharpFaces left = count_sharp(block, options_.min_angle_deg);
+    add_counts(sum, {{"sharp_left", left.faces}, {"sharp_between_lines", left.between_lines}});
+  }
   /// Whether it is one of the passes behind the others.
   bool raises() const { return pass_.pass >= options_.passes; }
 
@@ -276,6 +284,7 @@ class RemeshStage : public Stage {
       kernel.pause = [&context] { context.check_stop(); };
       const RemeshReport report = remesh(block, reference, kernel, pinned);
       add_counts(counts, to_json(report));
+      if (raises()) add_counts(counts, raised_to_json(report));
       mark_done(block, seams, report);
     }
     if (!whole) {

@@ -453,6 +453,64 @@ TEST_CASE("remesh: edges whose nearest places are all but their own ends are spl
   CHECK(shortest > 0.01);
 }
 
+namespace {
+
+/// Remeshed, and then with its smallest angles raised.
+MeshBlock raised(const MeshBlock& from, RemeshOptions o, double degrees, RemeshReport* report = nullptr) {
+  MeshBlock reference = from;
+  canonicalise(reference);
+  MeshBlock out = remeshed(from, o);
+  o.find_creases = false;
+  o.min_angle_deg = degrees;
+  o.first_key = std::uint64_t{3} << 62;
+  RemeshReport r = remesh(out, reference, o);
+  if (report) *report = r;
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("remesh: no face of a smooth closed shape is left below the angle asked for", "[property]") {
+  for (const std::uint64_t seed : {3u, 4u, 5u}) {
+    CAPTURE(seed);
+    MeshBlock sphere = sphere_block(6);
+    add_noise(sphere, 0.004, seed);
+    RemeshOptions o = options_for(0.033);
+    o.iterations = 1;
+    o.feature_angle_deg = 0.0;
+    o.tolerance = 0.006;
+    const MeshBlock before = remeshed(sphere, o);
+    RemeshReport report;
+    const MeshBlock out = raised(sphere, o, 33.0, &report);
+    CHECK(count_sharp(before, 33.0).faces > 20);
+    CHECK(report.sharp_in == count_sharp(before, 33.0).faces);
+    CHECK(count_sharp(out, 33.0).faces == 0);
+    CHECK(checks_of(out).defects() == 0);
+    CHECK(checks_of(out).euler == 2);
+    CHECK(certified(out, sphere, 0.01) <= std::max(certified(before, sphere, 0.01), 0.008));
+    CHECK(static_cast<double>(out.faces.size()) < 1.02 * static_cast<double>(before.faces.size()));
+  }
+}
+
+TEST_CASE("remesh: angles of the input that are sharper stay and are told", "[unit]") {
+  // A fan of five creased or border spikes of 14 degrees each at the origin's corner: two sides of a thin wedge.
+  const MeshBlock wedge = grid_block(40, 40, [](double x, double y) { return 0.0 * x * y; });
+  MeshBlock thin = wedge;
+  for (Double3& p : thin.position) p[1] *= 0.25 * p[0] / 40.0;  // a triangle with 14 degrees at x = 0
+  std::vector<std::uint8_t> keep(thin.faces.size());
+  for (std::size_t f = 0; f < keep.size(); ++f) {
+    const auto& t = thin.faces[f];
+    keep[f] = norm(triangle_normal(thin.position[t[0]], thin.position[t[1]], thin.position[t[2]])) > 0.0;
+  }
+  const MeshBlock piece = select_faces(thin, keep);
+  RemeshReport report;
+  const MeshBlock out = raised(piece, options_for(1.0), 30.0, &report);
+  const SharpFaces left = count_sharp(out, 30.0);
+  CHECK(left.faces <= 2);
+  CHECK(left.faces == left.between_lines);
+  CHECK(checks_of(out).defects() == 0);
+}
+
 TEST_CASE("remesh: no more faces than there is room for, and options that make no sense are refused",
           "[unit]") {
   RemeshOptions o = options_for(0.01);
