@@ -128,6 +128,7 @@ class Remesher {
   Double3 wish(std::uint32_t v) const;
   void finish(RemeshReport& report);
   void raise_angles(RemeshReport& report);
+  void raise_rounds(RemeshReport& report);
   std::vector<std::uint32_t> sharp_faces() const;
   void raise(std::uint32_t f, bool last_resort, RemeshReport& report);
   bool place_best(std::uint32_t v, RemeshReport& report);

@@ -17,6 +17,7 @@ namespace tessera {
 namespace {
 
 constexpr double kRoom = 0.1;  ///< degrees above what is asked for: rounding of positions takes less
+constexpr int kCycles = 3;     ///< of raising and of the splits that the tolerance asks for
 constexpr int kRaiseRounds = 16;
 constexpr int kWithoutSplits = 4;  ///< of them, the last: what splits left is made round
 constexpr int kBeforeRelease = 3;  ///< rounds that leave weak creases alone
@@ -47,11 +48,41 @@ void Remesher::raise_angles(RemeshReport& report) {
   sharp_above_ = asked;
   report.sharp_in = sharp_faces().size();
   sharp_above_ = above(options_.min_angle_deg + kRoom);
+  // Steps keep faces near the reference, but do not ask what of the reference they leave: splits bring that back.
+  const int cycles = options_.refine_beyond ? kCycles : 1;
+  for (int cycle = 0; cycle < cycles; ++cycle) {
+    raise_rounds(report);
+    if (!options_.refine_beyond) break;
+    const std::size_t splits = report.splits;
+    refine(report);
+    refining_ = false;
+    if (report.splits == splits) break;
+  }
+  sharp_above_ = asked;
+  count_valences();
+  begin_guarding();
+  mending_ = true;
+  for (const std::uint32_t f : sharp_faces()) {
+    RemeshReport tried = report;
+    // With a tolerance to prove the last word was that of the splits.
+    if (!options_.refine_beyond) raise(f, false, tried);
+    const bool by_tolerance = options_.refine_beyond || tried.by_tolerance > report.by_tolerance;
+    report = tried;
+    if (sharpness_of(f) <= asked || is_between_lines(f)) continue;
+    if (is_held(f))
+      ++report.sharp_held;
+    else
+      report.sharp_by_tolerance += by_tolerance;
+  }
+  mending_ = false;
+}
+
+void Remesher::raise_rounds(RemeshReport& report) {
   changed_.assign(info_.size(), 0);
   round_ = 0;
   for (int round = 0; round < kRaiseRounds; ++round) {
     const std::vector<std::uint32_t> sharp = sharp_faces();
-    if (sharp.empty()) break;
+    if (sharp.empty()) return;
     count_valences();
     begin_guarding();
     mending_ = true;
@@ -62,22 +93,6 @@ void Remesher::raise_angles(RemeshReport& report) {
     mending_ = false;
     if (round + kWithoutSplits < kRaiseRounds) report.splits += split_sharp(report);
   }
-  sharp_above_ = asked;
-  count_valences();
-  begin_guarding();
-  mending_ = true;
-  for (const std::uint32_t f : sharp_faces()) {
-    RemeshReport tried = report;
-    raise(f, false, tried);
-    const bool by_tolerance = tried.by_tolerance > report.by_tolerance;
-    report = tried;
-    if (sharpness_of(f) <= asked || is_between_lines(f)) continue;
-    if (is_held(f))
-      ++report.sharp_held;
-    else
-      report.sharp_by_tolerance += by_tolerance;
-  }
-  mending_ = false;
 }
 
 /// The sharpest first, then in the order of faces.

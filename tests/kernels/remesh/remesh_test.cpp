@@ -477,6 +477,7 @@ TEST_CASE("remesh: no face of a smooth closed shape is left below the angle aske
     add_noise(sphere, 0.004, seed);
     RemeshOptions o = options_for(0.033);
     o.iterations = 1;
+    o.relaxations = o.last_relaxations = 0;
     o.feature_angle_deg = 0.0;
     o.tolerance = 0.006;
     const MeshBlock before = remeshed(sphere, o);
