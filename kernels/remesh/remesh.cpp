@@ -118,13 +118,17 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   // Few blocks come to cross themselves: to look at the result costs less than to ask at every step.
   const RemeshReport none = report;
   MeshBlock result = remeshed(false, report);
-  const std::size_t pairs = count_contacts(result);
-  if (pairs > 0 && count_contacts(block, pairs) < pairs) {
-    RemeshReport again = none;
-    MeshBlock guarded = remeshed(true, again);
-    if (count_contacts(guarded, pairs) < pairs) {
-      result = std::move(guarded);
-      report = again;
+  const bool useless =
+      options.useless_faces > 0 && report.locked_vertices == 0 && result.faces.size() > options.useless_faces;
+  if (!useless) {
+    const std::size_t pairs = count_contacts(result);
+    if (pairs > 0 && count_contacts(block, pairs) < pairs) {
+      RemeshReport again = none;
+      MeshBlock guarded = remeshed(true, again);
+      if (count_contacts(guarded, pairs) < pairs) {
+        result = std::move(guarded);
+        report = again;
+      }
     }
   }
   block = std::move(result);

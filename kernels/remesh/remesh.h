@@ -46,7 +46,11 @@ struct RemeshOptions {
   /// The block still is a part of the reference: creases are found, and lattices coarsened away. Later ones bear creases
   /// (kFaceCrease01).
   bool find_creases = false;
-  std::size_t max_faces = 0;    ///< edges are not split beyond; a later pass goes on. At least the block's
+  std::size_t max_faces = 0;  ///< edges are not split beyond; a later pass goes on. At least the block's
+  // Of a block without locked vertices, of which more faces than these are of no use; 0: any number is.
+  std::size_t useless_faces = 0;  ///< where more come out it is not done again for what meets in it
+  std::size_t hopeless_faces =
+      0;  ///< where more are left after the second iteration for want of room it ends there
   std::uint64_t first_key = 0;  ///< of new vertices: this, the next, ...; above all others
   /// Above 0: faces with a smaller angle than that are worked on and nothing else is done: a pass behind all others.
   double min_angle_deg = 0.0;

@@ -136,6 +136,7 @@ void Remesher::run(RemeshReport& report) {
     // Coarse work first: what early iterations leave is split and collapsed again.
     const int fewer = i + 2 < options_.iterations ? 1 : 0;
     for (int r = fewer; r < options_.relaxations; ++r) relax_all(report);
+    if (i == 1 && is_hopeless(report)) return;
   }
   finish(report);
   if (options_.refine_beyond) {
@@ -146,6 +147,12 @@ void Remesher::run(RemeshReport& report) {
   report.guard_spent = guard_spent_;
   std::vector<Edge>().swap(edges_);  // their memory is needed for what comes out
   std::vector<Edge>().swap(listed_);
+}
+
+/// Later iterations cut what the ones before had no room to cut.
+bool Remesher::is_hopeless(const RemeshReport& report) const {
+  return options_.hopeless_faces > 0 && report.locked_vertices == 0 && report.by_capacity > 0 &&
+         live_faces_ > options_.hopeless_faces;
 }
 
 /// Down to a mesh too coarse, and by splits back to one that remembers nothing of the lattice it came from.

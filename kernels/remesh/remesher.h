@@ -71,6 +71,7 @@ class Remesher {
   [[nodiscard]] Double3 as_put(const Double3& p) const {
     return guarded_ && options_.float_positions ? wide(narrow(origin_ + p)) - origin_ : p;
   }
+  bool is_hopeless(const RemeshReport& report) const;
   void set_lines();
   void find_feet(const std::vector<std::uint32_t>& own);
   Edge edge_at(std::uint32_t c) const;

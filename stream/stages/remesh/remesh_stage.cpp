@@ -33,6 +33,8 @@ constexpr double kMostTimesFaces = 1.2;
 constexpr std::uint64_t kAlwaysMoreFaces = 100;
 /// So many times the faces, of a block without seams that ran out of room, are needles, cut into pieces as long as they are wide.
 constexpr double kNeedleTimesFaces = 9.0 * kMostTimesFaces;
+/// So many times the faces it takes for no later step to bring them below what is refused.
+constexpr double kEndTimesFaces = 1.5;
 /// Percent of the faces: where more have an angle below 25 degrees the result is no better than what was given.
 constexpr double kMostNarrow = 25.0, kWarnOffDegrees = 8.0;
 /// Edges get longer as long as a round leaves no more than this share of what the one before left.
@@ -132,6 +134,16 @@ class RemeshStage : public Stage {
     kernel_.find_creases = pass_.pass == 0;
     if (raises()) kernel_.min_angle_deg = options_.min_angle_deg;
     sharp_above_ = std::pow(cosine_of_degrees(options_.min_angle_deg), 2.0);
+    if (options_.keeps_faces()) {
+      // A round that leaves far more is done anew or refused, and the end of a pass takes some away.
+      const auto times = [&](double most) {
+        return options_.faces + kAlwaysMoreFaces +
+               static_cast<std::uint64_t>((kEndTimesFaces * most - 1.0) *
+                                          static_cast<double>(options_.faces));
+      };
+      kernel_.useless_faces = times(kMostTimesFaces);
+      if (pass_.pass == 0 && pass_.round == 0) kernel_.hopeless_faces = times(kNeedleTimesFaces);
+    }
     largest_bytes_ = largest_guess_bytes(state.run.memory_bytes);
   }
 
