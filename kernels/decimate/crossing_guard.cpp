@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "kernels/mesh/block_contacts.h"
 
@@ -133,9 +134,21 @@ class CrossingGuard::Outline {
 
 namespace {
 
-/// Fans that hang together in copies of a vertex meet there whatever is done: counted, that would allow as many crossings.
-bool guarded_meet(const ContactFace& a, const ContactFace& b) {
-  return face_contact(a, b) != FaceContact::kNone && !meet_in_copies(a, b);
+/// Whether a vertex that is put where it was not lies exactly on another one.
+bool is_put_on_another(const ContactFace& a, const ContactFace& b, std::uint64_t moved) {
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      if (a.vertex[i] != b.vertex[j] && (a.vertex[i] == moved || b.vertex[j] == moved) &&
+          a.corner[i] == b.corner[j])
+        return true;
+  return false;
+}
+
+/// Fans that hang together in copies of a vertex meet there whatever is done: counted, that would allow as many crossings. But
+/// no vertex is to become a copy of another.
+bool guarded_meet(const ContactFace& a, const ContactFace& b, std::uint64_t moved) {
+  return face_contact(a, b) != FaceContact::kNone &&
+         (is_put_on_another(a, b, moved) || !meet_in_copies(a, b));
 }
 
 }  // namespace
@@ -214,14 +227,14 @@ bool CrossingGuard::meets(std::uint32_t face) {
   before_ = {contact_face(face)};
   if (marked_ && sheets_.certain(before_)) return false;
   if (!built_) build();
-  gone_ = {face}, removed_ = kNoCorner;
+  gone_ = {face}, removed_ = kNoCorner, moved_ = kNobody;
   find_boxes(before_, before_box_);
   return contacts(before_, before_box_, Outline(mesh_, {}), 1) > 0;
 }
 
 void CrossingGuard::begin(std::uint32_t removed) {
   gone_.clear(), made_.clear(), made_face_.clear(), made_box_.clear();
-  removed_ = removed;
+  removed_ = removed, moved_ = kNobody;
   leaves_sheets_ = false;
 }
 
@@ -267,6 +280,7 @@ bool CrossingGuard::collapse_adds(const Star& star, std::size_t at) {
 bool CrossingGuard::collapse_adds(const Star& star, std::size_t at, const Star& other, const Double3& to) {
   const std::uint32_t u = mesh_.vertex(star.corner[0]), v = star.ring[at];
   begin(u);
+  if (!(to == mesh_.at(v))) moved_ = v;
   take_star(star, v, v, to);
   const auto own = static_cast<std::ptrdiff_t>(gone_.size());
   take_star(other, u, v, to);
@@ -281,6 +295,7 @@ bool CrossingGuard::collapse_adds(const Star& star, std::size_t at, const Star& 
 bool CrossingGuard::move_adds(const Star& star, const Double3& to) {
   begin(kNoCorner);
   const std::uint32_t v = mesh_.vertex(star.corner[0]);
+  if (!(to == mesh_.at(v))) moved_ = v;
   take_star(star, v, v, to);
   return adds(star.closed ? Outline(mesh_, {star.ring.data(), star.faces}, &to) : Outline(mesh_, {}));
 }
@@ -327,7 +342,7 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, std::spa
       const unsigned all_of_it = (1u << planes_[g].size()) - 1u;
       for (unsigned bits = all_of_it & ~planes_[g].apart(face); bits != 0; bits &= bits - 1) {
         const std::size_t i = g * FacePlanes::kLanes + static_cast<std::size_t>(__builtin_ctz(bits));
-        if (boxes[i].meets(box)) found += guarded_meet(faces[i], face);
+        if (boxes[i].meets(box)) found += guarded_meet(faces[i], face, moved_);
       }
     }
   };
@@ -352,7 +367,7 @@ std::size_t CrossingGuard::contacts(std::span<const ContactFace> faces, std::spa
   test_waiting();
   if (found >= enough || outline.tiled_by(faces)) return found;
   for (std::size_t i = 0; i < faces.size(); ++i)
-    for (std::size_t j = 0; j < i; ++j) found += guarded_meet(faces[i], faces[j]);
+    for (std::size_t j = 0; j < i; ++j) found += guarded_meet(faces[i], faces[j], moved_);
   return found;
 }
 
@@ -367,7 +382,9 @@ bool CrossingGuard::adds(const Outline& outline) {
   before_.clear();
   for (const std::uint32_t f : gone_) before_.push_back(contact_face(f));
   find_boxes(before_, before_box_);
+  const std::uint64_t moved = std::exchange(moved_, kNobody);
   const std::size_t before = contacts(before_, before_box_, Outline(mesh_, {}), kAll);
+  moved_ = moved;
   return before == 0 || contacts(made_, made_box_, outline, before + 1) > before;
 }
 

@@ -31,7 +31,7 @@ class CrossingGuard {
   /// \param order  kGiven where numbers of faces that are near each other are, too
   void renew(FaceBoxes::Order order) { order_ = order, built_ = marked_ = by_sheets_ = false; }
 
-  // Whether the faces that an edit makes meet more of the mesh, and of each other, than those that it takes away do, but in copies of a vertex: a place
+  // Whether the faces that an edit makes meet more of the mesh, and of each other, than those that it takes away do, but in copies of a vertex that no edit has put there: a place
   // that crosses already may be edited as long as it does not get worse. Once the edit is done, accept() takes it over.
 
   /// The collapse of the star's centre into star.ring[at].
@@ -80,7 +80,9 @@ class CrossingGuard {
   bool by_sheets_ = false, marked_ = false;
   std::uint64_t looked_at_ = 0;
   // Of the edit at hand.
+  static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
   std::uint32_t removed_ = kNoCorner;     ///< the vertex that goes: all of its faces are in gone_
+  std::uint64_t moved_ = kNobody;         ///< the vertex that lies elsewhere in what is left
   std::vector<std::uint32_t> gone_;       ///< faces that it takes away or changes
   std::vector<ContactFace> made_;         ///< what it leaves of them: corners are numbers of vertices
   std::vector<std::uint32_t> made_face_;  ///< of a star: which it leaves

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/face_boxes.h"
@@ -67,6 +68,15 @@ MeshBlock to_block(const CollapseMesh& mesh, const Remesher& remesher, const Mes
   return out;
 }
 
+/// How many vertices lie exactly where another one does, less one for each such place.
+std::size_t count_copies(const MeshBlock& block) {
+  std::vector<Double3> places = block.position;
+  std::sort(places.begin(), places.end());
+  std::size_t copies = 0;
+  for (std::size_t i = 1; i < places.size(); ++i) copies += places[i] == places[i - 1];
+  return copies;
+}
+
 }  // namespace
 
 void RemeshOptions::validate() const {
@@ -121,11 +131,11 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   const bool useless =
       options.useless_faces > 0 && report.locked_vertices == 0 && result.faces.size() > options.useless_faces;
   if (!useless) {
-    const std::size_t pairs = count_contacts(result);
-    if (pairs > 0 && count_contacts(block, pairs) < pairs) {
+    const std::size_t pairs = count_contacts(result), copies = count_copies(result);
+    if ((pairs > 0 && count_contacts(block, pairs) < pairs) || (copies > 0 && count_copies(block) < copies)) {
       RemeshReport again = none;
       MeshBlock guarded = remeshed(true, again);
-      if (count_contacts(guarded, pairs) < pairs) {
+      if (count_contacts(guarded, pairs + copies) + count_copies(guarded) < pairs + copies) {
         result = std::move(guarded);
         report = again;
       }

@@ -263,6 +263,40 @@ TEST_CASE("crossing guard: fans that hang together in copies of a vertex may not
   }
 }
 
+TEST_CASE("crossing guard: no vertex is put onto another, which would make it a copy", "[unit]") {
+  // Two pyramids tip to tip, not quite.
+  const MeshBlock block =
+      make_block({{0, 0, -0.25},
+                  {1, 0, -1},
+                  {0, 1, -1},
+                  {-1, 0, -1},
+                  {0, -1, -1},
+                  {0, 0, 0.25},
+                  {1, 0, 1},
+                  {0, 1, 1},
+                  {-1, 0, 1},
+                  {0, -1, 1}},
+                 {{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 1}, {5, 7, 6}, {5, 8, 7}, {5, 9, 8}, {5, 6, 9}});
+  CollapseMesh mesh(block, {0, 0, 0});
+  CrossingGuard guard(mesh);
+  guard.renew(FaceBoxes::Order::kGiven);
+  Star star;
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v) {
+    const Double3 at = mesh.at(v);
+    if (at[0] != 0.0 || at[1] != 0.0) continue;
+    REQUIRE(mesh.gather(v, star));
+    REQUIRE(star.closed);
+    const Double3 other = {0, 0, -at[2]};
+    CHECK(guard.move_adds(star, other));
+    CHECK_FALSE(guard.move_adds(star, {0, 0, 0}));
+    CHECK_FALSE(guard.move_adds(star, at));
+  }
+  // Where it was put all the same, it is a copy as any other.
+  MeshBlock touching = block;
+  touching.position[0] = touching.position[5];
+  CHECK(count_contacts(touching) == 0);
+}
+
 TEST_CASE("decimate: a mesh that does not meet itself does not afterwards, one that does no more often",
           "[property]") {
   const auto placement = GENERATE(DecimatePlacement::kEndpoint, DecimatePlacement::kOptimal);
