@@ -56,6 +56,17 @@ WholeMesh spikes(bool spiked = true) {
 }
 constexpr int kSpikes = (kSide / kApart - 1) * (kSide / kApart - 1);
 
+/// All digits of doubles.
+void spill_off(const fs::path& path, const Surface& s) {
+  std::string text =
+      "OFF " + std::to_string(s.position.size()) + " " + std::to_string(s.faces.size()) + " 0\n";
+  for (const Double3& p : s.position)
+    text += dump_json(Json(p[0])) + " " + dump_json(Json(p[1])) + " " + dump_json(Json(p[2])) + "\n";
+  for (const auto& f : s.faces)
+    text += "3 " + std::to_string(f[0]) + " " + std::to_string(f[1]) + " " + std::to_string(f[2]) + "\n";
+  spill(path, text);
+}
+
 /// Tubes along figures of eight, each through itself and the next one. Positions are floats.
 WholeMesh knots(int count) {
   constexpr int kAlong = 160, kAround = 16;
@@ -362,13 +373,7 @@ TEST_CASE("mend: remesh leaves sheets that are nearer than floats tell apart as 
       for (Double3& p : ball.position) s.position.push_back({p[0] + 1020, p[1] + 1000, p[2] + 1000});
       s.faces.insert(s.faces.end(), ball.faces.begin(), ball.faces.end());
     }
-    std::string text =
-        "OFF " + std::to_string(s.position.size()) + " " + std::to_string(s.faces.size()) + " 0\n";
-    for (const Double3& p : s.position)
-      text += dump_json(Json(p[0])) + " " + dump_json(Json(p[1])) + " " + dump_json(Json(p[2])) + "\n";
-    for (const auto& f : s.faces)
-      text += "3 " + std::to_string(f[0]) + " " + std::to_string(f[1]) + " " + std::to_string(f[2]) + "\n";
-    spill(in, text);
+    spill_off(in, s);
   };
   const auto remesh = [&](const fs::path& out, const std::string& edge) {
     const CommandResult r = tessera_command({"remesh", in.string(), "-o", out.string(), "--edge", edge,
@@ -398,6 +403,34 @@ TEST_CASE("mend: remesh leaves sheets that are nearer than floats tell apart as 
   REQUIRE(remesh(folder / "out.ply", "0.1").code == 0);
   CHECK(pairs_of(folder / "out.ply") == 0);
   CHECK(check_of(folder / "out.ply").at("faces") > 100);
+}
+
+TEST_CASE("mend: a repair ends with 6 where what is written cannot tell sheets apart", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder / "in.off", floats = folder / "out.stl", doubles = folder / "out.ply";
+  // A shell a hundred thousandth thick, where floats are six times as far apart.
+  Surface shell = sphere(4, 1.0);
+  const Surface inner = sphere(4, 1.0 - 1e-5);
+  const auto first = static_cast<std::uint32_t>(shell.position.size());
+  shell.position.insert(shell.position.end(), inner.position.begin(), inner.position.end());
+  for (const auto& f : inner.faces) shell.faces.push_back({first + f[0], first + f[2], first + f[1]});
+  for (Double3& p : shell.position)
+    p = {1000 + p[0] + .3 * p[2] + .1 * p[1], 1000 + .97 * p[1] + .17 * p[0],
+         1000 + p[2] + .31 * p[0] + .77 * p[1]};
+  spill_off(in, shell);
+  REQUIRE(pairs_of(in) == 0);
+  const auto remesh = [&](const fs::path& out) {
+    return tessera_command({"remesh", in.string(), "-o", out.string(), "--edge", "0.3", "--crossings",
+                            "repair", "--no-html", "--progress", "none", "-q"});
+  };
+  const CommandResult refused = remesh(floats);
+  INFO(refused.errors);
+  CHECK(refused.code == 6);
+  CHECK(refused.errors.find("still cross, overlap or touch as they would be written") != std::string::npos);
+  CHECK(refused.errors.find("-o OUT.ply") != std::string::npos);
+  CHECK_FALSE(fs::exists(floats));
+  CHECK(remesh(doubles).code == 0);
+  CHECK(pairs_of(doubles) == 0);
 }
 
 TEST_CASE("mend: pairs that no filling takes away are sent back to the passes, and none is left",

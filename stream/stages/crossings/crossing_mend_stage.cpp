@@ -123,6 +123,7 @@ class CrossingMendStage : public SerialStage {
       context.check_stop();
       if (is_inherited(group, pairs, context)) {
         ++counts.inherited_groups;
+        if (counts.inherited_at.is_null()) counts.inherited_at = place_json(pairs[group.pairs.front()]);
         for (const std::size_t p : group.pairs) inherited[p] = 1;
       } else if (!mend(group, mended, counts, context)) {
         ++counts.left_groups;
@@ -155,7 +156,7 @@ class CrossingMendStage : public SerialStage {
     std::uint64_t inherited_groups = 0, inherited_pairs = 0, mended_groups = 0, left_groups = 0,
                   left_pairs = 0;
     std::uint64_t removed = 0, added = 0, new_vertices = 0;
-    Json places = Json::array();
+    Json places = Json::array(), inherited_at;
     bool all_looked_at = true;
   };
 
@@ -184,6 +185,8 @@ class CrossingMendStage : public SerialStage {
                 {"faces_added", c.added},
                 {"new_vertices", c.new_vertices},
                 {"left", c.places}};
+    // No round takes away what is in the input too.
+    if (plan_.strict && c.left_pairs == 0 && c.inherited_pairs > 0) throw ValidationError(as_given(c));
     if (plan_.final && c.left_pairs > 0 && (c.all_looked_at || plan_.strict)) {
       const std::string sentence = of_its_own(c);
       // What crossed as given is told from what came by places alone.
@@ -194,11 +197,23 @@ class CrossingMendStage : public SerialStage {
     return out;
   }
 
-  std::string of_its_own(const Counts& c) const {
+  static std::string first_at(const Json& place) {
     std::string where;
-    if (!c.places.empty())
-      for (const Json& x : c.places[0])
-        where += (where.empty() ? ", the first at " : " ") + number_text(x.get<double>());
+    for (const Json& x : place)
+      where += (where.empty() ? ", the first at " : " ") + number_text(x.get<double>());
+    return where;
+  }
+  /// The input was repaired, so only its writing can have made it meet.
+  static std::string as_given(const Counts& c) {
+    return std::to_string(c.inherited_pairs) +
+           " pairs of faces still cross, overlap or touch as they would be written" +
+           first_at(c.inherited_at) +
+           ", and those of the input do so too in such numbers: its sheets are nearer to each other than a "
+           "format of "
+           "floats tells apart; write one of doubles (-o OUT.ply), or move the mesh to the origin first";
+  }
+  std::string of_its_own(const Counts& c) const {
+    const std::string where = c.places.empty() ? std::string() : first_at(c.places[0]);
     return std::to_string(c.left_pairs) + " pairs among the " + std::to_string(mesh_.face_count()) +
            " faces came to cross, overlap or touch that did not as given" + where +
            ", and could not be mended: sheets lie closer to each other there than faces of this size can "
