@@ -209,6 +209,12 @@ class Pruner : public nlohmann::json_sax<nlohmann::json> {
 
 }  // namespace
 
+void require_glb_version(std::uint64_t version, const std::string& name) {
+  if (version != 2)
+    throw InputError(name + ": glTF version " + std::to_string(version) +
+                     " is not read; convert it to version 2");
+}
+
 const Json& glb_item(const Json& document, const char* list, std::uint64_t index, const std::string& name) {
   if (!document.contains(list) || !document.at(list).is_array() || index >= document.at(list).size())
     throw InputError(name + ": the glTF document names " + list + " " + std::to_string(index) +

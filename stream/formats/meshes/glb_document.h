@@ -9,6 +9,9 @@
 
 namespace tessera {
 
+/// \param version  of the file's header \throws InputError where it is none that is read
+void require_glb_version(std::uint64_t version, const std::string& name);
+
 /// \param bytes  the chunk
 /// \param name   of the file, for messages
 /// \returns the document with the keys that GlbMeshReader and open_textures() look at; at most some 50 MiB, whatever the chunk holds

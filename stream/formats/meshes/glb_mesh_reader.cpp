@@ -235,9 +235,7 @@ class GlbMeshReader : public MeshReader {
     char start[20];
     if (file_.size() < sizeof start) fail("the file is shorter than a GLB header; it is truncated");
     file_.read_at(0, start, sizeof start);
-    const std::uint32_t version = load_scalar<std::uint32_t>(start + 4);
-    if (version != 2)
-      fail("glTF version " + std::to_string(version) + " is not read; convert it to version 2");
+    require_glb_version(load_scalar<std::uint32_t>(start + 4), file_.path().string());
     const std::uint64_t length = load_scalar<std::uint32_t>(start + 8);
     if (length > file_.size()) {
       fail("byte 8: the header says " + std::to_string(length) + " bytes, the file has " +

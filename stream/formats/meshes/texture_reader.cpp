@@ -237,6 +237,7 @@ class GlbTextures : public TextureReader {
     };
     const std::string name = path.string();
     if (file_.size() < 20 || word(0) != 0x46546c67) throw InputError(name + ": is no binary glTF");
+    require_glb_version(word(4), name);
     const std::uint64_t json = word(12);
     if (20 + json > file_.size()) throw InputError(name + ": ends within its JSON chunk");
     document_ = read_glb_document(ByteWindow(file_, 20, 20 + json), name);
@@ -244,7 +245,11 @@ class GlbTextures : public TextureReader {
     bin_ = 28 + json;
     buffers_ = std::make_unique<GlbBuffers>(file_, has_bin ? bin_ : 0,
                                             has_bin ? std::min(word(20 + json), file_.size() - bin_) : 0);
-    find_primitives();
+    try {
+      find_primitives();
+    } catch (const JsonError& e) {  // a wrong type somewhere in the document
+      throw InputError(name + ": the glTF document is not valid (" + e.what() + ")");
+    }
   }
   bool has_coordinates() const {
     return std::any_of(primitives_.begin(), primitives_.end(),
@@ -252,9 +257,7 @@ class GlbTextures : public TextureReader {
   }
 
   void read(const TextureSink& sink) override {
-    std::uint64_t meshes = 0;
-    for (const Json& node : document_.value("nodes", Json::array())) meshes += node.contains("mesh");
-    if (meshes > 1 || document_.value("meshes", Json::array()).size() > 1)
+    if (several_)
       throw InputError(
           file_.path().string() +
           ": its texture coordinates are those of several nodes or meshes; join them to one first");
@@ -325,6 +328,9 @@ class GlbTextures : public TextureReader {
       page_of_image_[i] = static_cast<std::uint32_t>(pages_.size());
       pages_.push_back(page);
     }
+    std::uint64_t placed = 0;
+    for (const Json& node : document_.value("nodes", Json::array())) placed += node.contains("mesh");
+    several_ = placed > 1 || document_.value("meshes", Json::array()).size() > 1;
     for (const Json& mesh : document_.value("meshes", Json::array()))
       for (const Json& primitive : mesh.value("primitives", Json::array())) {
         if (primitive.value("mode", 4) != 4) continue;
@@ -367,6 +373,7 @@ class GlbTextures : public TextureReader {
   Json document_;
   std::unique_ptr<GlbBuffers> buffers_;
   std::vector<Primitive> primitives_;
+  bool several_ = false;  ///< nodes with meshes, or meshes
   std::map<std::uint32_t, std::uint32_t> page_of_image_;
 };
 

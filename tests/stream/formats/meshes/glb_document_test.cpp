@@ -5,6 +5,8 @@
 #include <catch2/catch.hpp>
 
 #include "octree/error.h"
+#include "stream/formats/meshes/texture_reader.h"
+#include "tests/helpers/glb_file.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace glb_document_test {
@@ -51,6 +53,40 @@ TEST_CASE("glb document: depth, count and length have an end", "[fault]") {
   CHECK_THROWS_AS(document(""), InputError);
   // what is not asked for may be as much as it likes
   CHECK(document(R"({"extras":[{})" + repeated(",{}", 500000) + R"(],"scene":1})") == Json{{"scene", 1}});
+}
+
+TEST_CASE("glb textures: another version, and lists that are none, are refused with a sentence", "[unit]") {
+  const TempFolder folder;
+  const auto opened = [&](const std::string& bytes) {
+    return open_textures(folder.write("a.glb", bytes), 1 << 20) != nullptr;
+  };
+  GlbFile file;
+  const Json primitive = {
+      {"attributes",
+       {{"POSITION", file.floats({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}})},
+        {"TEXCOORD_0",
+         file.accessor(file.view(packed_numbers<float>(std::vector<double>(6, 0.5))), 5126, 3, "VEC2")}}},
+      {"material", 0}};
+  const Json more = {
+      {"materials", Json::array({Json{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}})},
+      {"textures", Json::array({Json{{"source", 0}}})},
+      {"images", Json::array({Json{{"uri", "a.png"}}})}};
+  const auto bytes = [&](const Json& changed) {
+    Json all = more;
+    all.update(changed);
+    return file.bytes(Json::array({primitive}), Json::array({Json{{"mesh", 0}}}), all);
+  };
+  std::string good = bytes(Json::object());
+  CHECK(opened(good));
+  for (const char* list :
+       {"materials", "textures", "images", "nodes", "meshes", "accessors", "bufferViews"}) {
+    CAPTURE(list);
+    CHECK_THROWS_AS(opened(bytes({{list, {{"a", 1}}}})), InputError);
+  }
+  CHECK_THROWS_AS(opened(bytes({{"materials", Json::array({1})}})), InputError);
+  CHECK_THROWS_AS(opened(bytes({{"meshes", Json::array({Json{{"primitives", 3}}})}})), InputError);
+  good[4] = 1;
+  CHECK_THROWS_WITH(opened(good), Catch::Contains("glTF version 1 is not read"));
 }
 
 }  // namespace glb_document_test
