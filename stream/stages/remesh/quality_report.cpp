@@ -30,4 +30,19 @@ Json quality_report(const TriangleQuality& q, double target) {
   return out;
 }
 
+Json remesh_counts(const RemeshReport& r) {
+  return {{"faces_done", r.faces_in},
+          {"faces_out", r.faces_out},
+          {"locked_vertices", r.locked_vertices},
+          {"splits", r.splits},
+          {"collapses", r.collapses},
+          {"flips", r.flips},
+          {"moves", r.moves},
+          {"refused_by_fold", r.by_fold},
+          {"refused_by_tolerance", r.by_tolerance},
+          {"refused_by_crossing", r.by_crossing},
+          {"guards_spent", r.guard_spent ? 1 : 0},
+          {"refused_by_room", r.by_capacity}};
+}
+
 }  // namespace tessera

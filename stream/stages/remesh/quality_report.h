@@ -1,7 +1,8 @@
 /// \file quality_report.h
-/// The shape of triangles (kernels/remesh/triangle_quality.h) in reports.
+/// The shape of triangles (kernels/remesh/triangle_quality.h) in reports, and what remeshing did.
 #pragma once
 
+#include "kernels/remesh/remesh.h"
 #include "kernels/remesh/triangle_quality.h"
 #include "stream/files/json.h"
 
@@ -9,5 +10,8 @@ namespace tessera {
 
 /// Means and shares for people, and histograms. \param target  length of edges, scan units
 Json quality_report(const TriangleQuality& quality, double target);
+
+/// What remeshing a block did and refused, as the journal and the report count it.
+[[nodiscard]] Json remesh_counts(const RemeshReport& r);
 
 }  // namespace tessera

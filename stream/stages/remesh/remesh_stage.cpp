@@ -52,21 +52,6 @@ std::uint64_t first_new_key(const SimplifyPass& pass, std::size_t block) {
          static_cast<std::uint64_t>(pass.pass) << 58 | static_cast<std::uint64_t>(block) << 32;
 }
 
-Json to_json(const RemeshReport& r) {
-  return {{"faces_done", r.faces_in},
-          {"faces_out", r.faces_out},
-          {"locked_vertices", r.locked_vertices},
-          {"splits", r.splits},
-          {"collapses", r.collapses},
-          {"flips", r.flips},
-          {"moves", r.moves},
-          {"refused_by_fold", r.by_fold},
-          {"refused_by_tolerance", r.by_tolerance},
-          {"refused_by_crossing", r.by_crossing},
-          {"guards_spent", r.guard_spent ? 1 : 0},
-          {"refused_by_room", r.by_capacity}};
-}
-
 /// Of passes that raise angles, in addition.
 Json raised_to_json(const RemeshReport& r) {
   return {
@@ -295,7 +280,7 @@ class RemeshStage : public Stage {
       kernel.first_key = first_new_key(pass_, b);
       kernel.pause = [&context] { context.check_stop(); };
       const RemeshReport report = remesh(block, reference, kernel, pinned);
-      add_counts(counts, to_json(report));
+      add_counts(counts, remesh_counts(report));
       if (raises()) add_counts(counts, raised_to_json(report));
       mark_done(block, seams, report);
     }
