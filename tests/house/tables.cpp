@@ -8,6 +8,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
   static const std::map<std::string, std::string> parts = {
       {"kernels/closing/closing_growth.cpp", "kernels/closing/closing.h"},
       {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
+      {"kernels/remesh/remesher_angles.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_finish.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_needles.cpp", "kernels/remesh/remesher.h"},
@@ -193,8 +194,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"caption", "gl_functions", "picture", "picture_shaders", "rasterizer"});
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
     by("kernels/remesh/remesh", "kernels/remesh",
-       {"reference_surface", "remesher", "remesher_checks", "remesher_finish", "remesher_refine",
-        "remesher_relax"});
+       {"reference_surface", "remesher", "remesher_angles", "remesher_checks", "remesher_finish",
+        "remesher_refine", "remesher_relax"});
     by("kernels/scene/scene", "kernels/scene",
        {"fractal_noise", "implicit_scene", "sample_source", "scene_models", "scene_smooth", "scene_solid",
         "sensor_source", "solid", "surface_sampler"});
@@ -239,7 +240,7 @@ const std::map<std::string, std::string>& covering_tests() {
         "pose_base", "shape_stage", "vertex_batches"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
-       {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});
+       {"quality_report", "remesh_job", "remesh_options", "remesh_region", "remesh_stage", "sizing_stage"});
     by("tools/resample", "stream/stages/resample",
        {"bends_stage", "blend_file", "blends_stage", "resample_apply_stage", "resample_files", "resample_job",
         "resample_options", "resample_scale_stage", "resample_stages"});
