@@ -190,15 +190,21 @@ class DecidedClusters {
     }
   }
 
+  /// In the order of their smallest members; those that votes join to one that is decided are asked again behind all others.
   void decide() {
-    std::vector<std::uint32_t> open;
-    for (std::uint32_t v = 0; v < cluster_.size(); ++v)
-      if (cluster_[v] == v && decided_[v] == 0) open.push_back(v);
-    const auto decide_one = [&](std::uint32_t c) {
-      decided_[c] = is_told(c) ? 1 : 0;
-      return decided_[c] != 0;
+    std::vector<std::uint32_t> asked;
+    std::vector<std::uint8_t> waits(cluster_.size(), 0);
+    const auto ask = [&](std::uint32_t c) {
+      if (decided_[c] == 0 && waits[c] == 0) asked.push_back(c), waits[c] = 1;
     };
-    while (std::erase_if(open, decide_one) > 0) {
+    for (std::uint32_t v = 0; v < cluster_.size(); ++v)
+      if (cluster_[v] == v) ask(v);
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      const std::uint32_t c = asked[i];
+      waits[c] = 0;
+      if (!is_told(c)) continue;
+      decided_[c] = 1;
+      for (const std::uint32_t k : touching_[c]) ask(cluster_[votes_[k].a]), ask(cluster_[votes_[k].b]);
     }
   }
 

@@ -40,19 +40,6 @@ bool same(const MeshBlock& a, const MeshBlock& b) {
          a.vertex_class == b.vertex_class;
 }
 
-/// Strips a thousand times as long as wide, apart from each other: splits leave edges as long as they are wide.
-MeshBlock long_strips(int count) {
-  std::vector<Double3> position;
-  std::vector<std::array<std::uint32_t, 3>> faces;
-  for (int i = 0; i < count; ++i) {
-    const auto first = static_cast<std::uint32_t>(position.size());
-    const double y = 10.0 * i;
-    position.insert(position.end(), {{0, y, 0}, {100, y, 0}, {100, y + 0.1, 0}, {0, y + 0.1, 0}});
-    faces.insert(faces.end(), {{first, first + 1, first + 2}, {first, first + 2, first + 3}});
-  }
-  return make_block(position, faces);
-}
-
 /// The same mesh with vertices and faces in another order, faces turned.
 MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
   const auto order_of = [&](std::size_t n, std::uint64_t stream) {
@@ -534,25 +521,6 @@ TEST_CASE("remesh: no more faces than there is room for, and options that make n
   o.tolerance = 0.0;
   o.gravity = 1.5;
   CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
-}
-
-TEST_CASE("remesh: needles that leave no hope of few faces are given up after two iterations", "[unit]") {
-  const MeshBlock strips = long_strips(40);
-  RemeshOptions o = options_for(2.0);
-  o.max_faces = 4000;
-  RemeshReport all, given_up;
-  const MeshBlock done = remeshed(strips, o, &all);
-  REQUIRE(all.by_capacity > 0);
-  REQUIRE(done.faces.size() > 1500);
-  o.hopeless_faces = 1000;
-  const MeshBlock left = remeshed(strips, o, &given_up);
-  CHECK(given_up.moves < all.moves / 2);
-  CHECK(left.faces.size() > o.hopeless_faces);
-  CHECK(checks_of(left).defects() == 0);
-  o.hopeless_faces = 4000;  // as many as there is room for: nothing is given up
-  RemeshReport kept;
-  CHECK(same(remeshed(strips, o, &kept), done));
-  CHECK(kept.moves == all.moves);
 }
 
 TEST_CASE("remesh: what comes out with more faces than are of use is not done again for what meets in it",

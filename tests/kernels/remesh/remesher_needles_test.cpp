@@ -19,6 +19,23 @@ namespace remesher_needles_test {
 using namespace tessera;
 using namespace tessera::test;
 
+namespace {
+
+/// Strips a thousand times as long as wide, apart from each other: splits leave edges as long as they are wide.
+MeshBlock long_strips(int count) {
+  std::vector<Double3> position;
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  for (int i = 0; i < count; ++i) {
+    const auto first = static_cast<std::uint32_t>(position.size());
+    const double y = 10.0 * i;
+    position.insert(position.end(), {{0, y, 0}, {100, y, 0}, {100, y + 0.1, 0}, {0, y + 0.1, 0}});
+    faces.insert(faces.end(), {{first, first + 1, first + 2}, {first, first + 2, first + 3}});
+  }
+  return make_block(position, faces);
+}
+
+}  // namespace
+
 TEST_CASE("remesh: ribs far narrower than an edge give way, walls as high as edges stay", "[unit]") {
   // Profiles across the ribs, each a crease along all of the plate.
   const auto ribbed = [](double width, double height) {
@@ -93,6 +110,27 @@ TEST_CASE("remesh: faces without area around a pole go, whose border is shorter 
   CHECK(flat(block) <= 1);  // between two corners of the border that stay
   CHECK(block.faces.size() > 200);
   CHECK(count_contacts(block) == 0);
+}
+
+TEST_CASE("remesh: needles that leave no hope of few faces are given up after two iterations", "[unit]") {
+  const MeshBlock strips = long_strips(40);
+  RemeshOptions o = options_for(2.0);
+  o.max_faces = 4000;
+  RemeshReport all, given_up;
+  const MeshBlock done = remeshed(strips, o, &all);
+  REQUIRE(all.by_capacity > 0);
+  REQUIRE(done.faces.size() > 1500);
+  o.hopeless_faces = 1000;
+  const MeshBlock left = remeshed(strips, o, &given_up);
+  CHECK(given_up.moves < all.moves / 2);
+  CHECK(left.faces.size() > o.hopeless_faces);
+  CHECK(checks_of(left).defects() == 0);
+  o.hopeless_faces = 4000;  // as many as there is room for: nothing is given up
+  RemeshReport kept;
+  const MeshBlock again = remeshed(strips, o, &kept);
+  CHECK(again.position == done.position);
+  CHECK(again.faces == done.faces);
+  CHECK(kept.moves == all.moves);
 }
 
 }  // namespace remesher_needles_test
