@@ -147,6 +147,8 @@ class Remesher {
   bool flip_cap(std::uint32_t f, RemeshReport& report);
   void recount_after_cap(std::uint32_t v);
   bool shift_sharp(std::uint32_t v, RemeshReport& report);
+  bool move_if_rounder(std::uint32_t v, const Double3& to, double before, RemeshReport& report);
+  double sharpness_without(std::uint32_t v) const;
   bool collapse_sharp(std::uint32_t f, RemeshReport& report);
   bool release_weak_creases(std::uint32_t v);
   void count_lines(std::uint32_t v);

@@ -206,17 +206,8 @@ bool Remesher::place_best(std::uint32_t v, RemeshReport& report) {
   const Double3 old = mesh_.at(v), best = best_place(v);
   if (best == old) return false;
   const double before = star_sharpness(old);
-  const Info kept = info_[v];
-  for (const double share : {1.0, 0.5, 0.25}) {
-    if (!move_vertex(v, old + (best - old) * share, report)) continue;
-    if (star_sharpness(mesh_.at(v)) < before) {
-      ++report.moves;
-      return true;
-    }
-    mesh_.node(v).at = old;
-    if (guarded_) guard_.accept();
-    info_[v] = kept;
-  }
+  for (const double share : {1.0, 0.5, 0.25})
+    if (move_if_rounder(v, old + (best - old) * share, before, report)) return true;
   return false;
 }
 
@@ -233,11 +224,7 @@ bool Remesher::collapse_best(std::uint32_t f, RemeshReport& report) {
       const std::uint32_t u = t[i], v = t[(i + k) % 3];
       if (!mesh_.gather(u, star_)) continue;
       const double before = star_sharpness(mesh_.at(u));
-      double after = 0.0;
-      for (std::size_t j = 0; j < star_.faces; ++j) {
-        const std::uint32_t x = star_.ring[j], y = star_.ring[star_.following(j)];
-        if (x != v && y != v) after = std::max(after, sharpness(mesh_.at(v), mesh_.at(x), mesh_.at(y)));
-      }
+      const double after = sharpness_without(v);
       if (after < before - kGain) candidates.push_back({after, u, v});
     }
   std::stable_sort(candidates.begin(), candidates.end(),

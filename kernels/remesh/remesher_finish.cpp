@@ -265,8 +265,14 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
     if (s < minimum) minimum = s, best = &p;
   }
   if (!best) return false;
+  return move_if_rounder(v, *best, before, report);
+}
+
+/// Moves the vertex of the gathered star, and back again where that gets no rounder than it was.
+bool Remesher::move_if_rounder(std::uint32_t v, const Double3& to, double before, RemeshReport& report) {
+  const Double3 old = mesh_.at(v);
   const Info kept = info_[v];
-  if (!move_vertex(v, *best, report)) return false;
+  if (!move_vertex(v, to, report)) return false;
   if (star_sharpness(mesh_.at(v)) < before) {
     ++report.moves;
     return true;
@@ -275,6 +281,16 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
   if (guarded_) guard_.accept();
   info_[v] = kept;
   return false;
+}
+
+/// Of the faces that are left of the gathered star once its vertex lies at v.
+double Remesher::sharpness_without(std::uint32_t v) const {
+  double after = 0.0;
+  for (std::size_t i = 0; i < star_.faces; ++i) {
+    const std::uint32_t x = star_.ring[i], y = star_.ring[star_.following(i)];
+    if (x != v && y != v) after = std::max(after, sharpness(mesh_.at(v), mesh_.at(x), mesh_.at(y)));
+  }
+  return after;
 }
 
 bool Remesher::collapse_sharp(std::uint32_t f, RemeshReport& report) {
@@ -290,13 +306,7 @@ bool Remesher::collapse_sharp(std::uint32_t f, RemeshReport& report) {
     const std::uint32_t u = a_goes ? a : b, v = a_goes ? b : a;
     std::size_t at = 0;
     if (check_collapse(u, v, kLongCollapse, at) != Refusal::kNone) continue;
-    const double before = star_sharpness(mesh_.at(u));
-    double after = 0.0;
-    for (std::size_t i = 0; i < star_.faces; ++i) {
-      const std::uint32_t x = star_.ring[i], y = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
-      if (x != v && y != v) after = std::max(after, sharpness(mesh_.at(v), mesh_.at(x), mesh_.at(y)));
-    }
-    if (after >= before) continue;
+    if (sharpness_without(v) >= star_sharpness(mesh_.at(u))) continue;
     collapse(at);
     recount_lines(v);
     ++report.collapses;

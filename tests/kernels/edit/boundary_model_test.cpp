@@ -76,6 +76,15 @@ Leaving leaving(int cells, int order, double smoothness) {
   return {f1 / h, (f2 - 2.0 * f1) / (h * h)};
 }
 
+/// The same everywhere, or not.
+std::vector<double> smoothness_of(const Surface& s, int order, bool mixed) {
+  std::vector<double> smoothness(s.position.size(), order - 1.0);
+  if (mixed)
+    for (std::size_t v = 0; v < smoothness.size(); ++v)
+      smoothness[v] = s.position[v][2] > 0.0 ? 0.0 : 0.7 * (order - 1.0);
+  return smoothness;
+}
+
 }  // namespace
 
 TEST_CASE("boundary model: solutions are those of the dense system", "[unit]") {
@@ -85,10 +94,7 @@ TEST_CASE("boundary model: solutions are those of the dense system", "[unit]") {
   const int order = GENERATE(1, 2, 3);
   const bool mixed = GENERATE(false, true);
   CAPTURE(order, mixed);
-  std::vector<double> smoothness(s.position.size(), order - 1.0);
-  if (mixed)
-    for (std::size_t v = 0; v < smoothness.size(); ++v)
-      smoothness[v] = s.position[v][2] > 0.0 ? 0.0 : 0.7 * (order - 1.0);
+  const std::vector<double> smoothness = smoothness_of(s, order, mixed);
   BoundaryModel model(lap, free, smoothness, {.order = order});
   CHECK(model.report().symmetric == (order < 3 || !mixed));
   std::vector<double> values = coordinates(s);
@@ -132,9 +138,7 @@ TEST_CASE("boundary model: a factor in a store gives the same bits", "[unit]") {
   const int order = GENERATE(1, 2, 3);
   const bool mixed = GENERATE(false, true);
   CAPTURE(order, mixed);
-  std::vector<double> smoothness(s.position.size(), order - 1.0);
-  if (mixed)
-    for (std::size_t v = 0; v < smoothness.size(); v += 2) smoothness[v] = 0.0;
+  const std::vector<double> smoothness = smoothness_of(s, order, mixed);
   MemoryFactorStore store;
   BoundaryModel held(lap, free, smoothness, {.order = order}),
       stored(lap, free, smoothness, {.order = order, .memory_bytes = 0, .store = &store});
