@@ -209,8 +209,8 @@ class CrossingMendStage : public SerialStage {
            " pairs of faces still cross, overlap or touch as they would be written" +
            first_at(c.inherited_at) +
            ", and those of the input do so too in such numbers: its sheets are nearer to each other than a "
-           "format of "
-           "floats tells apart; write one of doubles (-o OUT.ply), or move the mesh to the origin first";
+           "format of floats tells apart; write one of doubles (-o OUT.ply), or move the mesh to the origin "
+           "first";
   }
   std::string of_its_own(const Counts& c) const {
     const std::string where = c.places.empty() ? std::string() : first_at(c.places[0]);

@@ -273,9 +273,11 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
     stores.full = [welded = stores.full](const JobState& state) {
       return fuses_stores(state) ? open_full_surface(state) : welded(state);
     };
-    if (options.fuses_first_pass()) stores.after_first = open_first_pass;
+  }
+  if (options.fuses_first_pass()) {
+    stores.after_first = open_first_pass;
     stores.first_blocks = first_pass_blocks;
-    if (welds) stores.first_done = [](const JobState& state) { return fuses_stores(state); };
+    if (welds) stores.first_done = fuses_stores;
   }
   if (options.reference == "points")
     stores.tolerance_left = [](const JobState& state) { return tolerance_left(state.work); };
