@@ -54,6 +54,12 @@ class MeshWriterBase : public MeshWriter {
   std::unique_ptr<RoundingCheck> check_;
 };
 
+/// What a text of decimals holds of a coordinate: of floats all digits of the float, not the fewest that tell it from other
+/// floats, since readers take decimals as doubles and what was proven is proven of the floats.
+inline double decimal_value(const MeshHeader& header, double value) {
+  return header.double_positions ? value : static_cast<double>(static_cast<float>(value));
+}
+
 /// "NAME X Y Z", exact decimal doubles: how an origin and a shift stand in a file.
 std::string triple_line(const char* name, const Double3& values);
 

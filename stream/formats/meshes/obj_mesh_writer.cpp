@@ -1,4 +1,4 @@
-/// Wavefront OBJ: shortest decimals that read back to the same float or double; colour as `v x y z r g b`,
+/// Wavefront OBJ: shortest decimals that read back to the same double, of floats too; colour as `v x y z r g b`,
 /// 0..1. Text has no limit on counts.
 #include <charconv>
 
@@ -29,11 +29,7 @@ class ObjMeshWriter : public MeshWriterBase {
       *to_++ = 'v';
       for (const double value : positions[i]) {
         *to_++ = ' ';
-        if (header_.double_positions) {
-          put(value);
-        } else {
-          put(static_cast<float>(value));
-        }
+        put(decimal_value(header_, value));
       }
       for (int shift = 0; header_.colour && shift < 24; shift += 8) {
         *to_++ = ' ';

@@ -94,13 +94,7 @@ class TexturedObj : public MeshWriterBase {
     std::string text;
     for (std::size_t i = 0; i < positions.size(); ++i) {
       text = "v";
-      for (const double x : positions[i]) {
-        if (header_.double_positions) {
-          put(text, x);
-        } else {
-          put(text, static_cast<float>(x));
-        }
-      }
+      for (const double x : positions[i]) put(text, decimal_value(header_, x));
       for (int shift = 0; header_.colour && shift < 24; shift += 8) {
         char digits[16];  // four decimals give the byte back exactly
         const auto end = std::to_chars(digits, std::end(digits), (rgba[i] >> shift & 255u) / 255.0,

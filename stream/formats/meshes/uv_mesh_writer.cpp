@@ -59,13 +59,7 @@ void write_obj(OutputFile& file, const MeshHeader& header, std::span<const Doubl
   for (const std::string& line : comment_lines(header)) file.append("# " + line + "\n");
   for (const Double3& p : positions) {
     Line line(file, "v");
-    for (const double x : p) {
-      if (header.double_positions) {
-        line.put(x);
-      } else {
-        line.put(static_cast<float>(x));
-      }
-    }
+    for (const double x : p) line.put(decimal_value(header, x));
     line.end();
   }
   for (const auto& t : uv) Line(file, "vt").put(static_cast<float>(t[0])).put(static_cast<float>(t[1])).end();

@@ -1,5 +1,5 @@
-/// 3MF (3MF Core Specification 1.3, 3mf.io): a ZIP archive with one model part of one object. Coordinates are floats in the shortest
-/// decimals that read back to them, from the header's origin, which a metadata of our own name tells.
+/// 3MF (3MF Core Specification 1.3, 3mf.io): a ZIP archive with one model part of one object. Coordinates are floats in decimals
+/// that read back to them as doubles too, from the header's origin, which a metadata of our own name tells.
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -80,7 +80,7 @@ class ThreemfMeshWriter : public MeshWriterBase {
       constexpr const char* kNames[] = {"<vertex x=\"", "\" y=\"", "\" z=\""};
       for (std::size_t k = 0; k < 3; ++k) {
         text_ += kNames[k];
-        put(p[k] == 0.0f ? 0.0f : p[k]);
+        put(p[k] == 0.0f ? 0.0 : static_cast<double>(p[k]));  // all digits, as decimal_value()
       }
       text_ += "\"/>\n";
       flush_if_long();

@@ -10,6 +10,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera::mesh_writers_test {
@@ -89,6 +90,25 @@ TEST_CASE("PLY writer: faces that close a hole say so, other formats drop it", "
   });
   CHECK(flags == std::vector<std::uint8_t>{0, 1, 0, 1});
   CHECK_FALSE(open_mesh_file(folder.path() / "a.obj")->has_synthetic());
+}
+
+// Whoever reads decimals as doubles must see the positions that were searched for crossings and proven: floats.
+TEST_CASE("mesh writers: decimals of floats are read as the same doubles", "[unit]") {
+  const test::TempFolder folder;
+  for (const char* name : {"a.obj", "a.3mf"}) {
+    INFO(name);
+    MeshHeader header;
+    header.vertices = kCorners.size();
+    header.faces = kTetrahedron.size();
+    const auto writer = create_mesh_file(folder.path() / name, header);
+    std::vector<Double3> floats = kCorners;
+    for (Double3& p : floats)
+      for (double& x : p) x = static_cast<float>(x / 3.0 + 1e3);
+    writer->vertices(floats, {});
+    writer->faces(kTetrahedron);
+    writer->finish();
+    CHECK(test::read_whole(folder.path() / name).points == floats);
+  }
 }
 
 TEST_CASE("mesh writers: nothing remains of an unfinished file", "[fault]") {
