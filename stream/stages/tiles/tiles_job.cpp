@@ -107,6 +107,14 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
     add({"texture-points", [=](const JobState& s) {
            return is_there(s, level) ? make_level_points_stage(s, level) : make_idle_stage("texture-points");
          }});
+  add({"grid", [=](const JobState& s) {
+         return level == 0 || is_there(s, level) ? make_grid_stage(s, options, level)
+                                                 : make_idle_stage("grid");
+       }});
+  add({"finer-grid", [=](const JobState& s) {
+         return level == 0 || is_there(s, level) ? make_finer_grid_stage(s, options, level)
+                                                 : make_idle_stage("finer-grid");
+       }});
   add({"tiles", [=](const JobState& s) {
          return level == 0 || is_there(s, level) ? make_tiles_stage(s, options, level)
                                                  : make_idle_stage("tiles");

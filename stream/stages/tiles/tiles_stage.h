@@ -29,15 +29,16 @@ struct TileRecord {
 /// What a level has.
 struct TileLevel {
   TileGrid grid;
-  std::uint64_t met_by_grid = 0;  ///< pairs_met_by_grid() of all tiles
-  double step_bound = 0.0;        ///< proven: between this level and the one below
-  std::vector<TileRecord> tiles;  ///< ascending cells
-  Json texture;                   ///< for people; empty where tiles have no pictures
+  std::uint64_t met_by_grid = 0;        ///< pairs_met_by_grid() of all tiles
+  std::uint64_t met_by_first_grid = 0;  ///< the same before a finer grid was chosen, if one was
+  double step_bound = 0.0;              ///< proven: between this level and the one below
+  std::vector<TileRecord> tiles;        ///< ascending cells
+  Json texture;                         ///< for people; empty where tiles have no pictures
 };
 
 /// Where the origin of all grids lies: near the middle of the mesh.
 Double3 tiles_origin(const std::filesystem::path& work);
-/// \pre the stage of this level is done
+/// \pre the stages of this level are done
 TileLevel read_tile_level(const std::filesystem::path& work, int level);
 /// Relative to the output's folder: "tiles/0/000012.glb".
 std::string tile_file(int level, std::size_t tile);
@@ -45,7 +46,12 @@ std::string tile_file(int level, std::size_t tile);
 /// What a task takes at most. \param block_bytes  MeshStore::block_bytes of what is loaded for its largest tile
 std::uint64_t tile_task_bytes(std::uint64_t block_bytes);
 
-/// Stage "tiles" in the folder of a level.
+/// Stage "grid" in the folder of a level: counts the faces of tiles that meet by a grid of which 16 bits are enough for most.
+std::unique_ptr<Stage> make_grid_stage(const JobState& state, const TilesOptions& options, int level);
+/// Stage "finer-grid": where some meet, counts them on every grid that is finer by a power of two, as far as all tiles fit
+/// the 24 bits of a float, and chooses the coarsest of those with the fewest. Idle where none do. \pre stage "grid" is done
+std::unique_ptr<Stage> make_finer_grid_stage(const JobState& state, const TilesOptions& options, int level);
+/// Stage "tiles" in the folder of a level. \pre its grid is chosen
 std::unique_ptr<Stage> make_tiles_stage(const JobState& state, const TilesOptions& options, int level);
 
 }  // namespace tessera

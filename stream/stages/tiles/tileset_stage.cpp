@@ -90,7 +90,8 @@ class TilesetStage : public SerialStage {
                     {"faces_of_level", faces_of_[l]},
                     {"step_bound", levels_[l].step_bound},
                     {"grid_step", levels_[l].grid.step},
-                    {"met_by_grid", levels_[l].met_by_grid}};
+                    {"met_by_grid", levels_[l].met_by_grid},
+                    {"met_by_first_grid", levels_[l].met_by_first_grid}};
       std::uint64_t level_bytes = 0, level_faces = 0;
       for (const TileRecord& tile : levels_[l].tiles) {
         level_bytes += tile.bytes;
