@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/mesh/block_contacts.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/portable_math.h"
 #include "stream/files/json.h"
@@ -69,6 +70,33 @@ void write_litter(const fs::path& path) {
       sheet({6.0 * i + random.in(0, 3), 6.0 * j + random.in(0, 3), random.in(0, 12)}, 2, 2, false);
   for (int k = 0; k < 12; ++k) sheet({0.0, 30.0 * k, -5.0}, 360, 1, false);
   sheet({100.0, 100.0, -9.0}, 120, 120, true);
+  write_whole(path, counted(std::move(mesh)));
+}
+
+/// A closed plate of n x n squares of side 1 on either side, so thick, far less than a square.
+void write_plate(const fs::path& path, int n, double thick) {
+  WholeMesh mesh;
+  const auto row = static_cast<std::uint64_t>(n) + 1, sheet = row * row;
+  for (const double z : {0.0, thick})
+    for (int j = 0; j <= n; ++j)
+      for (int i = 0; i <= n; ++i) mesh.points.push_back({static_cast<double>(i), static_cast<double>(j), z});
+  const auto quad = [&](std::uint64_t a, std::uint64_t b, std::uint64_t c, std::uint64_t d) {
+    mesh.faces.push_back({a, b, c});
+    mesh.faces.push_back({a, c, d});
+  };
+  for (std::uint64_t j = 0; j + 1 < row; ++j)
+    for (std::uint64_t i = 0; i + 1 < row; ++i) {
+      const std::uint64_t a = j * row + i, b = sheet + a;
+      quad(a, a + row, a + row + 1, a + 1);
+      quad(b, b + 1, b + row + 1, b + row);
+    }
+  for (std::uint64_t i = 0; i + 1 < row; ++i) {
+    const auto wall = [&](std::uint64_t a, std::uint64_t b) { quad(a, b, sheet + b, sheet + a); };
+    wall(i, i + 1);
+    wall(sheet - 1 - i, sheet - 2 - i);
+    wall((i + 1) * row, i * row);
+    wall(i * row + row - 1, (i + 1) * row + row - 1);
+  }
   write_whole(path, counted(std::move(mesh)));
 }
 
@@ -345,6 +373,53 @@ TEST_CASE("tiles: same bytes over threads, memory, processes, order of the input
   CHECK((site_bytes(out) == bytes));
   REQUIRE(tessera_command(words(other, out, {"--force"})).code == 0);
   check_rules(out, other);
+}
+
+TEST_CASE("tiles: sheets nearer than a step of 16 bits get a finer grid and do not meet", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder.path() / "plate.ply", out = folder.path() / "site";
+  constexpr double kThin = 0x1p-13;
+  write_plate(in, 60, kThin);
+  const auto run = [&](std::vector<std::string> more) {
+    more.insert(more.end(), {"--tile-faces", "4000"});
+    return bytes_of_site(in, out, more);
+  };
+  const auto bytes = run({"-t", "1", "--memory", "1G"});
+  const Json report = parse_json(file_bytes(out.string() + ".report.json"));
+  const Json& finest = report.at("tiles").at("levels").at(0);
+  CHECK(finest.at("tiles") > 1);
+  CHECK(finest.at("met_by_first_grid") > 1000);
+  CHECK(finest.at("met_by_grid") == 0);
+  CHECK(finest.at("grid_step") == kThin);
+  CHECK(dump_json(report.at("tiles").at("warnings")).find("by the grid") == std::string::npos);
+  check_rules(out, in);
+  check_levels(out);
+  check_cracks(out, in);
+  std::size_t wide = 0;
+  for (const auto& entry : fs::directory_iterator(out / "tiles" / "0")) {
+    if (entry.path().extension() != ".glb") continue;
+    const DecodedTile tile = decode_tile(file_bytes(entry.path()));
+    MeshBlock block;
+    block.position = tile.points;
+    block.faces = tile.faces;
+    CHECK(count_contacts(block) == 0);
+    wide += tile.position_type == "float";
+  }
+  CHECK(wide > 0);
+
+  CHECK((run({"-t", "3", "--memory", "96M"}) == bytes));
+  CHECK((run({"-t", "2", "--processes"}) == bytes));
+  fs::remove_all(out);
+  int kills = 0;
+  for (int round = 0; round < 100; ++round) {
+    const CommandResult r = tessera_command(words(in, out, {"-t", "2", "--tile-faces", "4000"}), 0,
+                                            "TESSERA_FAULT=commit:" + std::to_string(23 + 4 * (round % 3)));
+    if (r.code == 0) break;
+    REQUIRE(r.code == 128 + SIGKILL);
+    ++kills;
+  }
+  CHECK(kills > 3);
+  CHECK((site_bytes(out) == bytes));
 }
 
 TEST_CASE("tiles: peak memory stays below the cap", "[memory]") {
