@@ -10,6 +10,7 @@
 #include "stream/stages/tiles/cluster_stage.h"
 #include "stream/stages/tiles/colour_stage.h"
 #include "stream/stages/tiles/folder_stage.h"
+#include "stream/stages/tiles/grid_stage.h"
 #include "stream/stages/tiles/tile_levels.h"
 #include "stream/stages/tiles/tile_points_stage.h"
 #include "stream/stages/tiles/tiles_needs.h"

@@ -46,11 +46,6 @@ std::string tile_file(int level, std::size_t tile);
 /// What a task takes at most. \param block_bytes  MeshStore::block_bytes of what is loaded for its largest tile
 std::uint64_t tile_task_bytes(std::uint64_t block_bytes);
 
-/// Stage "grid" in the folder of a level: counts the faces of tiles that meet by a grid of which 16 bits are enough for most.
-std::unique_ptr<Stage> make_grid_stage(const JobState& state, const TilesOptions& options, int level);
-/// Stage "finer-grid": where some meet, counts them on every grid that is finer by a power of two, as far as all tiles fit
-/// the 24 bits of a float, and chooses the coarsest of those with the fewest. Idle where none do. \pre stage "grid" is done
-std::unique_ptr<Stage> make_finer_grid_stage(const JobState& state, const TilesOptions& options, int level);
 /// Stage "tiles" in the folder of a level. \pre its grid is chosen
 std::unique_ptr<Stage> make_tiles_stage(const JobState& state, const TilesOptions& options, int level);
 
