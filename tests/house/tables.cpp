@@ -296,8 +296,8 @@ const std::map<std::string, std::string>& covering_tests() {
         "texture_colours", "texture_points", "full_page"});
     by("tools/texture_jobs", "stream/stages/reconstruct", {"scan_colours"});
     by("tools/tiles", "stream/stages/tiles",
-       {"cluster_stage", "colour_stage", "folder_stage", "tile_levels", "tiles_job", "tiles_options",
-        "tiles_stage", "tileset_stage"});
+       {"cluster_stage", "colour_stage", "folder_stage", "grid_stage", "level_stage", "tile_levels",
+        "tiles_job", "tiles_options", "tiles_stage", "tileset_stage"});
     by("tools/tile_textures", "stream/stages/tiles", {"tile_points_stage", "tile_texture"});
     return all;
   }();
