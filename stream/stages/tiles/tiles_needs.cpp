@@ -17,7 +17,7 @@ namespace {
 // Bytes a face, of meshes with colours.
 constexpr double kWorkBytes =
     44.0;  ///< while the import has its faces dealt to buckets and the store half made
-constexpr double kSiteBytes = 8.0;
+constexpr double kSiteBytes = 13.0;  ///< with grids finer than 16 bits, where faces would meet by those
 constexpr double kNormalBytes = 1.0;
 constexpr double kTexturePointBytes = 28.0;  ///< points of all levels, and what sorts the first
 constexpr double kTextureSiteBytes = 4.0;
