@@ -14,6 +14,15 @@ std::string folder_of_round(int round) {
   return "uncross-" + std::to_string(round + 1);
 }
 
+/// The files of a round, one after the other.
+template <class Visit>
+void for_each_returned(const std::filesystem::path& work, int round, const Visit& visit) {
+  for (const auto& path : list_task_files(work / folder_of_round(round), kReturnedExtension)) {
+    const PackedFile file(path, kReturnedKind, sizeof(Section));
+    for (const Section& section : file.table<Section>()) visit(file.load<std::uint64_t>(section));
+  }
+}
+
 }  // namespace
 
 std::string returned_file_name(int round, std::size_t task) {
@@ -28,19 +37,20 @@ std::uint64_t save_returned(const std::filesystem::path& path, std::vector<std::
   return file.finish(table);
 }
 
+bool any_returned(const std::filesystem::path& work, int round) {
+  bool any = false;
+  for_each_returned(work, round, [&](const auto& part) { any = any || !part.empty(); });
+  return any;
+}
+
 PatchPositions::PatchPositions(const std::filesystem::path& work, const PatchStore& store, int rounds)
     : store_(store), moves_(work), rounds_(static_cast<std::size_t>(std::max(0, rounds))) {
   if (rounds != kBeforeBlunt) blunt_.emplace(work, kBluntFolder);
   if (rounds == kUncrossRounds) rims_.emplace(work, kRimFolder);
   for (int round = 0; round < rounds; ++round) {
     std::vector<std::uint64_t>& all = rounds_[static_cast<std::size_t>(round)];
-    for (const auto& path : list_task_files(work / folder_of_round(round), kReturnedExtension)) {
-      const PackedFile file(path, kReturnedKind, sizeof(Section));
-      for (const Section& section : file.table<Section>()) {
-        const std::vector<std::uint64_t> part = file.load<std::uint64_t>(section);
-        all.insert(all.end(), part.begin(), part.end());
-      }
-    }
+    for_each_returned(work, round,
+                      [&](const auto& part) { all.insert(all.end(), part.begin(), part.end()); });
     std::sort(all.begin(), all.end());
     all.erase(std::unique(all.begin(), all.end()), all.end());
   }

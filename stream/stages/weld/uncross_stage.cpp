@@ -16,7 +16,7 @@ class UncrossStage : public Stage {
         written_(written(state)),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)),
-        needed_(round == 0 || PatchPositions(state.work, store_, round).returned_any(round - 1)) {}
+        needed_(round == 0 || any_returned(state.work, round - 1)) {}
 
   std::string name() const override { return "uncross-" + std::to_string(round_ + 1); }
   std::size_t task_count() const override { return needed_ ? store_.file_count() : 0; }

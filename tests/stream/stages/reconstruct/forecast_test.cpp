@@ -11,6 +11,7 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/surface/surface_stage.h"
+#include "stream/stages/weld/patch_positions.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
@@ -130,6 +131,17 @@ std::function<Forecast(std::uint64_t)> under(const Forecasted& forecasted, const
   };
 }
 
+/// "uncross" stands for its rounds.
+std::vector<std::string> with_rounds(const std::vector<std::string>& names) {
+  std::vector<std::string> all;
+  for (const std::string& name : names)
+    if (name == "uncross")
+      for (int round = 1; round <= kUncrossRounds; ++round) all.push_back("uncross-" + std::to_string(round));
+    else
+      all.push_back(name);
+  return all;
+}
+
 }  // namespace
 
 TEST_CASE("forecast: disk of the passes over points is what they write", "[unit]") {
@@ -165,10 +177,9 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   const auto points = scan_without_duplicates(60000, 90.0);
   setup.task_points = setup.slice_points = 20000;
   std::set<std::string> same = {"distribute", "seen", "normals", "surface"};
-  std::vector<std::string> names = {"distribute", "order",     "seen-spacing", "seen",  "normals",
-                                    "surface",    "weld",      "border",       "blunt", "uncross-1",
-                                    "uncross-2",  "uncross-3", "loops",        "holes", "uncross-holes",
-                                    "coverage",   "write"};
+  std::vector<std::string> names = {"distribute", "order", "seen-spacing",  "seen",     "normals",
+                                    "surface",    "weld",  "border",        "blunt",    "uncross",
+                                    "loops",      "holes", "uncross-holes", "coverage", "write"};
   SECTION("given normals") {}
   SECTION("tiles that the cap cuts") {
     setup.memory = 160 * kMiB;
@@ -176,19 +187,18 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   SECTION("estimated normals, holes filled") {
     setup.options.normals = "estimate";
     setup.options.max_hole = "100";
-    names = {"distribute", "order",      "seen-spacing", "seen",  "normals",  "links", "orient",
-             "top",        "top-points", "surface",      "weld",  "border",   "blunt", "uncross-1",
-             "uncross-2",  "uncross-3",  "loops",        "holes", "coverage", "write"};
+    names = {"distribute", "order",   "seen-spacing", "seen",    "normals",  "links",
+             "orient",     "top",     "top-points",   "surface", "weld",     "border",
+             "blunt",      "uncross", "loops",        "holes",   "coverage", "write"};
   }
   SECTION("the bare ground") {
     setup.options.normals = "estimate";
     setup.options.from = "above";
     setup.options.surface = "ground";
     same.erase("surface");  // there are fewer points by then
-    names = {"distribute", "order",        "seen-spacing",  "seen",      "normals",    "links",
-             "orient",     "ground-cells", "ground",        "top",       "top-points", "surface",
-             "weld",       "border",       "blunt",         "uncross-1", "uncross-2",  "uncross-3",
-             "loops",      "holes",        "uncross-holes", "coverage",  "write"};
+    names = {"distribute",   "order",   "seen-spacing", "seen",       "normals",       "links",    "orient",
+             "ground-cells", "ground",  "top",          "top-points", "surface",       "weld",     "border",
+             "blunt",        "uncross", "loops",        "holes",      "uncross-holes", "coverage", "write"};
   }
   SECTION("decimated") {
     setup.options.tolerance = 0.1;
@@ -211,17 +221,16 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
     setup.options.tolerance = 0.5;
     setup.options.reference = "points";
     setup.options.keep_raw = true;
-    names = {"distribute",   "order",      "seen-spacing",  "seen",      "normals",   "surface",
-             "weld",         "border",     "blunt",         "uncross-1", "uncross-2", "uncross-3",
-             "loops",        "holes",      "uncross-holes", "raw",       "mesh-read", "mesh-vertices",
-             "mesh-corners", "mesh-tiles", "points",        "pass-1",    "pass-2",    "pass-3",
-             "crossings",    "mend",       "certify",       "samples",   "coverage",  "keep-raw",
-             "write"};
+    names = {"distribute",    "order",   "seen-spacing", "seen",          "normals",      "surface",
+             "weld",          "border",  "blunt",        "uncross",       "loops",        "holes",
+             "uncross-holes", "raw",     "mesh-read",    "mesh-vertices", "mesh-corners", "mesh-tiles",
+             "points",        "pass-1",  "pass-2",       "pass-3",        "crossings",    "mend",
+             "certify",       "samples", "coverage",     "keep-raw",      "write"};
   }
   Forecasted forecasted;
   const auto reserved = run_all(points, setup, work.path(), forecasted);
   check_forecast(forecasted, reserved, same);
-  CHECK(names_of(forecasted.forecast, false) == names);
+  CHECK(names_of(forecasted.forecast, false) == with_rounds(names));
   CHECK(names_of(forecasted.forecast, true) == stages_of_the_run(setup.options));
   // Minutes of work come before these: what they may need is asked for by then.
   for (const StageForecast& f : forecasted.forecast.stages)
