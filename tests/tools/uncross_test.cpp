@@ -19,15 +19,15 @@ using namespace tessera;
 using namespace tessera::test;
 namespace fs = std::filesystem;
 
-/// A ball of which every vertex was moved: no two faces of it lie in one plane, so most cells hold a feature.
-WholeMesh rough_ball() {
+/// A ball of which every vertex was moved, by `roughness` as a standard deviation: no two faces of it lie in one plane, so most cells hold a feature.
+WholeMesh rough_ball(double roughness = 0.03, std::uint64_t seed = 3) {
   constexpr int kRings = 60, kAround = 2 * kRings;
-  Random random(3);
+  Random random(seed);
   WholeMesh mesh;
   for (int i = 0; i <= kRings; ++i)
     for (int j = 0; j < kAround; ++j) {
       const double polar = 180.0 * i / kRings, round = 360.0 * j / kAround,
-                   r = 1.0 + 0.03 * random.gaussian();
+                   r = 1.0 + roughness * random.gaussian();
       const double flat = cosine_of_degrees(90.0 - polar);
       mesh.points.push_back({r * flat * cosine_of_degrees(round), r * flat * cosine_of_degrees(90.0 - round),
                              r * cosine_of_degrees(polar)});
@@ -86,6 +86,19 @@ TEST_CASE("uncross: a solid full of features does not cross itself, the same byt
   check_sound(out);
   CHECK(run({"-t", "2", "--tile-size", "64", "--memory", "160M"}) == bytes);
   CHECK(run({"-t", "2", "--tile-size", "128", "--processes"}) == bytes);
+}
+
+TEST_CASE("uncross: vertices go back until none of their faces meets the next one", "[pipeline]") {
+  const TempFolder folder;
+  write_whole(folder / "ball.ply", rough_ball(0.16, 1));
+  const fs::path out = folder / "out.ply";
+  const CommandResult r = tessera_command({"resurface", (folder / "ball.ply").string(), "-o", out.string(),
+                                           "--resolution", "0.016", "--progress", "none", "-q"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const Json report = parse_json(file_bytes(out.string() + ".report.json"));
+  CHECK(stage_result(report, "uncross-4").at("crossing_pairs").get<std::uint64_t>() > 0);
+  check_sound(out);
 }
 
 TEST_CASE("uncross: faces are apart as they are written, and at the sides of cells and bricks",
