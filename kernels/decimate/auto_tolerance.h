@@ -7,6 +7,8 @@ namespace tessera {
 
 /// Stands for `auto` among the options.
 inline constexpr double kAutoTolerance = -1.0;
+/// The same of a tolerance of colours: by their noise (auto_colour_tolerance()).
+inline constexpr double kAutoColourTolerance = -1.0;
 
 /// Scan units. \param cell  the lattice's, or the edge of a mesh (root mean square)
 /// \param noise  standard deviation along the normal

@@ -15,8 +15,7 @@ constexpr double kNoCost = 0x1p+900;
 
 bool has_plain_costs(const DecimateOptions& o) {
   return (o.priority == DecimatePriority::kQuadric || o.priority == DecimatePriority::kProbabilistic) &&
-         o.placement == DecimatePlacement::kEndpoint && !(o.colour_weight > 0.0) &&
-         !(o.colour_tolerance > 0.0);
+         o.placement == DecimatePlacement::kEndpoint && !(o.colour_weight > 0.0);
 }
 
 }  // namespace
@@ -139,7 +138,7 @@ double CollapseCosts::cost(const CandidateStar& s, const Quadric& q, const Doubl
   const double squared_edge = squared_distance(to.at, from);
   if (plain_) return endpoint_cost(q, to) + tie_cost(squared_edge);
   double cost = priority_cost(s, q, squared_edge, at) + tie_cost(squared_edge);
-  if ((!(options_.colour_weight > 0.0) && !(options_.colour_tolerance > 0.0)) || cost >= kNoCost) return cost;
+  if (!(options_.colour_weight > 0.0) || cost >= kNoCost) return cost;
   const auto sum = bound_by_sum(mesh_, s.centre, s.star, at, sides_);
   return sum ? cost + attribute_cost(s.centre, sum->foot) : kNoCost;
 }
@@ -214,7 +213,7 @@ double CollapseCosts::worst_shape(const Star& star, std::size_t at) const {
 }
 
 /// What is lost of the attributes of u: their difference to what the new faces interpolate in its place, squared, as
-/// the lengths that they are worth, by the area of u. kNoCost where one is more than the tolerance of colours.
+/// the lengths that they are worth, by the area of u.
 double CollapseCosts::attribute_cost(std::uint32_t u, const CollapseFoot& foot) const {
   if (block_.rgba.empty()) return 0.0;
   const std::uint32_t corner[3] = {foot.a, foot.b, foot.c};
@@ -226,7 +225,6 @@ double CollapseCosts::attribute_cost(std::uint32_t u, const CollapseFoot& foot) 
   for (unsigned shift = 0; shift < 24; shift += 8) {
     double difference = channel(u, shift);
     for (std::size_t i = 0; i < 3; ++i) difference -= weight[i] * channel(corner[i], shift);
-    if (options_.colour_tolerance > 0.0 && std::fabs(difference) > options_.colour_tolerance) return kNoCost;
     difference *= options_.colour_weight / 255.0;
     square += difference * difference;
   }

@@ -10,7 +10,16 @@
 namespace tessera {
 
 /// Why an edit is not done.
-enum class CollapseRefusal : std::uint8_t { kNone, kLink, kFold, kShape, kNormal, kTolerance, kCrossing };
+enum class CollapseRefusal : std::uint8_t {
+  kNone,
+  kLink,
+  kFold,
+  kShape,
+  kNormal,
+  kColour,
+  kTolerance,
+  kCrossing
+};
 
 // The edge from the centre of a star to star.ring[at].
 [[nodiscard]] inline bool is_border_spoke(const Star& star, std::size_t at) {

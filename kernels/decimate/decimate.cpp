@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "kernels/decimate/colour_guard.h"
 #include "kernels/decimate/crossing_guard.h"
 #include "kernels/decimate/decimator.h"
 #include "kernels/decimate/feature_edges.h"
@@ -121,13 +122,14 @@ void DecimateOptions::validate() const {
   need(max_normal_deviation_deg >= 0.0 && max_normal_deviation_deg <= 180.0, "max_normal_turn_deg",
        "in [0, 180]");
   need(min_mean_ratio >= 0.0 && min_mean_ratio < 1.0, "min_roundness", "in [0, 1)");
-  need(colour_tolerance >= 0.0 && colour_tolerance <= 255.0, "colour_tolerance", "0 to 255");
+  need((colour_tolerance >= 0.0 && colour_tolerance <= 255.0) || colour_tolerance == kAutoColourTolerance,
+       "colour_tolerance", "0 to 255");
   need(colour_weight >= 0.0 && std::isfinite(colour_weight), "colour_weight", "a length of 0 or more");
 }
 
-DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options,
+DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& given,
                         std::span<const std::uint64_t> pinned) {
-  options.validate();
+  given.validate();
   check_sizes(block, "block");
   DecimateReport report;
   canonicalise(block);
@@ -145,6 +147,12 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
   report.flat_faces = mend_flat_faces(block);
   if (block.faces.empty()) return report;
   const bool itself = &reference == &block;
+  DecimateOptions options = given;
+  if (block.rgba.empty())
+    options.colour_tolerance = 0.0;
+  else if (given.colour_tolerance == kAutoColourTolerance)
+    options.colour_tolerance = auto_colour_tolerance(reference.rgba.empty() ? block : reference);
+  report.colour_tolerance = options.colour_tolerance;
   // What an earlier job settled, it did within its own tolerance: a level below, of tiles.
   if (itself)
     for (std::uint8_t& flags : block.face_flags)

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <span>
 
+#include "kernels/decimate/auto_tolerance.h"
 #include "kernels/mesh/mesh_block.h"
 
 namespace tessera {
@@ -53,8 +54,9 @@ struct DecimateOptions {
   double min_mean_ratio = 0.02;
   bool allow_crossings = false;  ///< do collapses too that make faces meet others beyond what they share
   double colour_weight = 0.0;    ///< scan units that the full range of a colour channel is worth; 0 = ignored
-  double colour_tolerance =
-      0.0;  ///< levels of 255 that the colour of a vertex that goes may change by; 0 = any
+  /// Levels of 255 that a channel of the colours may change by where a vertex goes; 0 = any, kAutoColourTolerance = by the
+  /// noise of the reference's colours (auto_colour_tolerance()).
+  double colour_tolerance = 0.0;
 
   void validate() const;  ///< throws UsageError naming the field
 };
@@ -69,11 +71,14 @@ struct DecimateReport {
   std::size_t collapses = 0;
   std::size_t candidates = 0;  ///< popped and tried
   /// Why candidates were refused.
-  std::size_t by_link = 0, by_fold = 0, by_shape = 0, by_normal = 0, by_tolerance = 0, by_crossing = 0;
+  std::size_t by_link = 0, by_fold = 0, by_shape = 0, by_normal = 0, by_colour = 0, by_tolerance = 0,
+              by_crossing = 0;
   std::size_t exact_tests = 0;  ///< tolerance tests that had to look at the reference
   std::size_t exact_accepted = 0;
   std::uint64_t reference_faces_walked = 0;  ///< by them
   double bound = 0.0;                        ///< largest face_bound of the result, scan units
+  double colour_tolerance = 0.0;             ///< that was held, levels; 0 = none
+  std::size_t kept_for_colour = 0;           ///< vertices of the result that only their colours keep
   DecimateStop stop = DecimateStop::kNoLegalCollapse;
   std::array<std::uint64_t, kCostClasses> cost_histogram{};  ///< faces removed per cost class
 };

@@ -17,8 +17,16 @@ void count_refusal(CollapseRefusal refusal, DecimateReport& report) {
   report.by_fold += refusal == CollapseRefusal::kFold;
   report.by_shape += refusal == CollapseRefusal::kShape;
   report.by_normal += refusal == CollapseRefusal::kNormal;
+  report.by_colour += refusal == CollapseRefusal::kColour;
   report.by_tolerance += refusal == CollapseRefusal::kTolerance;
   report.by_crossing += refusal == CollapseRefusal::kCrossing;
+}
+
+/// Where p lies along the edge from a to b: 0 to 1.
+double share_along(const Double3& a, const Double3& b, const Double3& p) {
+  const Double3 edge = b - a;
+  const double length2 = dot(edge, edge);
+  return length2 > 0.0 ? std::clamp(dot(p - a, edge) / length2, 0.0, 1.0) : 1.0;
 }
 
 }  // namespace
@@ -32,6 +40,7 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       options_(options),
       costs_(mesh, block, origin, options),
       tolerance_(mesh, reference, std::move(reference_vertex), options),
+      colours_(mesh, block, options.colour_tolerance),
       guard_(mesh),
       guard_all_(guard_all) {
   if (!options.allow_crossings) guard_.renew(FaceBoxes::Order::kGiven);
@@ -59,6 +68,7 @@ void Decimator::run(DecimateReport& report) {
   empty_queue(report);
   if (report.stop == DecimateStop::kNoLegalCollapse) mark_done_faces(later);
   tolerance_.report(report);
+  report.kept_for_colour = colours_.kept();
 }
 
 /// \param woken  only those in woken_
@@ -96,6 +106,7 @@ void Decimator::empty_queue(DecimateReport& report) {
 void Decimator::try_candidates(const CandidateStar& s, CandidateList& list, std::uint32_t now,
                                DecimateReport& report) {
   const std::uint32_t u = s.centre;
+  colours_.keep(u, false);
   for (std::size_t i = 0; i < list.size; ++i) {
     const CollapseCandidate& candidate = list.next(i);
     const std::uint32_t cls = cost_class(candidate.cost, kCostClasses);
@@ -109,6 +120,7 @@ void Decimator::try_candidates(const CandidateStar& s, CandidateList& list, std:
     const Verdict verdict = check(s, candidate.at);
     if (verdict.refusal != CollapseRefusal::kNone) {
       count_refusal(verdict.refusal, report);
+      if (verdict.refusal == CollapseRefusal::kColour) colours_.keep(u, true);
       continue;
     }
     remove(s, candidate.at, verdict);
@@ -145,8 +157,11 @@ void Decimator::mark_done_faces(bool later) {
 
 Decimator::Verdict Decimator::check(const CandidateStar& s, std::size_t at) {
   Verdict verdict = check_star(s, at);
-  if (verdict.refusal == CollapseRefusal::kNone && adds_crossing(s.star, at, verdict.moves))
+  if (verdict.refusal != CollapseRefusal::kNone) return verdict;
+  if (adds_crossing(s.star, at, verdict.moves))
     verdict.refusal = CollapseRefusal::kCrossing;
+  else if (!verdict.moves && !colours_.allows(s.centre, s.star, at))
+    verdict.refusal = CollapseRefusal::kColour;
   return verdict;
 }
 
@@ -183,6 +198,7 @@ std::optional<float> Decimator::bound_of_move(const CandidateStar& s, std::size_
   const std::uint32_t u = s.centre, v = s.star.ring[at];
   if (!costs_.may_move(u, v) || !mesh_.gather(v, move_.other)) return std::nullopt;
   const Double3 p = move_.to = costs_.best_position(u, v);
+  if (!colours_.allows_blend(u, v, share_along(mesh_.at(u), mesh_.at(v), p))) return std::nullopt;
   LinkLoop& loop = sides_.loop[0];
   if (!lay_edge_link(mesh_, s.star, at, move_.other, p, options_.min_mean_ratio, loop)) return std::nullopt;
   if (!(options_.tolerance > 0.0)) return 0.0f;
@@ -218,6 +234,7 @@ void Decimator::remove(const CandidateStar& s, std::size_t at, const Verdict& ve
   }
   if (verdict.moves) move_vertex(u, v, verdict.bound);
   costs_.merge(u, v);
+  colours_.accept();
   mesh_.collapse(star, at);
   if (!options_.allow_crossings) tell_guard(star, verdict);
 }
@@ -249,9 +266,7 @@ bool Decimator::may_meet() {
 /// Puts v where bound_of_move() found its place; attributes blend along the edge.
 void Decimator::move_vertex(std::uint32_t u, std::uint32_t v, float bound) {
   for (std::size_t i = 0; i < move_.other.faces; ++i) mesh_.face(move_.other.corner[i] >> 2).bound = bound;
-  const Double3 a = mesh_.at(u), edge = mesh_.at(v) - a;
-  const double length2 = dot(edge, edge);
-  const double t = length2 > 0.0 ? std::clamp(dot(move_.to - a, edge) / length2, 0.0, 1.0) : 1.0;
+  const double t = share_along(mesh_.at(u), mesh_.at(v), move_.to);
   const std::uint32_t from = mesh_.block_vertex(u), to = mesh_.block_vertex(v);
   mesh_.node(v).at = move_.to;
   block_.position[to] = move_.to + origin_;

@@ -15,6 +15,7 @@
 #include "kernels/decimate/collapse_costs.h"
 #include "kernels/decimate/collapse_legality.h"
 #include "kernels/decimate/collapse_mesh.h"
+#include "kernels/decimate/colour_guard.h"
 #include "kernels/decimate/cost_queue.h"
 #include "kernels/decimate/crossing_guard.h"
 #include "kernels/decimate/decimate.h"
@@ -80,6 +81,7 @@ class Decimator {
   const DecimateOptions& options_;
   CollapseCosts costs_;
   ToleranceCheck tolerance_;
+  ColourGuard colours_;
   CrossingGuard guard_;
   const bool guard_all_;
   CostQueue<kCostClasses> queue_;

@@ -63,6 +63,8 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
     if (!(best.cost < max_cost)) continue;
     ++report.candidates;
     Verdict verdict = check_cheap(s, best.at);
+    if (verdict.refusal == CollapseRefusal::kNone && !colours_.allows(u, s.star, best.at))
+      verdict.refusal = CollapseRefusal::kColour;
     if (verdict.refusal == CollapseRefusal::kNone) {
       verdict.asked = !trusts(s);
       if (verdict.asked && adds_crossing(s.star, best.at, false))
@@ -127,6 +129,7 @@ void Decimator::compact(std::vector<float>& minimum) {
   for (std::size_t i = 0; i < kept.size(); ++i) minimum[i] = minimum[kept[i]];
   minimum.resize(kept.size());
   costs_.compact(kept);
+  colours_.compact(kept);
   tolerance_.compact(kept);
   if (!options_.allow_crossings) guard_.renew(FaceBoxes::Order::kGiven);
 }

@@ -98,6 +98,9 @@ std::string came_out(const Json& report, const PageParts& parts) {
     rows.emplace_back("small islands left out",
                       fmt::format("{}, of {} faces together", escape(count_text(dropped)),
                                   escape(count_text(value_at(mesh, "/island_faces_dropped")))));
+  if (const Json& kept = value_at(report, "/colours/vertices_kept"); kept.is_number())
+    rows.emplace_back("vertices kept for their colours alone",
+                      fmt::format("{}, about two faces each (--colour-tolerance)", escape(count_text(kept))));
   if (!parts.check) count("components", "/components");
   if (const std::string site = text_at(report, "/tiles/path"); !site.empty())
     rows.emplace_back("3D Tiles of it", fmt::format("<bdi>{}</bdi>", escape(site)));

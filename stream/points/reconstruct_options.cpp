@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <utility>
 
-#include "kernels/decimate/auto_tolerance.h"
 #include "kernels/field/field.h"
 #include "octree/error.h"
 #include "stream/files/read_file.h"
@@ -262,6 +261,7 @@ OptionTable option_table(ReconstructOptions& o) {
         "mesh asks for; denoise: fits, 7 times as long, sharp creases (both as of tessera smooth); auto: "
         "denoise from a noise of 0.02 edges on, else implicit")
       .one_of({"off", "implicit", "denoise", "auto"});
+  add_colour_tolerance(t, o.colour_tolerance, "0 with --texture");
   add_texture(t, o.texture, "the points, with --tolerance,");
   add_normal_map(t, o.normal_map, "the mesh of full resolution");
   t.add("keep-raw", &o.keep_raw,
@@ -293,6 +293,11 @@ void ReconstructOptions::validate() {
     throw UsageError(
         std::string(keep_raw ? "--keep-raw" : "--reference") +
         ": means something with --tolerance only, without it the mesh of full resolution is the result");
+  if (tolerance == 0.0 && colour_tolerance > 0.0)
+    throw UsageError(
+        "--colour-tolerance: means something with --tolerance only, without it every vertex has the colour "
+        "of "
+        "its points; leave it out");
   if (tolerance == 0.0 && has_texture())
     throw UsageError(
         "--texture: means something with --tolerance only, without it every vertex has the colour of its "

@@ -2,6 +2,7 @@
 /// What a reconstruction computes: every option changes the result and is part of the job's identity. A new one is a
 /// field and a row here.
 #pragma once
+#include "kernels/decimate/auto_tolerance.h"
 #include "kernels/holes/hole_filling.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/stage.h"
@@ -49,6 +50,7 @@ struct ReconstructOptions {
   std::string smooth = "off";
   double texture = 0.0;     ///< texture_option.h: width of a texel, kAutoTexture; 0 = colours of vertices
   bool normal_map = false;  ///< beside it
+  double colour_tolerance = kAutoColourTolerance;  ///< levels; DecimateOptions
   bool keep_raw = false;
   bool local_output = false;
 

@@ -1,5 +1,7 @@
 #include "stream/stages/decimate/decimate_job.h"
 
+#include <algorithm>
+
 #include "kernels/decimate/auto_tolerance.h"
 #include "octree/error.h"
 #include "stream/files/json.h"
@@ -87,6 +89,7 @@ void summarise(Json& report) {
     report["tolerance"] = {{"taken", auto_tolerance(edge, deviation)}, {"edge", edge}, {"noise", deviation}};
   }
   report["certificate"] = certificate_of(report);
+  if (const Json colours = kept_colours_of(report); colours.is_object()) report["colours"] = colours;
   summarise_texture(report);
   if (const Json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
   if (const Json mended = mendings_of(report, kMaxRounds); mended.is_object()) report["crossings"] = mended;
@@ -103,6 +106,24 @@ Json certificate_of(const Json& report) {
     last["rounds_again"] = round;
   }
   return last;
+}
+
+Json kept_colours_of(const Json& report) {
+  double tolerance = 0.0;
+  std::uint64_t kept = 0;
+  const auto add = [&](const Json& pass) {
+    if (!pass.contains("kept_for_colour")) return;
+    tolerance = std::max(tolerance, pass.at("colour_tolerance").get<double>());
+    // Later passes meet the same ones again.
+    kept = std::max(kept, pass.at("kept_for_colour").get<std::uint64_t>());
+  };
+  for (const Json& stage : report.at("stages")) {
+    const Json& result = stage.at("result");
+    if (!result.is_object()) continue;
+    add(result);
+    if (result.contains("first_pass")) add(result.at("first_pass"));
+  }
+  return tolerance > 0.0 ? Json{{"tolerance_max", tolerance}, {"vertices_kept", kept}} : Json(nullptr);
 }
 
 std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, SimplifyStores stores,

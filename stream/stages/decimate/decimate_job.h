@@ -12,6 +12,10 @@ namespace tessera {
 /// repeated, if any.
 Json certificate_of(const Json& report);
 
+/// What colours kept in the passes of such a job: the largest tolerance that was held and how many vertices only it keeps; null
+/// where there was none.
+Json kept_colours_of(const Json& report);
+
 /// Smoothing if it is asked for, passes, proof, more rounds of both where it fails, output.
 /// \param made_by  for the comment in the output
 std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, SimplifyStores stores,

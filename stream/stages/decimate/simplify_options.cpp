@@ -64,13 +64,7 @@ OptionTable option_table(SimplifyOptions& o) {
   t.add("colour-weight", &o.colour_weight,
         "length that the full range of a colour is worth, in the units of the mesh; 0 = colours follow")
       .at_least(0);
-  t.add("colour-tolerance", &o.colour_tolerance,
-        "a vertex stays where a channel of its colour would change by more than so many levels of 255, so "
-        "that borders "
-        "of colours on flat faces stay sharp, at a cost in faces; 0 = colours follow, e.g. decimate site.ply "
-        "-o "
-        "small.ply --tolerance 0.02 --colour-tolerance 8")
-      .within(0, 255);
+  add_colour_tolerance(t, o.colour_tolerance, "0 with --target-faces or --texture");
   t.add("smooth", &o.smooth,
         "smooth the mesh before it is decimated, by at most half of the tolerance and the result is proven; "
         "implicit: a thin plate, as strong as the noise measured in the mesh asks for; denoise: fits, 7 "
@@ -110,7 +104,9 @@ DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
   o.min_mean_ratio = min_mean_ratio;
   o.allow_crossings = crossings == "keep";
   o.colour_weight = colour_weight;
-  o.colour_tolerance = colour_tolerance;
+  // A count of faces is asked for whatever that does to colours, and a texture has them all.
+  const bool free = target_faces > 0 || has_texture();
+  o.colour_tolerance = colour_tolerance == kAutoColourTolerance && free ? 0.0 : colour_tolerance;
   return o;
 }
 

@@ -21,7 +21,7 @@ struct SimplifyOptions {
   double min_mean_ratio = 0.02;
   std::string crossings = "refuse";
   double colour_weight = 0.0;
-  double colour_tolerance = 0.0;
+  double colour_tolerance = kAutoColourTolerance;  ///< levels; 0 = any
   double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
   std::string smooth = "off";  ///< smooth_before.h
   double texture = 0.0;        ///< texture_option.h: width of a texel, kAutoTexture; 0 = colours of vertices

@@ -163,10 +163,13 @@ Json to_json(const DecimateReport& r) {
           {"refused_by_fold", r.by_fold},
           {"refused_by_shape", r.by_shape},
           {"refused_by_normal", r.by_normal},
+          {"refused_by_colour", r.by_colour},
           {"refused_by_tolerance", r.by_tolerance},
           {"refused_by_crossing", r.by_crossing},
           {"exact_tests", r.exact_tests},
-          {"bound", r.bound}};
+          {"bound", r.bound},
+          {"colour_tolerance", r.colour_tolerance},
+          {"kept_for_colour", r.kept_for_colour}};
 }
 
 std::string SimplifyPass::stage_name() const {

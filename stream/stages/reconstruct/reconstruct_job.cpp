@@ -100,6 +100,7 @@ void summarise(Json& report) {
       report.contains("samples") && certificate.is_object() && certificate.contains("rounding"))
     report["samples"]["certified_max"] =
         report["samples"]["certified_max"].get<double>() + certificate.at("rounding").get<double>();
+  if (const Json colours = kept_colours_of(report); colours.is_object()) report["colours"] = colours;
   summarise_texture(report);
   if (const Json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
   if (const Json mended = mendings_of(report, kMaxRounds); mended.is_object()) report["crossings"] = mended;

@@ -103,6 +103,7 @@ SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) 
   simplify.tolerance = options.tolerance;
   simplify.smooth = options.smooth;
   simplify.texture = options.texture;
+  simplify.colour_tolerance = options.colour_tolerance;
   simplify.normal_map = options.normal_map;
   return simplify;
 }

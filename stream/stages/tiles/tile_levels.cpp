@@ -241,6 +241,7 @@ bool level_is_clustered(const std::filesystem::path& work, int level) {
 
 SimplifyOptions level_options(LevelMethod method) {
   SimplifyOptions options;
+  options.colour_tolerance = 0.0;  // a level shows the mean of what it stands for
   if (method != LevelMethod::kDecimation) options.feature_angle_deg = 0.0;
   return options;
 }

@@ -474,6 +474,56 @@ TEST_CASE("decimate: with a tolerance of colours a flat table keeps its borders 
   CHECK(smeared(32.0, tight) == 0);
   CHECK(loose < tight);
   CHECK(tight < 400);
+  // These colours have no noise: by default as little as shows may change.
+  std::size_t automatic = 0;
+  CHECK(smeared(kAutoColourTolerance, automatic) == 0);
+  CHECK(tight <= automatic);
+}
+
+TEST_CASE("decimate: the tolerance of colours follows their noise, and the report tells what they keep",
+          "[unit]") {
+  const auto decimated = [](std::uint32_t noise, bool border) {
+    MeshBlock b = grid_block(30, 30, [](double, double) { return 0.0; });
+    for (std::size_t v = 0; v < b.position.size(); ++v) {
+      const std::uint32_t grey = 100 + static_cast<std::uint32_t>(v * 2654435761u >> 16) % (noise + 1);
+      b.rgba.push_back(border && b.position[v][0] < 13.5 ? 0xff000000u : 0xff000000u | grey * 0x10101u);
+    }
+    DecimateOptions o;
+    o.tolerance = 0.01;
+    o.colour_tolerance = kAutoColourTolerance;
+    const MeshBlock original = b;
+    return decimate(b, original, o);
+  };
+  const DecimateReport plain = decimated(0, false), noisy = decimated(20, false),
+                       painted = decimated(0, true);
+  CHECK(plain.colour_tolerance == 8.0);
+  CHECK(noisy.colour_tolerance > 40.0);
+  CHECK(noisy.colour_tolerance <= 80.0);
+  CHECK(painted.colour_tolerance == 8.0);
+  CHECK(plain.kept_for_colour == 0);
+  CHECK(noisy.faces_out <= 8);
+  CHECK(painted.kept_for_colour > 0);
+  CHECK(painted.kept_for_colour < painted.vertices_out);
+  CHECK(painted.faces_out > plain.faces_out);
+}
+
+TEST_CASE("decimate: optimal places keep to the tolerance of colours as well", "[unit]") {
+  MeshBlock b = grid_block(30, 30, [](double x, double y) { return 0.2 * std::sin(x) * std::cos(0.7 * y); });
+  for (const Double3& p : b.position) b.rgba.push_back(p[0] < 13.5 ? 0xff0000ffu : 0xffff0000u);
+  const MeshBlock original = b;
+  DecimateOptions o;
+  o.tolerance = 0.2;
+  o.placement = DecimatePlacement::kOptimal;
+  const auto blended = [&] {
+    return std::count_if(b.rgba.begin(), b.rgba.end(),
+                         [](std::uint32_t c) { return c != 0xff0000ffu && c != 0xffff0000u; });
+  };
+  decimate(b, original, o);
+  CHECK(blended() > 0);
+  b = original;
+  o.colour_tolerance = 32.0;
+  decimate(b, original, o);
+  CHECK(blended() == 0);
 }
 
 TEST_CASE("decimate: seams that one pass locks are freed in the next, and blocks may run in any order",
