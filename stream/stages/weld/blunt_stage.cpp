@@ -4,6 +4,9 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
+#include <tuple>
+#include <utility>
 
 #include "kernels/mesh/box_mask.h"
 #include "kernels/smooth/crease_blunting.h"
@@ -38,65 +41,31 @@ class BluntReader {
         positions_(work, store, kBeforeBlunt) {}
 
   /// The faces around those that nobody saw, near the patch, patches in ascending order: positions in cells from its brick.
-  /// \param name  of its vertices, as patch_vertex()
+  /// \param name  of its vertices, as patch_vertex(), ascending
   /// \returns false if there are none, or too many
   bool gather(std::size_t patch, CreaseMesh& mesh, std::vector<std::uint64_t>& name) {
     const Int3 brick = brick_of_key(store_.patches()[patch].key);
     const std::vector<std::size_t> around = kept_patches_around(store_, numbering_, brick);
-    const Double3 low = {-kBluntHalo, -kBluntHalo, -kBluntHalo};
-    constexpr double kEnd = kBrickCells + kBluntHalo;
-    const Double3 high = {kEnd, kEnd, kEnd};
-    BoxMask near(low, high, 64);
-    Double3 first = high, last = low;  // around what is marked
+    BoxMask near(kLow, kHigh, 64);
     bool any = false;
     for (const std::size_t p : around) {
       const View& there = view(p);
-      for (const std::uint32_t f : there.wanted)
-        with_box(there, f, offset(p, brick), low, high, [&](Double3 from, Double3 to) {
-          for (double& x : from) x -= kBluntMargin;
-          for (double& x : to) x += kBluntMargin;
-          near.mark(from, to);
-          for (std::size_t a = 0; a < 3; ++a)
-            first[a] = std::min(first[a], from[a]), last[a] = std::max(last[a], to[a]);
-          any = true;
-        });
-    }
-    if (!any) return false;
-    for (std::size_t a = 0; a < 3; ++a)
-      first[a] = std::max(first[a], low[a]), last[a] = std::min(last[a], high[a]);
-    mesh = {};
-    std::vector<std::uint64_t> corner;
-    std::vector<Double3> at;
-    std::vector<std::uint8_t> border;
-    for (const std::size_t p : around) {
-      const View& there = view(p);
       const Double3 shift = offset(p, brick);
-      for (std::uint32_t f = 0; f < there.faces.size(); ++f) {
-        if (there.boxes[f].apart(first, last, shift)) continue;
-        with_box(there, f, shift, low, high, [&](const Double3& from, const Double3& to) {
-          if (mesh.unseen.size() > kMaxBluntFaces || !near.meets(from, to)) return;
-          mesh.unseen.push_back(there.synthetic[f]);
-          for (const std::uint32_t i : there.faces[f]) {
-            corner.push_back(there.name[i]);
-            at.push_back(there.position[i] + shift);
-            border.push_back(there.border[i]);
-          }
-        });
+      for (const std::uint32_t f : there.wanted) {
+        auto [from, to] = there.box(f, shift);
+        if (apart(from, to, kLow, kHigh)) continue;
+        for (double& x : from) x -= kBluntMargin;
+        for (double& x : to) x += kBluntMargin;
+        near.mark(from, to);
+        any = true;
       }
     }
-    if (mesh.unseen.size() > kMaxBluntFaces) return false;
-    name = corner;
-    std::sort(name.begin(), name.end());
-    name.erase(std::unique(name.begin(), name.end()), name.end());
-    mesh.position.resize(name.size());
-    mesh.at_border.resize(name.size());
-    mesh.faces.resize(mesh.unseen.size());
-    for (std::size_t c = 0; c < corner.size(); ++c) {
-      const auto v = std::lower_bound(name.begin(), name.end(), corner[c]) - name.begin();
-      mesh.faces[c / 3][c % 3] = static_cast<std::uint32_t>(v);
-      mesh.position[static_cast<std::size_t>(v)] = at[c];
-      mesh.at_border[static_cast<std::size_t>(v)] = border[c];
-    }
+    if (!any) return false;
+    mesh = {};
+    own_.clear(), foreign_.clear();
+    for (const std::size_t p : around)
+      if (!add_faces(p, offset(p, brick), near, mesh)) return false;
+    join(mesh, name);
     return true;
   }
 
@@ -114,50 +83,131 @@ class BluntReader {
     std::vector<VertexClass> kind;
     std::uint64_t bytes() const { return position.size() * (sizeof(Float3) + 1) + 128; }
   };
-  /// Whole cells around a face, from the min corner of its patch's brick.
+  /// Whole cells around faces, from the min corner of their patch's brick.
   struct WholeBox {
     std::array<std::int16_t, 3> low, high;
-    bool apart(const Double3& from, const Double3& to, const Double3& shift) const {
-      bool out = false;
-      for (std::size_t a = 0; a < 3; ++a)
-        out = out || low[a] + shift[a] > to[a] || from[a] > high[a] + shift[a];
-      return out;
-    }
   };
+  using Box = std::pair<Double3, Double3>;  ///< low, high corner
+  static constexpr std::size_t kRun = 32;   ///< faces one after the other lie beside each other
   /// Kept faces of a patch; positions in cells from the min corner of its brick.
   struct View {
-    std::vector<Double3> position;
-    std::vector<std::uint64_t> name;
+    std::vector<Float3> own;  ///< positions of the patch's own vertices
+    std::vector<Double3> foreign;
+    std::vector<std::uint64_t> foreign_name;
     std::vector<PatchFace> faces;
     std::vector<std::uint8_t> synthetic;
     std::vector<std::uint8_t> border;   ///< per vertex
-    std::vector<WholeBox> boxes;        ///< per face: most are passed over by a look at these
+    std::vector<WholeBox> runs;         ///< per kRun faces: most are passed over by a look at these
     std::vector<std::uint32_t> wanted;  ///< faces at a border, or that nobody saw
+    Double3 position(std::uint32_t v) const {
+      return v < own.size() ? wide(own[v]) : foreign[v - own.size()];
+    }
+    Box box(std::uint32_t f, const Double3& shift) const {
+      const PatchFace& c = faces[f];
+      const Double3 p = position(c[0]), q = position(c[1]), r = position(c[2]);
+      Box out;
+      for (std::size_t a = 0; a < 3; ++a) {
+        out.first[a] = std::min({p[a], q[a], r[a]}) + shift[a];
+        out.second[a] = std::max({p[a], q[a], r[a]}) + shift[a];
+      }
+      return out;
+    }
     std::uint64_t bytes() const {
-      return position.size() * (sizeof(Double3) + 9) +
-             faces.size() * (sizeof(PatchFace) + 1 + sizeof(WholeBox)) + wanted.size() * 4 + 256;
+      return own.size() * sizeof(Float3) + foreign.size() * (sizeof(Double3) + 8) + border.size() +
+             faces.size() * (sizeof(PatchFace) + 1) + runs.size() * sizeof(WholeBox) + wanted.size() * 4 +
+             256;
     }
   };
+  /// Vertices of chosen faces, in cells from the brick at work; one of several patches comes several times.
+  struct Chosen {
+    std::vector<std::uint64_t> name;
+    std::vector<Double3> at;
+    std::vector<std::uint8_t> border;
+    void clear() { name.clear(), at.clear(), border.clear(); }
+    std::uint32_t add(std::uint64_t vertex, const Double3& position, std::uint8_t at_border) {
+      name.push_back(vertex), at.push_back(position), border.push_back(at_border);
+      return static_cast<std::uint32_t>(name.size() - 1);
+    }
+  };
+
+  static constexpr double kEnd = kBrickCells + kBluntHalo;
+  static constexpr Double3 kLow = {-kBluntHalo, -kBluntHalo, -kBluntHalo};
+  static constexpr Double3 kHigh = {kEnd, kEnd, kEnd};
+
+  static bool apart(const Double3& from, const Double3& to, const Double3& low, const Double3& high) {
+    bool out = false;
+    for (std::size_t a = 0; a < 3; ++a) out = out || from[a] > high[a] || low[a] > to[a];
+    return out;
+  }
+
+  /// The faces of a patch that meet the mask; their corners are indices into own_, or behind kForeign into foreign_.
+  /// \returns false where they come to too many
+  bool add_faces(std::size_t patch, const Double3& shift, const BoxMask& near, CreaseMesh& mesh) {
+    const View& there = view(patch);
+    const std::size_t begin = mesh.faces.size();
+    place_.assign(there.border.size(), kUnused);
+    for (std::size_t run = 0; run < there.runs.size(); ++run) {
+      Double3 low, high;
+      for (std::size_t a = 0; a < 3; ++a) {
+        low[a] = there.runs[run].low[a] + shift[a];
+        high[a] = there.runs[run].high[a] + shift[a];
+      }
+      if (apart(low, high, kLow, kHigh) || !near.meets(low, high)) continue;
+      const std::size_t end = std::min(there.faces.size(), (run + 1) * kRun);
+      for (std::size_t f = run * kRun; f < end; ++f) {
+        const auto [from, to] = there.box(static_cast<std::uint32_t>(f), shift);
+        if (apart(from, to, kLow, kHigh) || !near.meets(from, to)) continue;
+        if (mesh.faces.size() == kMaxBluntFaces) return false;
+        mesh.unseen.push_back(there.synthetic[f]);
+        mesh.faces.push_back(there.faces[f]);
+        for (const std::uint32_t v : there.faces[f]) place_[v] = kUsed;
+      }
+    }
+    if (mesh.faces.size() == begin) return true;
+    const auto own = static_cast<std::uint32_t>(there.own.size());
+    for (std::uint32_t v = 0; v < place_.size(); ++v) {
+      if (place_[v] == kUnused) continue;
+      const Double3 at = there.position(v) + shift;
+      place_[v] = v < own ? own_.add(patch_vertex(patch, v), at, there.border[v])
+                          : kForeign | foreign_.add(there.foreign_name[v - own], at, there.border[v]);
+    }
+    for (std::size_t f = begin; f < mesh.faces.size(); ++f)
+      for (std::uint32_t& v : mesh.faces[f]) v = place_[v];
+    return true;
+  }
+
+  /// Orders the chosen vertices by their names. Own ones are in order, for patches are; foreign ones are few.
+  void join(CreaseMesh& mesh, std::vector<std::uint64_t>& name) {
+    std::vector<std::uint32_t> order(foreign_.name.size()), own_index(own_.name.size()),
+        foreign_index(foreign_.name.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return std::tie(foreign_.name[a], a) < std::tie(foreign_.name[b], b);
+    });
+    name.clear();
+    const auto put = [&](const Chosen& from, std::size_t i) {
+      if (name.empty() || name.back() != from.name[i]) {
+        name.push_back(from.name[i]);
+        mesh.position.push_back(from.at[i]);
+        mesh.at_border.push_back(from.border[i]);
+      }
+      return static_cast<std::uint32_t>(name.size() - 1);
+    };
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < own_.name.size(); ++i) {
+      for (; next < order.size() && foreign_.name[order[next]] < own_.name[i]; ++next)
+        foreign_index[order[next]] = put(foreign_, order[next]);
+      own_index[i] = put(own_, i);
+    }
+    for (; next < order.size(); ++next) foreign_index[order[next]] = put(foreign_, order[next]);
+    for (auto& face : mesh.faces)
+      for (std::uint32_t& v : face) v = (v & kForeign) != 0 ? foreign_index[v & ~kForeign] : own_index[v];
+  }
 
   Double3 offset(std::size_t patch, const Int3& brick) const {
     const Int3 at = brick_of_key(store_.patches()[patch].key);
     return {double{kBrickCells} * (at[0] - brick[0]), double{kBrickCells} * (at[1] - brick[1]),
             double{kBrickCells} * (at[2] - brick[2])};
-  }
-
-  /// use(low, high) with the box of a face if it meets one.
-  template <class Use>
-  static void with_box(const View& there, std::uint32_t f, const Double3& shift, const Double3& low,
-                       const Double3& high, const Use& use) {
-    Double3 from = there.position[there.faces[f][0]] + shift, to = from;
-    for (const std::uint32_t i : there.faces[f])
-      for (std::size_t a = 0; a < 3; ++a) {
-        from[a] = std::min(from[a], there.position[i][a] + shift[a]);
-        to[a] = std::max(to[a], there.position[i][a] + shift[a]);
-      }
-    bool apart = false;
-    for (std::size_t a = 0; a < 3; ++a) apart = apart || from[a] > high[a] || low[a] > to[a];
-    if (!apart) use(from, to);
   }
 
   const Vertices& vertices(std::size_t patch) {
@@ -179,28 +229,38 @@ class BluntReader {
     View& out = views_[patch];
     numbered_.load_faces(patch, read_);
     const Int3 brick = brick_of_key(store_.patches()[patch].key);
-    const auto own = static_cast<std::uint32_t>(read_.index.size() - read_.foreign.size());
-    const auto add = [&](std::size_t owner, std::uint32_t v) {
-      const Vertices& there = vertices(owner);
-      out.position.push_back(wide(there.position[v]) + offset(owner, brick));
-      out.border.push_back(there.kind[v] == VertexClass::kBorder);
-      out.name.push_back(patch_vertex(owner, v));
-    };
-    for (std::uint32_t v = 0; v < own; ++v) add(patch, v);
-    for (const VertexSlot& slot : read_.foreign) add(slot.patch, slot.vertex);
+    {
+      const Vertices& here = vertices(patch);
+      out.own = here.position;
+      for (const VertexClass kind : here.kind) out.border.push_back(kind == VertexClass::kBorder);
+    }
+    for (const VertexSlot& slot : read_.foreign) {
+      const Vertices& there = vertices(slot.patch);
+      out.foreign.push_back(wide(there.position[slot.vertex]) + offset(slot.patch, brick));
+      out.foreign_name.push_back(patch_vertex(slot.patch, slot.vertex));
+      out.border.push_back(there.kind[slot.vertex] == VertexClass::kBorder);
+    }
     for (std::size_t f = 0; f < read_.faces.size(); ++f) {
-      if (!read_.kept(read_.faces[f])) continue;
-      out.faces.push_back(read_.faces[f]);
+      const PatchFace& face = read_.faces[f];
+      if (!read_.kept(face)) continue;
+      out.faces.push_back(face);
       out.synthetic.push_back(read_.synthetic.empty() ? std::uint8_t{0} : read_.synthetic[f]);
-      const PatchFace& face = out.faces.back();
       if (out.synthetic.back() || out.border[face[0]] || out.border[face[1]] || out.border[face[2]])
         out.wanted.push_back(static_cast<std::uint32_t>(out.faces.size() - 1));
-      WholeBox& box = out.boxes.emplace_back();
+    }
+    for (std::size_t first = 0; first < out.faces.size(); first += kRun) {
+      Box all = out.box(static_cast<std::uint32_t>(first), {});
+      for (std::size_t f = first + 1; f < std::min(out.faces.size(), first + kRun); ++f) {
+        const Box one = out.box(static_cast<std::uint32_t>(f), {});
+        for (std::size_t a = 0; a < 3; ++a) {
+          all.first[a] = std::min(all.first[a], one.first[a]);
+          all.second[a] = std::max(all.second[a], one.second[a]);
+        }
+      }
+      WholeBox& run = out.runs.emplace_back();
       for (std::size_t a = 0; a < 3; ++a) {
-        const auto [min, max] =
-            std::minmax({out.position[face[0]][a], out.position[face[1]][a], out.position[face[2]][a]});
-        box.low[a] = static_cast<std::int16_t>(std::floor(min));
-        box.high[a] = static_cast<std::int16_t>(std::ceil(max));
+        run.low[a] = static_cast<std::int16_t>(std::floor(all.first[a]));
+        run.high[a] = static_cast<std::int16_t>(std::ceil(all.second[a]));
       }
     }
     view_bytes_ += out.bytes();
@@ -215,6 +275,9 @@ class BluntReader {
   std::map<std::size_t, View> views_;
   std::uint64_t vertex_bytes_ = 0, view_bytes_ = 0;
   PatchFaces read_;
+  static constexpr std::uint32_t kForeign = std::uint32_t{1} << 31, kUsed = 0, kUnused = ~std::uint32_t{0};
+  Chosen own_, foreign_;              ///< of the brick at work
+  std::vector<std::uint32_t> place_;  ///< per vertex of the patch at hand
 };
 
 bool is_blunted(const ReconstructOptions& options, const Plan& plan) {
