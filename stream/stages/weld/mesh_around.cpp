@@ -10,6 +10,7 @@ namespace {
 
 constexpr std::uint64_t kAroundVertexBytes = std::uint64_t{4} << 20;
 constexpr std::uint64_t kAroundFaceBytes = std::uint64_t{8} << 20;
+constexpr std::size_t kRun = 32;   ///< faces one after the other lie beside each other
 constexpr double kFaceSpan = 4.0;  ///< cells that a face reaches out of its patch's brick, at most
 
 }  // namespace
@@ -32,33 +33,42 @@ const MeshAround::View& MeshAround::view(std::size_t patch) {
   numbered_.load_faces(patch, read_);
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
   const std::size_t own = read_.index.size() - read_.foreign.size();
-  std::vector<Double3> position(read_.index.size());
-  for (std::size_t v = 0; v < position.size(); ++v) {
-    if (read_.index[v] == PatchFaces::kDropped) continue;
-    const std::size_t owner = v < own ? patch : read_.foreign[v - own].patch;
-    position[v] = wide(vertices(owner)[read_.index[v] - numbering_.patches[owner].first_vertex]);
-    const Int3 at = brick_of_key(store_.patches()[owner].key);
-    for (std::size_t a = 0; a < 3; ++a) position[v][a] += double{kBrickCells} * (at[a] - brick[a]);
-  }
   View& out = views_[patch];
-  for (const PatchFace& f : read_.faces) {
+  out.first = numbering_.patches[patch].first_vertex;
+  out.own = vertices(patch);
+  const auto kept = static_cast<std::uint32_t>(out.own.size());
+  for (std::size_t i = 0; i < read_.foreign.size(); ++i) {
+    Double3& at = out.foreign.emplace_back();
+    out.foreign_number.push_back(read_.index[own + i]);
+    if (out.foreign_number.back() == PatchFaces::kDropped) continue;
+    const std::size_t owner = read_.foreign[i].patch;
+    at = wide(vertices(owner)[out.foreign_number.back() - numbering_.patches[owner].first_vertex]);
+    const Int3 there = brick_of_key(store_.patches()[owner].key);
+    for (std::size_t a = 0; a < 3; ++a) at[a] += double{kBrickCells} * (there[a] - brick[a]);
+  }
+  for (PatchFace f : read_.faces) {
     if (!read_.kept(f)) continue;
-    const std::array<Double3, 3> corner = {position[f[0]], position[f[1]], position[f[2]]};
-    out.faces.push_back({{read_.index[f[0]], read_.index[f[1]], read_.index[f[2]]}, corner});
-    Box box{};
+    for (std::uint32_t& v : f)
+      v = v < own ? static_cast<std::uint32_t>(read_.index[v] - out.first)
+                  : kept + static_cast<std::uint32_t>(v - own);
+    const std::array<Double3, 3> corner = {out.position(f[0]), out.position(f[1]), out.position(f[2])};
+    const bool fresh = out.faces.size() % kRun == 0;
+    Box& run = fresh ? out.runs.emplace_back() : out.runs.back();
     for (std::size_t a = 0; a < 3; ++a) {
-      const auto [low, high] = std::minmax({corner[0][a], corner[1][a], corner[2][a]});
-      box.low[a] = static_cast<std::int16_t>(std::floor(low));
-      box.high[a] = static_cast<std::int16_t>(std::ceil(high));
+      const auto [min, max] = std::minmax({corner[0][a], corner[1][a], corner[2][a]});
+      const auto low = static_cast<std::int16_t>(std::floor(min)),
+                 high = static_cast<std::int16_t>(std::ceil(max));
+      run.low[a] = fresh ? low : std::min(run.low[a], low);
+      run.high[a] = fresh ? high : std::max(run.high[a], high);
     }
-    out.boxes.push_back(box);
+    out.faces.push_back(f);
   }
   view_bytes_ += out.bytes();
   return out;
 }
 
-template <class Use>
-void MeshAround::for_each_face(const Double3& origin, const Double3& low, const Double3& high,
+template <class Run, class Use>
+void MeshAround::for_each_face(const Double3& origin, const Double3& low, const Double3& high, const Run& run,
                                const Use& use) {
   Int3 first{}, last{};
   for (std::size_t a = 0; a < 3; ++a) {
@@ -78,29 +88,43 @@ void MeshAround::for_each_face(const Double3& origin, const Double3& low, const 
   do {
     const std::int64_t patch = store_.find(brick_key(at));
     if (patch < 0 || numbering_.patches[static_cast<std::size_t>(patch)].kept_faces == 0) continue;
-    for_each_face_of(static_cast<std::size_t>(patch), origin, low, high, use);
+    for_each_face_of(static_cast<std::size_t>(patch), origin, low, high, run, use);
   } while (next());
 }
 
-template <class Use>
+template <class Run, class Use>
 void MeshAround::for_each_face_of(std::size_t patch, const Double3& origin, const Double3& low,
-                                  const Double3& high, const Use& use) {
+                                  const Double3& high, const Run& run, const Use& use) {
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
   Double3 shift{};  // of what is relative to the brick
   for (std::size_t a = 0; a < 3; ++a) shift[a] = double{kBrickCells} * brick[a] - origin[a];
-  Int3 from{}, to{};  // the box in whole cells from the brick
+  Double3 from{}, to{};  // the box in whole cells from the brick
   for (std::size_t a = 0; a < 3; ++a) {
-    from[a] = static_cast<std::int32_t>(std::floor(low[a] - shift[a]));
-    to[a] = static_cast<std::int32_t>(std::ceil(high[a] - shift[a]));
+    from[a] = std::floor(low[a] - shift[a]);
+    to[a] = std::ceil(high[a] - shift[a]);
   }
   const View& there = view(patch);
-  for (std::size_t i = 0; i < there.faces.size(); ++i) {
-    const Box& box = there.boxes[i];
+  for (std::size_t r = 0; r < there.runs.size(); ++r) {
+    Double3 first{}, last{};
     bool apart = false;
-    for (std::size_t a = 0; a < 3; ++a) apart = apart || box.low[a] > to[a] || from[a] > box.high[a];
-    if (apart) continue;
-    const Face& f = there.faces[i];
-    use(f, std::array<Double3, 3>{f.corner[0] + shift, f.corner[1] + shift, f.corner[2] + shift});
+    for (std::size_t a = 0; a < 3; ++a) {
+      first[a] = there.runs[r].low[a], last[a] = there.runs[r].high[a];
+      apart = apart || first[a] > to[a] || from[a] > last[a];
+    }
+    if (apart || !run(first + shift, last + shift)) continue;
+    const std::size_t end = std::min(there.faces.size(), (r + 1) * kRun);
+    for (std::size_t i = r * kRun; i < end; ++i) {
+      const PatchFace& f = there.faces[i];
+      const std::array<Double3, 3> at = {there.position(f[0]), there.position(f[1]), there.position(f[2])};
+      bool out = false;  // by whole cells
+      for (std::size_t a = 0; a < 3; ++a) {
+        const auto [min, max] = std::minmax({at[0][a], at[1][a], at[2][a]});
+        out = out || min >= to[a] + 1.0 || max <= from[a] - 1.0;
+      }
+      if (!out)
+        use(ContactFace{{at[0] + shift, at[1] + shift, at[2] + shift},
+                        {there.number(f[0]), there.number(f[1]), there.number(f[2])}});
+    }
   }
 }
 
@@ -126,21 +150,25 @@ void MeshAround::gather_near(const Double3& origin, std::span<const ContactFace>
 
 void MeshAround::gather(const Double3& origin, const Double3& low, const Double3& high, const BoxMask& near,
                         std::vector<ContactFace>& out) {
-  for_each_face(origin, low, high, [&](const Face& f, const std::array<Double3, 3>& at) {
-    Double3 from = at[0], to = from;
-    for (const Double3& p : at)
-      for (std::size_t a = 0; a < 3; ++a) from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
-    if (near.meets(from, to) && !collinear(at[0], at[1], at[2])) out.push_back({at, f.number});
-  });
+  for_each_face(
+      origin, low, high, [&](const Double3& from, const Double3& to) { return near.meets(from, to); },
+      [&](const ContactFace& f) {
+        Double3 from = f.corner[0], to = from;
+        for (const Double3& p : f.corner)
+          for (std::size_t a = 0; a < 3; ++a)
+            from[a] = std::min(from[a], p[a]), to[a] = std::max(to[a], p[a]);
+        if (near.meets(from, to) && !collinear(f.corner[0], f.corner[1], f.corner[2])) out.push_back(f);
+      });
 }
 
 std::vector<std::array<std::uint64_t, 2>> MeshAround::edges_between(const Double3& origin, const Double3& low,
                                                                     const Double3& high,
                                                                     std::span<const std::uint64_t> vertices) {
   std::vector<std::array<std::uint64_t, 2>> out;
-  for_each_face(origin, low, high, [&](const Face& f, const std::array<Double3, 3>&) {
+  const auto all = [](const Double3&, const Double3&) { return true; };
+  for_each_face(origin, low, high, all, [&](const ContactFace& f) {
     for (std::size_t k = 0; k < 3; ++k) {
-      const auto [a, b] = std::minmax(f.number[k], f.number[(k + 1) % 3]);
+      const auto [a, b] = std::minmax(f.vertex[k], f.vertex[(k + 1) % 3]);
       if (std::binary_search(vertices.begin(), vertices.end(), a) &&
           std::binary_search(vertices.begin(), vertices.end(), b))
         out.push_back({a, b});
@@ -154,8 +182,8 @@ std::vector<std::array<std::uint64_t, 2>> MeshAround::edges_between(const Double
 std::uint64_t MeshAround::bytes(std::span<const PatchEntry> patches) {
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches)
-    largest = std::max<std::uint64_t>(
-        largest, 44ull * (e.vertices + e.foreign) + (sizeof(Face) + sizeof(Box) + 13) * e.faces);
+    largest = std::max<std::uint64_t>(largest,
+                                      44ull * (e.vertices + e.foreign) + (sizeof(PatchFace) + 14) * e.faces);
   return largest + kAroundVertexBytes + kAroundFaceBytes + NumberedPatches::kCacheBytes;
 }
 

@@ -39,19 +39,28 @@ class MeshAround {
  private:
   void gather(const Double3& origin, const Double3& low, const Double3& high, const BoxMask& near,
               std::vector<ContactFace>& out);
-  /// Kept faces of a patch: output numbers, and corners in cells from the min corner of its brick.
-  struct Face {
-    std::array<std::uint64_t, 3> number;
-    std::array<Double3, 3> corner;
-  };
-  /// Whole cells around a face, from the min corner of its patch's brick.
+  /// Whole cells around faces, from the min corner of their patch's brick.
   struct Box {
     std::array<std::int16_t, 3> low, high;
   };
+  /// Kept vertices and faces of a patch.
   struct View {
-    std::vector<Face> faces;
-    std::vector<Box> boxes;  ///< one a face: most are passed over by a look at these
-    std::uint64_t bytes() const { return faces.size() * (sizeof(Face) + sizeof(Box)) + 128; }
+    std::uint64_t first = 0;  ///< output number of the first own vertex; they are one after the other
+    std::vector<Float3> own;  ///< cells from the min corner of the brick
+    std::vector<Double3> foreign;
+    std::vector<std::uint64_t> foreign_number;
+    std::vector<PatchFace> faces;  ///< own vertices first
+    std::vector<Box> runs;         ///< per kRun faces: most are passed over by a look at these
+    Double3 position(std::uint32_t v) const {
+      return v < own.size() ? wide(own[v]) : foreign[v - own.size()];
+    }
+    std::uint64_t number(std::uint32_t v) const {
+      return v < own.size() ? first + v : foreign_number[v - own.size()];
+    }
+    std::uint64_t bytes() const {
+      return own.size() * sizeof(Float3) + foreign.size() * (sizeof(Double3) + 8) +
+             faces.size() * sizeof(PatchFace) + runs.size() * sizeof(Box) + 256;
+    }
   };
   struct Vertices {
     std::vector<Float3> position;
@@ -59,12 +68,14 @@ class MeshAround {
   };
   const std::vector<Float3>& vertices(std::size_t patch);
   const View& view(std::size_t patch);
-  /// Calls use(face, its corners in cells from `origin`) for the faces there.
-  template <class Use>
-  void for_each_face(const Double3& origin, const Double3& low, const Double3& high, const Use& use);
-  template <class Use>
+  /// Calls use(face) for the faces there, their corners in cells from `origin`. \param run  (low, high) of a box: false where
+  /// no face in it is of use
+  template <class Run, class Use>
+  void for_each_face(const Double3& origin, const Double3& low, const Double3& high, const Run& run,
+                     const Use& use);
+  template <class Run, class Use>
   void for_each_face_of(std::size_t patch, const Double3& origin, const Double3& low, const Double3& high,
-                        const Use& use);
+                        const Run& run, const Use& use);
 
   const PatchStore& store_;
   const Numbering& numbering_;
