@@ -22,12 +22,17 @@ double dihedral_between(const Double3& a, const Double3& b) {
   return 1.0 - dot(a, b);
 }
 
+/// \param twice  the area
+bool has_area(double twice, const Double3& ab, const Double3& ac, const Double3& bc) {
+  constexpr double kMinHeight = 1e-4;  // twice the area over the square of the longest side
+  return twice > kMinHeight * std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
+}
+
 }  // namespace
 
 bool has_area(const Double3& a, const Double3& b, const Double3& c) {
-  constexpr double kMinArea = 1e-4;  // twice the area over the square of the longest side
   const Double3 ab = b - a, ac = c - a, bc = c - b;
-  return norm(cross(ab, ac)) > kMinArea * std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
+  return has_area(norm(cross(ab, ac)), ab, ac, bc);
 }
 
 std::vector<Double3> boundary_normals(const HoleLoop& loop) {
@@ -52,36 +57,43 @@ HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Doubl
   const bool bends = goal == TriangulationGoal::kLeastArea;
   const std::size_t n = loop.position.size();
   const std::vector<Double3>& p = loop.position;
+  // Cell (i, j) a second time as (j, i), so that what is compared lies side by side.
   std::vector<Cell> cells(n * n);
   const auto at = [&](std::size_t i, std::size_t j) -> Cell& { return cells[i * n + j]; };
-  for (std::size_t i = 0; i + 1 < n; ++i) at(i, i + 1).normal = boundary_normal[i];
+  for (std::size_t i = 0; i + 1 < n; ++i) at(i, i + 1).normal = at(i + 1, i).normal = boundary_normal[i];
   for (std::size_t span = 2; span < n; ++span) {
     for (std::size_t i = 0; i + span < n; ++i) {
       const std::size_t j = i + span;
-      Cell& best = at(i, j);
+      Cell best;
       best.dihedral = best.area = kForbidden;
       const std::array<std::uint32_t, 2> chord = {static_cast<std::uint32_t>(i),
                                                   static_cast<std::uint32_t>(j)};
       const bool closing = span + 1 == n;
-      if (!closing && std::binary_search(loop.taken.begin(), loop.taken.end(), chord)) continue;
-      for (std::size_t k = i + 1; k < j; ++k) {
-        const Cell& left = at(i, k);
-        const Cell& right = at(k, j);
+      const bool taken = !closing && std::binary_search(loop.taken.begin(), loop.taken.end(), chord);
+      const Cell *const row = &cells[i * n], *const column = &cells[j * n];
+      const Double3 side = p[j] - p[i];
+      for (std::size_t k = i + 1; k < j && !taken; ++k) {
+        const Cell &left = row[k], &right = column[k];
         double dihedral = std::max(left.dihedral, right.dihedral);
         if (dihedral > best.dihedral || dihedral == kForbidden) continue;
-        if (!has_area(p[i], p[k], p[j])) continue;
-        const Double3 normal2 = cross(p[k] - p[i], p[j] - p[i]);
+        // Neither gets smaller by the face.
+        const double others = left.area + right.area;
+        if (dihedral == best.dihedral && !(others < best.area)) continue;
+        const Double3 first = p[k] - p[i];
+        const Double3 normal2 = cross(first, side);
         const double twice = norm(normal2);
+        if (!has_area(twice, first, side, p[j] - p[k])) continue;
         const Double3 normal = normal2 * (1.0 / twice);
         if (!bends)
           dihedral = std::max(
               {dihedral, dihedral_between(normal, left.normal), dihedral_between(normal, right.normal)});
         if (closing && !bends)
           dihedral = std::max(dihedral, dihedral_between(normal, boundary_normal[n - 1]));
-        const double area = left.area + right.area + twice;
+        const double area = others + twice;
         if (dihedral < best.dihedral || (dihedral == best.dihedral && area < best.area))
           best = {dihedral, area, normal, static_cast<std::uint32_t>(k)};
       }
+      at(i, j) = at(j, i) = best;
     }
   }
   HoleTriangulation out;
