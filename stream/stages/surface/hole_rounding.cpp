@@ -1,8 +1,10 @@
 #include "stream/stages/surface/hole_rounding.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "kernels/mesh/block_contacts.h"
+#include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/orientation_sign.h"
 #include "kernels/smooth/crease_blunting.h"
 #include "octree/edge_faces.h"
@@ -29,20 +31,24 @@ struct Surroundings {
   CreaseMesh mesh;
 };
 
-Surroundings gather_around(const NamedLoop& named, const HoleLoop& loop, const Double3& origin,
-                           const HoleFilling& filling, MeshAround& around) {
-  Surroundings out;
+std::vector<ContactFace> filling_faces(const NamedLoop& named, const HoleLoop& loop,
+                                       const HoleFilling& filling) {
   const std::size_t n = named.vertex.size();
   std::vector<ContactFace> own;
   for (const auto& f : filling.faces) {
-    ContactFace face;
+    ContactFace& face = own.emplace_back();
     for (std::size_t k = 0; k < 3; ++k) {
       face.corner[k] = f[k] < n ? loop.position[f[k]] : filling.position[f[k] - n];
       face.vertex[k] = f[k] < n ? named.vertex[f[k]] : HoleFillings::kNew | (f[k] - n);
     }
-    own.push_back(face);
   }
-  around.gather_near(origin, own, kRoundMargin, out.faces);
+  return own;
+}
+
+/// \param mesh_faces  around the filling; \param own  the filling's
+Surroundings surroundings(std::span<const ContactFace> mesh_faces, std::span<const ContactFace> own) {
+  Surroundings out;
+  out.faces.assign(mesh_faces.begin(), mesh_faces.end());
   out.own = out.faces.size();
   out.faces.insert(out.faces.end(), own.begin(), own.end());
   for (const ContactFace& f : out.faces) out.name.insert(out.name.end(), f.vertex.begin(), f.vertex.end());
@@ -90,12 +96,47 @@ bool is_shared(const Surroundings& here, const std::vector<Double3>& before, con
   return false;
 }
 
+/// Adds those of the others that come near one of the faces.
+void add_near(std::span<const ContactFace> others, std::vector<ContactFace>& faces) {
+  const auto box = [](const ContactFace& f) {
+    std::pair<Double3, Double3> out = {f.corner[0], f.corner[0]};
+    for (const Double3& p : f.corner)
+      for (std::size_t a = 0; a < 3; ++a) {
+        out.first[a] = std::min(out.first[a], p[a]);
+        out.second[a] = std::max(out.second[a], p[a]);
+      }
+    return out;
+  };
+  if (faces.empty()) return;
+  auto [low, high] = box(faces.front());
+  for (const ContactFace& f : faces) {
+    const auto [from, to] = box(f);
+    for (std::size_t a = 0; a < 3; ++a)
+      low[a] = std::min(low[a], from[a]), high[a] = std::max(high[a], to[a]);
+  }
+  BoxMask near(low, high, 32);
+  for (const ContactFace& f : faces) {
+    const auto [from, to] = box(f);
+    near.mark(from, to);
+  }
+  for (const ContactFace& f : others) {
+    const auto [from, to] = box(f);
+    if (near.meets(from, to)) faces.push_back(f);
+  }
+}
+
 }  // namespace
 
 bool round_rim(const NamedLoop& named, HoleLoop& loop, const Double3& origin, const PatchStore& store,
-               const Numbering& numbering, MeshAround& around, HoleFilling& filling,
-               std::vector<MovedRim>& moves) {
-  Surroundings here = gather_around(named, loop, origin, filling, around);
+               const Numbering& numbering, MeshAround& around, std::span<const ContactFace> touching,
+               HoleFilling& filling, std::vector<MovedRim>& moves) {
+  const std::vector<ContactFace> own_faces = filling_faces(named, loop, filling);
+  // What moves, and by how much, is up to the faces at the vertices of the filling; most often nothing does.
+  CreaseMesh nearest = surroundings(touching, own_faces).mesh;
+  if (blunt_creases(nearest) == 0) return false;
+  std::vector<ContactFace> mesh_faces;
+  around.gather_near(origin, own_faces, kRoundMargin, mesh_faces);
+  Surroundings here = surroundings(mesh_faces, own_faces);
   const std::vector<Double3> before = here.mesh.position;
   if (blunt_creases(here.mesh) == 0 || is_shared(here, before, named)) return false;
   std::vector<MovedRim> moved;
@@ -126,7 +167,7 @@ bool round_rim(const NamedLoop& named, HoleLoop& loop, const Double3& origin, co
     (changed ? faces : others).push_back(face);
   }
   const std::size_t own = faces.size();
-  faces.insert(faces.end(), others.begin(), others.end());
+  add_near(others, faces);
   bool crosses = false;
   block_contacts(faces, kAllSpace,
                  [&](std::uint32_t i, std::uint32_t, FaceContact) { crosses = crosses || i < own; });

@@ -75,7 +75,8 @@ class HolesStage : public Stage {
       }
       HoleFilling& filling = found.filling;
       if (limit_.membranes)
-        rounded += round_rim(named, loop, corner, store_, numbering_, around, filling, out.moved);
+        rounded +=
+            round_rim(named, loop, corner, store_, numbering_, around, found.touching, filling, out.moved);
       ++outcomes[static_cast<std::size_t>(HoleOutcome::kFilled)];
       folded += smooth != HoleOutcome::kFilled || crossed;
       stiff += !filling.fair;
@@ -156,7 +157,8 @@ class HolesStage : public Stage {
 
   struct Try {
     HoleFilling filling;
-    bool crosses = false;  ///< the mesh
+    bool crosses = false;               ///< the mesh
+    std::vector<ContactFace> touching;  ///< faces of the mesh that may meet it
     bool fits() const { return filling.outcome == HoleOutcome::kFilled && !crosses; }
   };
 
@@ -182,10 +184,10 @@ class HolesStage : public Stage {
 
   Try try_shape(const NamedLoop& named, const HoleLoop& loop, const Double3& corner, const HoleLimits& limits,
                 MeshAround& around) const {
-    Try out = {fill_hole(loop, limits)};
+    Try out = {fill_hole(loop, limits), false, {}};
     if (out.filling.outcome == HoleOutcome::kFilled)
       out.crosses = (limit_.membranes && is_dense(loop, out.filling)) ||
-                    crosses(named, loop, out.filling, corner, around);
+                    crosses(named, loop, out.filling, corner, around, out.touching);
     return out;
   }
 
@@ -225,20 +227,21 @@ class HolesStage : public Stage {
   }
 
   /// Whether faces of a filling would meet each other, or the mesh, beyond what they share.
+  /// \param mesh  gets the faces there
   static bool crosses(const NamedLoop& named, const HoleLoop& loop, const HoleFilling& filling,
-                      const Double3& origin, MeshAround& around) {
+                      const Double3& origin, MeshAround& around, std::vector<ContactFace>& mesh) {
     const std::size_t n = named.vertex.size();
     const auto at = [&](std::uint32_t v) { return v < n ? loop.position[v] : filling.position[v - n]; };
     const auto number = [&](std::uint32_t v) {
       return v < n ? named.vertex[v] : HoleFillings::kNew | (v - n);
     };
-    std::vector<ContactFace> faces, mesh;
-    for (const auto& f : filling.faces) {
-      const ContactFace face = {{at(f[0]), at(f[1]), at(f[2])}, {number(f[0]), number(f[1]), number(f[2])}};
-      if (!collinear(face.corner[0], face.corner[1], face.corner[2])) faces.push_back(face);
-    }
-    const std::size_t own = faces.size();
+    std::vector<ContactFace> faces;
+    for (const auto& f : filling.faces)
+      faces.push_back({{at(f[0]), at(f[1]), at(f[2])}, {number(f[0]), number(f[1]), number(f[2])}});
     around.gather_near(origin, faces, 0.0, mesh);
+    std::erase_if(faces,
+                  [](const ContactFace& f) { return collinear(f.corner[0], f.corner[1], f.corner[2]); });
+    const std::size_t own = faces.size();
     faces.insert(faces.end(), mesh.begin(), mesh.end());
     bool found = false;
     block_contacts(faces, kAllSpace,
