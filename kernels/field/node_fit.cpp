@@ -289,19 +289,22 @@ std::optional<SmoothFit> smooth_fit(const Spheres& row, std::uint32_t x) {
 }
 
 /// Tries sheets at the bent nodes of a row; updates their values and flags. \param split  nodes that have sheets
+/// \param coarse_is_whole  scratch.coarse_row holds all that the row reaches, as scratch.row does if row_is_whole
 void fit_creases(std::uint32_t misfit, const Spheres& spheres, const SampleList& coarse, std::size_t at,
                  const NodeFitOptions& options, NodeFitScratch& scratch, const RowSupport& support,
-                 bool row_is_whole, LeafFit& out, std::vector<Sheets>& sheets, RowFlags* flags,
-                 std::uint32_t* split, std::uint32_t* creased) {
+                 bool row_is_whole, bool coarse_is_whole, LeafFit& out, std::vector<Sheets>& sheets,
+                 RowFlags* flags, std::uint32_t* split, std::uint32_t* creased) {
   for (std::uint32_t left = misfit; left; left &= left - 1) {
     const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
     NormalSeeds seeds;
     if (options.noisy) {
       scratch.coarse_local.clear();
-      for (std::size_t next = 0; next < coarse.size;) {
+      for (std::size_t next = coarse_is_whole ? coarse.size : 0; next < coarse.size;) {
         fill_row(coarse, support, &next, scratch.coarse_row);
         append_local(scratch.coarse_row, static_cast<float>(x), support.r2, scratch.coarse_local);
       }
+      if (coarse_is_whole)
+        append_local(scratch.coarse_row, static_cast<float>(x), support.r2, scratch.coarse_local);
       scratch.coarse_local.pad();
       make_unit(scratch.coarse_local);
       seeds = seed_normals(scratch.coarse_local, options.sheets.cos_seed);
@@ -417,14 +420,15 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
       finish_row(sums, active, options, at, out, scratch.boundary, &flags, &spheres);
       if (flags.misfit) {
         std::uint32_t hints = 0;
-        for (std::size_t next = 0; next < coarse.size;) {
+        int coarse_fills = 0;
+        for (std::size_t next = 0; next < coarse.size; ++coarse_fills) {
           fill_row(coarse, support, &next, scratch.coarse_row);
           hints |= crease_hints(scratch.coarse_row, spheres, support.r2,
                                 (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle,
                                 options.noisy);
         }
-        fit_creases(flags.misfit & hints, spheres, coarse, at, options, scratch, support, fills == 1, out,
-                    sheets, &flags, &split, &creased);
+        fit_creases(flags.misfit & hints, spheres, coarse, at, options, scratch, support, fills == 1,
+                    coarse_fills == 1, out, sheets, &flags, &split, &creased);
       }
       const std::uint32_t hints =
           layered_nodes(sums, kLayeredHint * r, 0.5f * kLayeredNormal) & active & ~split;

@@ -144,7 +144,7 @@ float joint_cosine(const Fit& a, const Fit& b, float* separation2 = nullptr) {
   return chord2 < kSeparation2 * residual ? 1.0f : cosine;
 }
 
-/// Joins what one smooth sheet explains, closest pair first.
+/// Joins what one smooth sheet explains, closest pair first. Where one is left, it has neither moments nor fit.
 /// \param cluster_of  per label: its cluster, kept up to date
 void join_smooth(Clusters& clusters, float cos_feature, std::array<std::int32_t, kMaxSheets>& cluster_of) {
   while (clusters.count > 1) {
@@ -161,6 +161,10 @@ void join_smooth(Clusters& clusters, float cos_feature, std::array<std::int32_t,
         best_b = b;
       }
     if (best_b == 0) return;
+    if (clusters.count == 2) {  // one is left, which nobody asks for its fit
+      clusters.count = 1;
+      return;
+    }
     clusters.moments[best_a] = merged(clusters.moments[best_a], clusters.moments[best_b]);
     clusters.fit[best_a] = fit_quadric(clusters.moments[best_a]);
     clusters.erase(best_b);
