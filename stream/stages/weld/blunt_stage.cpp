@@ -357,7 +357,7 @@ std::unique_ptr<Stage> make_blunt_stage(const JobState& state) {
 
 namespace {
 
-constexpr double kBluntTime = 1.0;  ///< microseconds a face: 0.7 to 2.2 on field scans
+constexpr double kBluntTime = 0.4;  ///< microseconds a face: 0.25 and 0.6 of two field scans
 
 }  // namespace
 

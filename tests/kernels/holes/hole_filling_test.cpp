@@ -5,6 +5,7 @@
 #include <set>
 
 #include "kernels/holes/hole_filling.h"
+#include "kernels/holes/hole_triangulation.h"
 #include "octree/vector.h"
 #include "solvers/envelope_cholesky.h"
 #include "tests/helpers/random.h"
@@ -278,6 +279,89 @@ TEST_CASE("hole filling: no more new vertices than allowed, and outer borders on
   const HoleLoop outside = ring(48, 8.0, -1.0, [](double) { return 3.0; });
   CHECK(fill_hole(outside, {.shape = HoleShape::kMembrane}).outcome == HoleOutcome::kOuter);
   CHECK(fill_hole(outside, {.shape = HoleShape::kMembrane, .outer = true}).outcome == HoleOutcome::kFilled);
+}
+
+namespace {
+
+using Triangles = std::vector<std::array<std::uint32_t, 3>>;
+
+double twice_area(const HoleLoop& loop, const Triangles& faces) {
+  double area = 0.0;
+  for (const auto& f : faces) {
+    const Double3& a = loop.position[f[0]];
+    area += norm(cross(loop.position[f[1]] - a, loop.position[f[2]] - a));
+  }
+  return area;
+}
+
+/// The table by definition: of every chord what is best with the best of both sides.
+struct Chord {
+  double angle = 0.0, area = 0.0;
+  Double3 normal{};
+  Triangles faces;
+};
+Chord best_chord(const HoleLoop& loop, const std::vector<Double3>& rim, std::uint32_t i, std::uint32_t j) {
+  const auto n = static_cast<std::uint32_t>(loop.position.size());
+  if (j == i + 1) return {0.0, 0.0, rim[i], {}};
+  Chord best = {1e300, 1e300, {}, {}};
+  if (j - i + 1 < n && std::count(loop.taken.begin(), loop.taken.end(), std::array{i, j}) > 0) return best;
+  for (std::uint32_t k = i + 1; k < j; ++k) {
+    const Chord left = best_chord(loop, rim, i, k), right = best_chord(loop, rim, k, j);
+    if (left.angle > 1e9 || right.angle > 1e9) continue;
+    const Double3 area = cross(loop.position[k] - loop.position[i], loop.position[j] - loop.position[i]);
+    Chord here = {std::max(left.angle, right.angle), left.area + right.area + norm(area), unit_or_zero(area),
+                  left.faces};
+    for (const Double3& beside : {left.normal, right.normal})
+      here.angle = std::max(here.angle, 1.0 - dot(here.normal, beside));
+    if (j - i + 1 == n) here.angle = std::max(here.angle, 1.0 - dot(here.normal, rim[n - 1]));
+    here.faces.insert(here.faces.end(), right.faces.begin(), right.faces.end());
+    here.faces.push_back({i, k, j});
+    if (std::pair{here.angle, here.area} < std::pair{best.angle, best.area}) best = here;
+  }
+  return best;
+}
+
+/// All triangulations of the polygon from vertex i to j.
+std::vector<Triangles> all_triangulations(std::uint32_t i, std::uint32_t j) {
+  if (j == i + 1) return {{}};
+  std::vector<Triangles> out;
+  for (std::uint32_t k = i + 1; k < j; ++k)
+    for (const auto& left : all_triangulations(i, k))
+      for (const auto& right : all_triangulations(k, j)) {
+        auto& whole = out.emplace_back(left);
+        whole.insert(whole.end(), right.begin(), right.end());
+        whole.push_back({i, k, j});
+      }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("hole triangulation: every chord has the best of its sides, and least area is least", "[unit]") {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    test::Random random(seed);
+    HoleLoop loop = ring(9, 3.0, 1.0, [](double) { return 0.0; });
+    for (auto* list : {&loop.position, &loop.opposite})
+      for (Double3& p : *list)
+        for (double& x : p) x += random.in(-0.8, 0.8);
+    if (seed % 3 == 0) loop.taken = {{0, 4}, {2, 6}};
+    const std::vector<Double3> rim = boundary_normals(loop);
+    INFO("seed " << seed);
+    Triangles smooth = triangulate_hole(loop, rim).faces, expected = best_chord(loop, rim, 0, 8).faces;
+    std::sort(smooth.begin(), smooth.end());
+    std::sort(expected.begin(), expected.end());
+    CHECK(smooth == expected);
+    double least = 1e300;
+    for (const Triangles& faces : all_triangulations(0, 8)) {
+      bool taken = false;
+      for (const auto& f : faces)
+        for (const std::array<std::uint32_t, 2> side : {std::array{f[0], f[1]}, {f[1], f[2]}, {f[0], f[2]}})
+          taken = taken || std::count(loop.taken.begin(), loop.taken.end(), side) > 0;
+      if (!taken) least = std::min(least, twice_area(loop, faces));
+    }
+    CHECK(twice_area(loop, triangulate_hole(loop, rim, TriangulationGoal::kLeastArea).faces) ==
+          Approx(least));
+  }
 }
 
 }  // namespace hole_filling_test

@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <map>
 
 #include "kernels/smooth/crease_blunting.h"
+#include "tests/helpers/random.h"
 
 namespace crease_blunting_test {
 
@@ -80,6 +82,56 @@ TEST_CASE("crease blunting: a border blunts what is near, nothing moves far from
   std::fill(mesh.at_border.begin(), mesh.at_border.end(), std::uint8_t{0});
   mesh.position = before.position;
   CHECK(blunt_creases(mesh) == 0);  // the piece was cut out of a larger mesh
+}
+
+namespace {
+
+/// The rounds as the header has them, all vertices and faces in each. \pre everything but the border may move
+std::vector<Double3> blunted_plainly(const CreaseMesh& mesh) {
+  std::vector<Double3> at = mesh.position;
+  for (int round = 0; round < 6; ++round) {
+    std::vector<Double3> normal;
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> face_at;
+    for (const auto& f : mesh.faces) {
+      normal.push_back(unit_or_zero(cross(at[f[1]] - at[f[0]], at[f[2]] - at[f[0]])));
+      for (std::size_t k = 0; k < 3; ++k) face_at[{f[k], f[(k + 1) % 3]}] = normal.size() - 1;
+    }
+    std::vector<std::uint8_t> sharp(at.size(), 0);
+    for (const auto& [edge, face] : face_at) {
+      const auto other = face_at.find({edge.second, edge.first});
+      if (other != face_at.end() && dot(normal[face], normal[other->second]) < 0.5)
+        sharp[edge.first] = sharp[edge.second] = 1;
+    }
+    std::vector<Double3> sum(at.size());
+    std::vector<double> count(at.size());
+    for (const auto& f : mesh.faces)
+      for (std::size_t k = 0; k < 3; ++k) {
+        sum[f[k]] = sum[f[k]] + at[f[(k + 1) % 3]] + at[f[(k + 2) % 3]];
+        count[f[k]] += 2.0;
+      }
+    for (std::size_t v = 0; v < at.size(); ++v) {
+      if (!sharp[v] || mesh.at_border[v]) continue;
+      const Double3 to = (at[v] + sum[v] * (1.0 / count[v])) * 0.5, move = to - mesh.position[v];
+      at[v] = norm(move) > 1.0 ? mesh.position[v] + move * (1.0 / norm(move)) : to;
+    }
+  }
+  return at;
+}
+
+}  // namespace
+
+TEST_CASE("crease blunting: every round sees what moved in the round before", "[unit]") {
+  CreaseMesh mesh = terrace();
+  test::Random random(7);
+  for (Double3& p : mesh.position)
+    for (double& x : p) x += random.in(-0.45, 0.45);
+  std::fill(mesh.unseen.begin(), mesh.unseen.end(), std::uint8_t{1});
+  const std::vector<Double3> expected = blunted_plainly(mesh), before = mesh.position;
+  std::size_t moved = 0;
+  for (std::size_t v = 0; v < before.size(); ++v) moved += expected[v] != before[v];
+  REQUIRE(moved > 50);
+  CHECK(blunt_creases(mesh) == moved);
+  CHECK(mesh.position == expected);
 }
 
 }  // namespace crease_blunting_test
