@@ -179,7 +179,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/field/band_vdb", "kernels/field", {"band_leaf", "vdb_leaf"});
     by("kernels/field/field", "kernels/field",
        {"band", "bodies", "border", "coarse_normals", "crease_evidence", "directed_field", "edge_roots",
-        "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples", "sample_clusters",
+        "node_fit", "node_sums", "point_leaves", "root_colour", "row_samples", "sample_clusters",
         "sample_list", "sheets"});
     by("kernels/field/coarser_fits", "kernels/field", {"sparse_nodes"});
     by("kernels/solid/offset_field", "kernels/field", {"sampled_field"});
@@ -285,7 +285,7 @@ const std::map<std::string, std::string>& covering_tests() {
         "multipole_stage", "output_frame", "rims_stage", "surface_stage", "tiling", "write_stage"});
     by("tools/top_surface_model", "stream/stages/surface", {"hole_rounding", "loop_batches"});
     by("tools/uncross", "stream/stages/surface", {"prune_stage", "sides_stage", "uncross_holes_stage"});
-    by("tools/top_surface_model", "stream/stages/weld", {"blunt_stage"});
+    by("tools/top_surface_model", "stream/stages/weld", {"blunt_reader", "blunt_stage"});
     by("tools/uncross", "stream/stages/weld",
        {"border_moves", "border_stage", "border_strip", "mesh_around", "near_faces", "numbered_patches",
         "patch_positions", "uncross_stage", "weld_stage", "written_positions"});

@@ -10,7 +10,6 @@ namespace {
 
 constexpr std::uint64_t kAroundVertexBytes = std::uint64_t{4} << 20;
 constexpr std::uint64_t kAroundFaceBytes = std::uint64_t{8} << 20;
-constexpr std::size_t kRun = 32;   ///< faces one after the other lie beside each other
 constexpr double kFaceSpan = 4.0;  ///< cells that a face reaches out of its patch's brick, at most
 
 }  // namespace
@@ -52,7 +51,7 @@ const MeshAround::View& MeshAround::view(std::size_t patch) {
       v = v < own ? static_cast<std::uint32_t>(read_.index[v] - out.first)
                   : kept + static_cast<std::uint32_t>(v - own);
     const std::array<Double3, 3> corner = {out.position(f[0]), out.position(f[1]), out.position(f[2])};
-    const bool fresh = out.faces.size() % kRun == 0;
+    const bool fresh = out.faces.size() % kFaceRun == 0;
     Box& run = fresh ? out.runs.emplace_back() : out.runs.back();
     for (std::size_t a = 0; a < 3; ++a) {
       const auto [min, max] = std::minmax({corner[0][a], corner[1][a], corner[2][a]});
@@ -112,8 +111,8 @@ void MeshAround::for_each_face_of(std::size_t patch, const Double3& origin, cons
       apart = apart || first[a] > to[a] || from[a] > last[a];
     }
     if (apart || !run(first + shift, last + shift)) continue;
-    const std::size_t end = std::min(there.faces.size(), (r + 1) * kRun);
-    for (std::size_t i = r * kRun; i < end; ++i) {
+    const std::size_t end = std::min(there.faces.size(), (r + 1) * kFaceRun);
+    for (std::size_t i = r * kFaceRun; i < end; ++i) {
       const PatchFace& f = there.faces[i];
       const std::array<Double3, 3> at = {there.position(f[0]), there.position(f[1]), there.position(f[2])};
       bool out = false;  // by whole cells

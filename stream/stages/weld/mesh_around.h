@@ -50,7 +50,7 @@ class MeshAround {
     std::vector<Double3> foreign;
     std::vector<std::uint64_t> foreign_number;
     std::vector<PatchFace> faces;  ///< own vertices first
-    std::vector<Box> runs;         ///< per kRun faces: most are passed over by a look at these
+    std::vector<Box> runs;         ///< per kFaceRun faces: most are passed over by a look at these
     Double3 position(std::uint32_t v) const {
       return v < own.size() ? wide(own[v]) : foreign[v - own.size()];
     }

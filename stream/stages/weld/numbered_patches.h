@@ -17,6 +17,9 @@ namespace tessera {
 std::vector<std::size_t> kept_patches_around(const PatchStore& store, const Numbering& numbering,
                                              const Int3& brick);
 
+/// Faces of a patch one after the other lie beside each other: who looks for those in a place keeps a box of so many.
+inline constexpr std::size_t kFaceRun = 32;
+
 /// Drops patches of the smallest bricks, which came first, from a cache by patch until it is small.
 /// \param bytes  of what it holds, comes back so
 template <class Cache>
