@@ -49,7 +49,7 @@ std::vector<LayerLevel> layer_levels(std::span<const Double3> surface,
 
 std::uint64_t layer_levels_bytes(std::uint64_t faces) {
   const std::uint64_t maximum = faces + 20000;  // what the coarse copy may have besides
-  return remesh_bytes(maximum, maximum) + 2 * DisplacementEncoder::bytes(maximum) + 300 * maximum;
+  return remesh_bytes(maximum, maximum, false) + 2 * DisplacementEncoder::bytes(maximum) + 300 * maximum;
 }
 
 }  // namespace tessera

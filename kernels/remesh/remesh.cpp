@@ -146,15 +146,20 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   return report;
 }
 
-std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces) {
-  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5). Beside it, one after the other: an edge and a half in the
-  // lists of edges (16 each, twice, and as much again while they grow; freed for the sort by place); a hierarchy over the
-  // faces and where they lie (28 + 13); the block that comes out, sorted (16 + half of 60, twice). Where it crosses itself all that
-  // once more beside it, guarded. Half a point of the reference for the hierarchy to find.
-  const std::uint64_t lists = 144, search = ClosestFaces::bytes_per_face() + 41, sorted = 92, found = 46;
-  return max_faces * (32 + 47 + std::max({lists, search, sorted}) + found) +
-         FaceBoxes::bytes(max_faces, FaceBoxes::Order::kMorton) +
-         reference_faces * (ReferenceSurface::bytes_per_face() + 12) + (std::uint64_t{1} << 20);
+std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces, bool refines) {
+  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5). Beside it, one after the other: an edge and a half,
+  // three where borders are everywhere, in both lists of edges (16 each; freed for the sort by place); in refinement a hierarchy
+  // over the faces and where they lie (28 + 13); the block that comes out, sorted (16 + half of 60, twice). Where it crosses itself
+  // all that once more beside what came out first, guarded. Half a point of the reference for the hierarchy to find.
+  const std::uint64_t lists = 96, search = refines ? ClosestFaces::bytes_per_face() + 41 : 0, sorted = 92,
+                      first = 46;
+  const std::uint64_t working = max_faces * (32 + 47 + std::max({lists, search, sorted}) + first) +
+                                FaceBoxes::bytes(max_faces, FaceBoxes::Order::kMorton) +
+                                reference_faces * (refines ? 12 : 0);
+  // Nothing of that is there while the reference is made.
+  return std::max(reference_faces * ReferenceSurface::bytes_per_face(),
+                  reference_faces * ReferenceSurface::held_bytes_per_face() + working) +
+         (std::uint64_t{1} << 20);
 }
 
 }  // namespace tessera

@@ -88,6 +88,8 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
                     std::span<const std::uint64_t> pinned = {});
 
 /// Upper bound of what remesh() allocates above its arguments. \param max_faces  RemeshOptions::max_faces
-[[nodiscard]] std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces);
+/// \param refines  RemeshOptions::refine_beyond
+[[nodiscard]] std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces,
+                                         bool refines);
 
 }  // namespace tessera

@@ -172,16 +172,31 @@ Remesher::Edge Remesher::edge_at(std::uint32_t c) const {
 /// What is listed, by the class of its length, then in the order of faces: neighbours after each other.
 void Remesher::sort_listed(bool longest_first) {
   std::vector<std::uint32_t> begin(kLengthClasses + 1);
+  if (edges_.capacity() < listed_.size())
+    std::vector<Edge>().swap(edges_);  // none is there beside a larger one
   edges_.resize(listed_.size());
   counting_sort<Edge>(listed_, edges_, begin, [&](const Edge& e) {
     return longest_first ? kLengthClasses - 1 - e.length_class : e.length_class;
   });
 }
 
+/// Room in the list for all edges there are: it would be there twice while it grows.
+void Remesher::make_room_in_list() {
+  std::size_t sides = 0;
+  for (const CollapseFace& face : mesh_.faces()) {
+    if (face.state & kStateDead) continue;
+    for (const std::uint32_t o : face.opposite) sides += o == kNoCorner ? 2 : 1;
+  }
+  if (listed_.capacity() >= sides / 2) return;
+  std::vector<Edge>().swap(listed_);
+  listed_.reserve(sides / 2);
+}
+
 /// All edges that are wanted.
 template <class Wanted>
 void Remesher::list_edges(const Wanted& wanted, bool longest_first) {
   listed_.clear();
+  make_room_in_list();
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     step();
     const CollapseFace& face = mesh_.face(f);

@@ -75,6 +75,7 @@ class Remesher {
   void set_lines();
   void find_feet(const std::vector<std::uint32_t>& own);
   Edge edge_at(std::uint32_t c) const;
+  void make_room_in_list();
   void sort_listed(bool longest_first);
   template <class Wanted>
   void list_edges(const Wanted& wanted, bool longest_first);

@@ -115,6 +115,7 @@ void Remesher::want_missed(std::vector<Double3>& points, std::vector<std::uint8_
 std::size_t Remesher::split_wanted(const std::vector<std::uint8_t>& wanted, RemeshReport& report) {
   const double minimum = options_.tolerance * options_.tolerance;
   listed_.clear();
+  make_room_in_list();
   for (std::uint32_t c = 0; c < 4 * wanted.size(); ++c) {
     if ((c & 3u) == 3u || (mesh_.face(c >> 2).state & kStateDead)) continue;
     const std::uint32_t o = mesh_.opposite(c);

@@ -62,6 +62,7 @@ class BaseStage : public SerialStage {
     double area = 0.0;
     for (const auto& f : block.faces)
       area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+    drop_unused(block);
     // Two faces a vertex.
     const double faces = 2.0 * static_cast<double>(options_.base_vertices);
     RemeshOptions remeshing;
@@ -103,6 +104,17 @@ class BaseStage : public SerialStage {
     BaseSurface base{std::move(block.position), std::move(block.faces), std::move(sharp)};
     merge_short_edges(base.position, base.faces, kShortest * remeshing.edge, base.sharp);
     return base;
+  }
+
+  /// What no base is made of, and room that vectors have beyond their ends.
+  static void drop_unused(MeshBlock& block) {
+    block.rgba = {};
+    block.face_bound = {};
+    block.key.shrink_to_fit();
+    block.position.shrink_to_fit();
+    block.vertex_class.shrink_to_fit();
+    block.faces.shrink_to_fit();
+    block.face_flags.shrink_to_fit();
   }
 
   std::vector<std::size_t> all() const {

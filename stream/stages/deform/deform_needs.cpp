@@ -30,8 +30,8 @@ constexpr std::uint64_t kSolvingBytes[] = {830, 1030, 2280}, kUnevenSolvingBytes
 constexpr std::uint64_t kFrontsBytes[] = {300, 750, 2000}, kUnevenFrontsBytes = 3400;
 /// Of factors: how much may lie in memory. 444 to 495, 1,285 to 1,608, 2,475 to 3,584, twice as much where smoothness differs.
 constexpr std::uint64_t kFactorBytes[] = {600, 1800, 4000}, kUnevenFactorBytes = 8000;
-/// Of a block of a mesh, with colours.
-constexpr std::uint64_t kBlockVertexBytes = 37, kBlockFaceBytes = 17;
+/// Of a block of a mesh, without colours.
+constexpr std::uint64_t kBlockVertexBytes = 33, kBlockFaceBytes = 13;
 constexpr std::uint64_t kSystemSlackBytes = std::uint64_t{16} << 20;  ///< small ones vary more
 constexpr std::uint64_t kColumnBytes = 60, kVertexBytes = 850;
 /// Of a vertex of the base while others stream past it: positions, normals and faces at rest and posed, its role.
@@ -74,11 +74,11 @@ std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices) {
 std::uint64_t base_stage_bytes(bool own, const BaseInput& input, std::uint64_t base_vertices) {
   if (own) return 2 * input.loading_bytes + kSlackBytes;
   const std::uint64_t most_faces = base_capacity(input.faces, base_vertices);
-  // What came in, its vectors perhaps grown by doubling, and a copy to go by.
+  // What came in and a copy to go by; then that copy, what came out, its vectors grown by doubling, and a copy of it.
   const std::uint64_t held = kBlockVertexBytes * input.vertices + kBlockFaceBytes * input.faces;
-  return std::max(input.loading_bytes, 3 * held + std::max(remesh_bytes(most_faces, input.faces),
-                                                           held + smooth_bytes(most_faces / 2, most_faces,
-                                                                               base_low_pass().front()))) +
+  const std::uint64_t out = kBlockVertexBytes * most_faces / 2 + kBlockFaceBytes * most_faces;
+  return std::max({input.loading_bytes, 2 * held + remesh_bytes(most_faces, input.faces, false),
+                   held + 3 * out + smooth_bytes(most_faces / 2, most_faces, base_low_pass().front())}) +
          kSlackBytes;
 }
 

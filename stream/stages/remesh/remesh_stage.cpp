@@ -301,8 +301,8 @@ class RemeshStage : public Stage {
 std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t max_faces,
                                 std::uint64_t reference_faces, std::uint64_t failed_bytes) {
   // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
-  return block_bytes + remesh_bytes(max_faces, reference_faces) + failed_bytes + DirectFile::kDefaultBuffer +
-         (std::uint64_t{4} << 20);
+  return block_bytes + remesh_bytes(max_faces, reference_faces, true) + failed_bytes +
+         DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
 }
 
 std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t faces, std::uint64_t around) {
