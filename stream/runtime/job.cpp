@@ -254,8 +254,11 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   const std::uint64_t base = resident_bytes();
   const std::uint64_t own_base = state_.run.processes ? base : 0;
   MemoryBudget budget(state_.run.memory_bytes, base);
+  std::uint64_t largest_task = 0;
   for (std::size_t k = 0; k < count; ++k) {
-    budget.require(stage->task_bytes(k) + own_base, fmt::format("task {} of stage {}", k, name));
+    const std::uint64_t bytes = stage->task_bytes(k);
+    budget.require(bytes + own_base, fmt::format("task {} of stage {}", k, name));
+    largest_task = std::max(largest_task, bytes);
   }
   budget.require(stage->finish_bytes() + own_base, fmt::format("the end of stage {}", name));
 
@@ -304,6 +307,8 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
     j["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     j["cpu_s"] = cpu_seconds() - cpu_start;
     j["peak_bytes"] = progress_.stage_peak_bytes() + child_peak_;
+    j["task_bytes"] = largest_task;
+    j["finish_bytes"] = stage->finish_bytes();
     j["bytes_read"] = read;
     j["bytes_written"] = written;
     j["units"] = stage->units();

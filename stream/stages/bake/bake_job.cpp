@@ -93,13 +93,15 @@ JobDescription bake_job(const BakeOptions& options) {
   JobDescription job{"bake", std::move(stages), 0, summarise, {carried_crs()}, job_page()};
   add_texture_sidecars(job, options);
   job.needs = [options](const JobState& state) {
-    std::vector<StageNeed> needs =
-        import_needs(state.run, baked_source(), claimed_mesh_size(state.inputs.at(0)));
+    const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
+    std::vector<StageNeed> needs = import_needs(state.run, baked_source(), mesh);
     if (options.fine_mesh)
       for (const StageNeed& need :
            import_needs(state.run, {1, kFineMesh}, claimed_mesh_size(state.inputs.at(1))))
         needs.push_back(need);
-    for (const StageNeed& need : bake_needs(state.run, options.page_size)) needs.push_back(need);
+    for (const StageNeed& need :
+         bake_needs(state.run, options.page_size, mesh.faces, baked_source().brick_vertices))
+      needs.push_back(need);
     return needs;
   };
   return job;

@@ -8,6 +8,7 @@
 #include "stream/stages/bake/bake_scale.h"
 #include "stream/stages/bake/chart_files.h"
 #include "stream/stages/bake/texture_points.h"
+#include "stream/stages/decimate/simplify_needs.h"
 
 namespace tessera {
 namespace {
@@ -35,9 +36,28 @@ std::uint64_t bake_points_bytes(std::uint64_t sort_bytes, std::uint64_t patches)
   return sort_bytes + kBakePointsFixed + patches * kCellTableBytes;
 }
 
-std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size) {
+std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size, std::uint64_t faces,
+                                  std::uint64_t brick_vertices) {
+  const std::uint64_t patch_faces = std::min(faces, 2 * brick_vertices),
+                      block_faces = std::min(faces, kBlockTextureFaces);
+  const std::uint64_t patch = surface_block_bytes(patch_faces), block = surface_block_bytes(block_faces);
+  // Blocks are halved until they have few enough faces and texels: of a large mesh some have at least half of one or the other.
+  const double half = faces > kBlockTextureFaces ? kBlockFill * static_cast<double>(kBlockTexels) : 0.0;
+  const auto raster = [&](double texels, std::uint64_t each) {
+    return block_raster_bytes(texels, page_size, each);
+  };
+  const auto full = static_cast<double>(kBlockTexels);
+  constexpr std::uint64_t kSlack = std::uint64_t{3} << 20;
+  const StageNeed write = store_write_need(run, patch, faces / (patch_faces + 1), sort_bytes(run));
   return {{"texture-points", bake_points_bytes(sort_bytes(run), 0), 0},
-          {"texture-pages", page_size * page_size * 13 + (std::uint64_t{12} << 20), 0}};
+          {"texture-scale", std::max(2 * patch + (std::uint64_t{1} << 20), std::uint64_t{4} << 20), 0},
+          {"texture-charts",
+           patch + std::min(raster(half, 9), raster(0.0, 9) + block_faces / 2 * kChartFaceBytes) + kSlack,
+           block + block_faces * kChartFaceBytes + raster(full, 9) + kSlack},
+          {"texture-pack", page_size * page_size / 32 + (std::uint64_t{4} << 20), 0},
+          {"texture-texels", 2 * patch + raster(0.0, 12) + kSlack, texel_task_bytes(page_size, 1.0)},
+          {"texture-pages", page_size * page_size * 13 + (std::uint64_t{12} << 20), 0},
+          {write.stage, write.sure, write.likely + 2 * (block + 200 * block_faces)}};
 }
 
 StageForecast forecast_texture(const PlannedScan& scan, const std::string& stage, double texel,

@@ -14,8 +14,10 @@ namespace tessera {
 /// Memory of the stage "texture-points" beside what reading takes.
 std::uint64_t bake_points_bytes(std::uint64_t sort_bytes, std::uint64_t patches);
 
-/// Whatever the mesh, before it is read.
-std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size);
+/// Of all stages, before the mesh is read: of blocks half full, at least.
+/// \param faces  of the mesh that gets textures   \param brick_vertices  that it was imported with
+std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size, std::uint64_t faces,
+                                  std::uint64_t brick_vertices);
 
 /// Of a stage of a reconstruction with `--texture`. \param texel  units of the scan; not above 0: automatic
 /// \param normals  with normal maps of the mesh of full resolution

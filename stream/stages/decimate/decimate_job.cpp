@@ -237,7 +237,9 @@ JobDescription decimate_job(const SimplifyOptions& options) {
     }
     if (repairs) append(crossing_needs(input, mesh, ImportPlan::kBrickVertices));
     append(simplify_needs(state.run, options, mesh.faces));
-    if (options.has_texture()) append(bake_needs(state.run, BakeOptions().page_size));
+    // How few faces are left is not known.
+    if (options.has_texture())
+      append(bake_needs(state.run, BakeOptions().page_size, 0, ImportPlan::kBrickVertices));
     if (state.inputs.size() > 1)
       append(import_needs(state.run, {1, "reference"}, claimed_mesh_size(state.inputs[1])));
     return needs;

@@ -26,6 +26,18 @@ std::string leaves_part(std::size_t task) {
   return "leaves/" + task_file_stem(task) + ".key";
 }
 
+std::uint64_t cover_task_bytes(const MeshSize& patch, std::uint64_t near_bytes, bool alone) {
+  // The meshes around, the halo of its own twice, leaves of the band.
+  return 2 * MeshStore::block_bytes(patch.vertices, patch.faces) +
+         (alone ? 0 : 2 * near_bytes + 64 * patch.faces + (std::uint64_t{8} << 20)) +
+         3 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+}
+
+std::uint64_t cover_finish_bytes(const RunOptions& run) {
+  return sort_bytes(run) + 2 * kPage * sizeof(std::uint64_t) + DirectFile::kDefaultBuffer +
+         (std::uint64_t{4} << 20);
+}
+
 class CoverStage : public MergeFacesStage {
  public:
   explicit CoverStage(const JobState& state) : MergeFacesStage(state, true) {}
@@ -38,14 +50,14 @@ class CoverStage : public MergeFacesStage {
     std::uint64_t maximum = 0;
     for (std::size_t p = t.first; p < t.end; ++p) {
       const MeshPatchEntry& e = store.patches()[p];
-      std::uint64_t bytes = 2 * MeshStore::block_bytes(e.vertices, e.faces);
-      // The meshes around, the halo of its own twice, leaves of the band.
-      if (!meshes_.is_alone(t.rank, e.box))
-        bytes += 2 * meshes_.near_bytes(e.box, halo(t.rank) + meshes_.plan().range.apart) + 64ull * e.faces +
-                 (std::uint64_t{8} << 20);
-      maximum = std::max(maximum, bytes);
+      const bool alone = meshes_.is_alone(t.rank, e.box);
+      maximum = std::max(
+          maximum,
+          cover_task_bytes({e.vertices, e.faces},
+                           alone ? 0 : meshes_.near_bytes(e.box, halo(t.rank) + meshes_.plan().range.apart),
+                           alone));
     }
-    return maximum + meshes_.shared_bytes() + 3 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+    return maximum + meshes_.shared_bytes();
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
@@ -94,10 +106,7 @@ class CoverStage : public MergeFacesStage {
     return {{"rank", t.rank}, {"stay", stay}, {"band", band}, {"covered", covered}};
   }
 
-  std::uint64_t finish_bytes() const override {
-    return sort_bytes(state_.run) + 2 * kPage * sizeof(std::uint64_t) + DirectFile::kDefaultBuffer +
-           (std::uint64_t{4} << 20);
-  }
+  std::uint64_t finish_bytes() const override { return cover_finish_bytes(state_.run); }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     ExternalSort<std::uint64_t> sort(state_.work, sort_bytes(state_.run));
@@ -237,6 +246,10 @@ class CoverStage : public MergeFacesStage {
 };
 
 }  // namespace
+
+std::uint64_t merge_cover_bytes(const RunOptions& run, const MeshSize& patch, std::uint64_t near_bytes) {
+  return std::max(cover_task_bytes(patch, near_bytes, false), cover_finish_bytes(run));
+}
 
 std::unique_ptr<Stage> make_merge_cover_stage(const JobState& state) {
   return std::make_unique<CoverStage>(state);

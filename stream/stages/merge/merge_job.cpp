@@ -129,6 +129,7 @@ JobDescription merge_job(const MergeOptions& options) {
     if (mends)
       for (const StageNeed& need : crossing_needs(mend, all, ImportPlan::kBrickVertices))
         needs.push_back(need);
+    for (const StageNeed& need : merge_needs(state.run, all)) needs.push_back(need);
     const std::uint64_t vertices = std::min(all.vertices, ImportPlan::kBrickVertices);
     needs.push_back(store_write_need(state.run, MeshStore::block_bytes(vertices, 2 * vertices),
                                      all.vertices / ImportPlan::kBrickVertices, sort_bytes(state.run)));

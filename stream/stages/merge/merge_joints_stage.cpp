@@ -18,6 +18,11 @@ std::string part(std::size_t task) {
   return "joints/" + task_file_stem(task) + ".edg";
 }
 
+std::uint64_t joints_finish_bytes(const RunOptions& run) {
+  return sort_bytes(run) + 5 * kJointPage * sizeof(JointEdge) + DirectFile::kDefaultBuffer +
+         (std::uint64_t{4} << 20);
+}
+
 class JointsStage : public MergeFacesStage {
  public:
   explicit JointsStage(const JobState& state) : MergeFacesStage(state, false) {}
@@ -76,10 +81,7 @@ class JointsStage : public MergeFacesStage {
     return {{"rank", t.rank}, {"borders", borders}, {"joints", joints}};
   }
 
-  std::uint64_t finish_bytes() const override {
-    return sort_bytes(state_.run) + 5 * kJointPage * sizeof(JointEdge) + DirectFile::kDefaultBuffer +
-           (std::uint64_t{4} << 20);
-  }
+  std::uint64_t finish_bytes() const override { return joints_finish_bytes(state_.run); }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     ExternalSort<JointEdge> sort(state_.work, sort_bytes(state_.run));
@@ -118,6 +120,11 @@ class JointsStage : public MergeFacesStage {
 };
 
 }  // namespace
+
+std::uint64_t merge_joints_bytes(const RunOptions& run, std::uint64_t patch_bytes, std::uint64_t near_bytes) {
+  return std::max(patch_bytes + near_bytes + DirectFile::kDefaultBuffer + (std::uint64_t{1} << 20),
+                  joints_finish_bytes(run));
+}
 
 std::unique_ptr<Stage> make_merge_joints_stage(const JobState& state) {
   return std::make_unique<JointsStage>(state);

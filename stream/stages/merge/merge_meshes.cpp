@@ -110,9 +110,13 @@ std::uint64_t MergeMeshes::near_bytes(const MeshBox& box, double margin) const {
     std::uint64_t vertices = 0, faces = 0;
     for (const std::size_t p : patches)
       vertices += store.patches()[p].vertices, faces += store.patches()[p].faces;
-    bytes += store.block_bytes(patches) + SignedDistance::bytes(vertices, faces);
+    bytes += store.block_bytes(patches) + SignedDistance::bytes(vertices, faces);  // as merge_near_bytes()
   }
   return bytes;
+}
+
+std::uint64_t merge_near_bytes(const MeshSize& near) {
+  return MeshStore::block_bytes(near.vertices, near.faces) + SignedDistance::bytes(near.vertices, near.faces);
 }
 
 MeshStore open_merge_store(const std::filesystem::path& work, const std::string& folder) {

@@ -20,6 +20,7 @@
 
 #include "kernels/merge/merge_sheet.h"
 #include "stream/files/packed_file.h"
+#include "stream/import/import_needs.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/merge/merge_job.h"
@@ -158,6 +159,17 @@ constexpr Int3 merge_leaf(std::uint64_t key) {
 /// Stores by what stages leave: "kept", "rims", "strip"; and the merged mesh.
 MeshStore open_merge_store(const std::filesystem::path& work, const std::string& folder);
 MeshStore open_merged_mesh(const std::filesystem::path& work);
+
+// What stages take, told before the meshes are read: a patch, and what lies around it of all meshes (merge_near_bytes()).
+std::uint64_t merge_near_bytes(const MeshSize& near);
+std::uint64_t merge_joints_bytes(const RunOptions& run, std::uint64_t patch_bytes, std::uint64_t near_bytes);
+std::uint64_t merge_cover_bytes(const RunOptions& run, const MeshSize& patch, std::uint64_t near_bytes);
+/// \param leaves  of the strip in a brick   \param kept_bytes  of what stays there, as merge_near_bytes()
+std::uint64_t merge_strip_bytes(std::uint64_t leaves, std::uint64_t near_bytes, std::uint64_t kept_bytes);
+/// \param strip  with the faces near cuts, all of them
+std::uint64_t merge_zip_bytes(const MeshSize& strip, std::uint64_t patch_bytes);
+/// Of all of these. \param all  meshes together
+std::vector<StageNeed> merge_needs(const RunOptions& run, const MeshSize& all);
 
 std::unique_ptr<Stage> make_merge_scale_stage(const JobState& state, const MergeOptions& options);
 std::unique_ptr<Stage> make_merge_joints_stage(const JobState& state);

@@ -23,6 +23,7 @@ constexpr double kClearCells = 0.6;
 constexpr double kOffCells = 0.3;
 constexpr double kLateralCells = 0.25;         ///< how far the strip may reach beyond where all meshes end
 constexpr std::uint64_t kPatchBytes = 24'000;  ///< per leaf, while it is extracted
+constexpr std::uint64_t kTaskBytes = DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
 constexpr int kBrickLeaves = kBrickCells / kLeafCells;
 
 /// Leaves that a brick's field consists of, from -1 to 8 along each axis.
@@ -85,8 +86,7 @@ class StripStage : public Stage {
       bytes += kept_.block_bytes(patches) + SignedDistance::bytes(vertices, faces);
       maximum = std::max(maximum, bytes);
     }
-    return maximum + meshes_.shared_bytes() + 64 * all_leaves_ + DirectFile::kDefaultBuffer +
-           (std::uint64_t{2} << 20);
+    return maximum + meshes_.shared_bytes() + 64 * all_leaves_ + kTaskBytes;
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
@@ -192,6 +192,10 @@ class StripStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t merge_strip_bytes(std::uint64_t leaves, std::uint64_t near_bytes, std::uint64_t kept_bytes) {
+  return near_bytes + kept_bytes + leaves * kPatchBytes + sampled_field_bytes(leaves) + kTaskBytes;
+}
 
 std::unique_ptr<Stage> make_merge_strip_stage(const JobState& state) {
   return std::make_unique<StripStage>(state);

@@ -43,11 +43,9 @@ class ZipStage : public SerialStage {
       for (const MeshPatchEntry& e : store->patches()) vertices += e.vertices;
       faces += store->face_count();
     }
-    const std::uint64_t pieces = vertices * (24 + 8 + 24 + 16) + faces * 40;
-    return pieces + zip_bytes(vertices, faces) + MeshStore::block_bytes(vertices, 2 * faces) +
-           2 * std::max({kept_.largest_patch_bytes(), near_cut_.largest_patch_bytes(),
-                         strip_.largest_patch_bytes()}) +
-           2 * DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+    return merge_zip_bytes({vertices, faces},
+                           std::max({kept_.largest_patch_bytes(), near_cut_.largest_patch_bytes(),
+                                     strip_.largest_patch_bytes()}));
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
@@ -294,6 +292,13 @@ class ZipStage : public SerialStage {
 };
 
 }  // namespace
+
+std::uint64_t merge_zip_bytes(const MeshSize& strip, std::uint64_t patch_bytes) {
+  const std::uint64_t pieces = strip.vertices * (24 + 8 + 24 + 16) + strip.faces * 40;
+  return pieces + zip_bytes(strip.vertices, strip.faces) +
+         MeshStore::block_bytes(strip.vertices, 2 * strip.faces) + 2 * patch_bytes +
+         2 * DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+}
 
 std::unique_ptr<Stage> make_merge_zip_stage(const JobState& state) {
   return std::make_unique<ZipStage>(state);

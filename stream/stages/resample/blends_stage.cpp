@@ -120,7 +120,7 @@ class BlendsStage : public Stage {
     std::uint64_t vertices = 0, faces = 0;
     for (const std::size_t p : near)
       vertices += store_.patches()[p].vertices, faces += store_.patches()[p].faces;
-    return 2 * store_.block_bytes(near) + resample_blend_bytes(vertices, faces) + (std::uint64_t{4} << 20);
+    return blends_task_bytes(store_.block_bytes(near), vertices, faces);
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
@@ -230,6 +230,10 @@ class BlendsStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t blends_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces) {
+  return 2 * block_bytes + resample_blend_bytes(vertices, faces) + (std::uint64_t{4} << 20);
+}
 
 std::unique_ptr<Stage> make_blends_stage(const JobState& state, const ResampleOptions& options) {
   return std::make_unique<BlendsStage>(state, options);

@@ -60,9 +60,9 @@ class ResampleApplyStage : public Stage {
         largest = std::max(largest, blends_[b].bytes);
       }
       // What it gets is at most all of them, twice while blocks merge.
-      maximum = std::max(maximum, 3 * store_.largest_patch_bytes() + 4 * bytes + 2 * largest);
+      maximum = std::max(maximum, resample_apply_bytes(store_.largest_patch_bytes(), bytes, largest));
     }
-    return maximum + (std::uint64_t{8} << 20);
+    return maximum;
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
@@ -152,6 +152,11 @@ class ResampleApplyStage : public Stage {
 MeshStore open_resampled(const std::filesystem::path& work) {
   return MeshStore(list_task_files(work / kResampleImport / "tiles", ".tmm"),
                    list_task_files(work / "resampled", ".tmm"));
+}
+
+std::uint64_t resample_apply_bytes(std::uint64_t patch_bytes, std::uint64_t blend_bytes,
+                                   std::uint64_t largest_blend) {
+  return 3 * patch_bytes + 4 * blend_bytes + 2 * largest_blend + (std::uint64_t{8} << 20);
 }
 
 std::unique_ptr<Stage> make_resample_apply_stage(const JobState& state) {

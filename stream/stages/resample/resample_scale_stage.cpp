@@ -24,6 +24,12 @@ double length_of_class(std::uint32_t c) {
   return static_cast<double>(std::bit_cast<float>((c << 20) + (1u << 19)));
 }
 
+constexpr std::uint64_t kFinishBytes = std::uint64_t{8} << 20;
+
+std::uint64_t resample_scale_task_bytes(std::uint64_t patch_bytes) {
+  return 2 * patch_bytes + (std::uint64_t{1} << 20);
+}
+
 class ResampleScaleStage : public Stage {
  public:
   ResampleScaleStage(const JobState& state, const ResampleOptions& options)
@@ -43,7 +49,7 @@ class ResampleScaleStage : public Stage {
     return (store_.patches().size() + kScaleTaskPatches - 1) / kScaleTaskPatches;
   }
   std::uint64_t task_bytes(std::size_t) const override {
-    return 2 * store_.largest_patch_bytes() + (std::uint64_t{1} << 20);
+    return resample_scale_task_bytes(store_.largest_patch_bytes());
   }
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
@@ -64,7 +70,7 @@ class ResampleScaleStage : public Stage {
     return {{"lengths", out}};
   }
 
-  std::uint64_t finish_bytes() const override { return std::uint64_t{8} << 20; }
+  std::uint64_t finish_bytes() const override { return kFinishBytes; }
   Json finish(const std::vector<Json>& tasks, TaskContext& context) const override {
     std::map<std::uint32_t, std::uint64_t> count;
     std::uint64_t all = 0, below = 0;
@@ -97,6 +103,10 @@ class ResampleScaleStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t resample_scale_bytes(std::uint64_t patch_bytes) {
+  return std::max(resample_scale_task_bytes(patch_bytes), kFinishBytes);
+}
 
 std::unique_ptr<Stage> make_resample_scale_stage(const JobState& state, const ResampleOptions& options) {
   return std::make_unique<ResampleScaleStage>(state, options);

@@ -7,7 +7,9 @@
 ///   apply   patches with faces that go or come, written anew
 #pragma once
 #include <memory>
+#include <vector>
 
+#include "stream/import/import_needs.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/resample/resample_files.h"
 #include "stream/stages/resample/resample_options.h"
@@ -26,5 +28,13 @@ std::unique_ptr<Stage> make_resample_apply_stage(const JobState& state);
 
 /// What a block of the search takes. \param block_bytes  MeshStore::block_bytes of it and its halo
 std::uint64_t curvatures_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces);
+
+/// Of the scale; of a blend in a block; of a patch with the blends that change it, bytes of their files.
+std::uint64_t resample_scale_bytes(std::uint64_t patch_bytes);
+std::uint64_t blends_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces);
+std::uint64_t resample_apply_bytes(std::uint64_t patch_bytes, std::uint64_t blend_bytes,
+                                   std::uint64_t largest_blend);
+/// Of these stages, told before the mesh is read. \param searches  whether blends are looked for
+std::vector<StageNeed> resample_needs(const MeshSize& mesh, bool searches);
 
 }  // namespace tessera

@@ -57,13 +57,8 @@ class CoarseSumsStage : public Stage {
     std::uint64_t patch_vertices = 0;
     for (const MeshPatchEntry& e : store_.patches())
       patch_vertices = std::max<std::uint64_t>(patch_vertices, e.vertices);
-    SmoothRound rows = rule_;
-    rows.filter.degree = 1;
-    tiling.bytes = [=](std::uint64_t vertices, std::uint64_t faces) {
-      const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + TileState::bytes(vertices);
-      return std::max(tile_loading_bytes(vertices, faces),
-                      loaded + smooth_bytes(vertices, faces, rows) + kSumsVertexBytes * vertices) +
-             kSumsPatchBytes * patch_vertices + kSlackBytes;
+    tiling.bytes = [rule = rule_, patch_vertices](std::uint64_t vertices, std::uint64_t faces) {
+      return coarse_sums_bytes(rule, vertices, faces, patch_vertices);
     };
     tasks_ = make_smooth_tasks(store_, load_range(state.work, base_round(plan, round)), tiling);
   }
@@ -245,12 +240,8 @@ class CoarseStage : public Stage {
  private:
   /// Without what a factor may be held in beyond its fronts. The sort is empty when the system is solved.
   std::uint64_t needed_bytes() const {
-    return CoarseSystem::bytes(count_.unknowns, entries_, options_.order) +
-           std::max(
-               kCoarseSortBytes + count_.largest_patch_bytes,
-               CoarseSystem::solve_bytes(count_.unknowns, options_.order) + 2 * DirectFile::kDefaultBuffer) +
-           (sizeof(CoarseUnknown) + sizeof(CoarseValue)) * count_.unknowns +
-           (sizeof(PlacedLoad) + sizeof(CoarseLoad)) * count_.loads + kSlackBytes;
+    return coarse_stage_bytes(options_.order, count_.unknowns, entries_, count_.loads,
+                              count_.largest_patch_bytes);
   }
   FactorFile factor(TaskContext& context, const char* part, std::uint64_t memory_bytes) const {
     const std::string name = factor_file(first_, part);
@@ -269,6 +260,25 @@ class CoarseStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t coarse_sums_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,
+                                std::uint64_t patch_vertices) {
+  SmoothRound rows = rule;
+  rows.filter.degree = 1;
+  const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + TileState::bytes(vertices);
+  return std::max(tile_loading_bytes(vertices, faces),
+                  loaded + smooth_bytes(vertices, faces, rows) + kSumsVertexBytes * vertices) +
+         kSumsPatchBytes * patch_vertices + kSlackBytes;
+}
+
+std::uint64_t coarse_stage_bytes(int order, std::uint64_t unknowns, std::uint64_t entries,
+                                 std::uint64_t loads, std::uint64_t patch_bytes) {
+  return CoarseSystem::bytes(unknowns, entries, order) +
+         std::max(kCoarseSortBytes + patch_bytes,
+                  CoarseSystem::solve_bytes(unknowns, order) + 2 * DirectFile::kDefaultBuffer) +
+         (sizeof(CoarseUnknown) + sizeof(CoarseValue)) * unknowns +
+         (sizeof(PlacedLoad) + sizeof(CoarseLoad)) * loads + kSlackBytes;
+}
 
 std::unique_ptr<Stage> make_coarse_sums_stage(const JobState& state, const SmoothPlan& plan,
                                               std::size_t round) {

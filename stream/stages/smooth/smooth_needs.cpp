@@ -5,11 +5,21 @@
 
 #include "stream/stages/plan/forecast_rates.h"
 #include "stream/stages/plan/planned_scan.h"
+#include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/smooth/smooth_plan.h"
+#include "stream/stages/smooth/smooth_stages.h"
 #include "stream/stages/smooth/untangle_stages.h"
 
 namespace tessera {
+namespace {
+
+/// Of a coarse level (coarse_level.h): a large sheet has so many unknowns, a small one an unknown for so many vertices. Of each:
+/// entries of the matrix, sums that patches add to it; bytes of its solution, and of a patch's sums, a vertex.
+constexpr std::uint64_t kUnknowns = 150'000, kVerticesPerUnknown = 20, kEntries = 14, kLoads = 2;
+constexpr std::uint64_t kSolutionBytes = sizeof(CoarseUnknown) + sizeof(CoarseValue), kSumsBytes = 100;
+
+}  // namespace
 
 StageNeed smooth_round_need(const SmoothRound& rule, std::size_t round, const MeshSize& mesh,
                             std::uint64_t patch_vertices) {
@@ -24,6 +34,41 @@ StageNeed smooth_round_need(const SmoothRound& rule, std::size_t round, const Me
   // Rings are reached by whole patches, and by the longest edge. Vertices at seams are in every patch.
   return {smooth_folder(round), with(across, mesh.vertices),
           with(4 * (across + 2 * rings), mesh.vertices + mesh.vertices / 4)};
+}
+
+std::vector<StageNeed> coarse_needs(const SmoothRound& rule, std::size_t round, const MeshSize& mesh,
+                                    std::uint64_t patch_vertices) {
+  // In edges: lengths of the mesh do not matter to how many vertices a tile sees.
+  const CoarseOptions coarse = coarse_options(rule.filter.lambda, rule.filter.order, 1.0, mesh.faces);
+  SmoothRound filter = rule;
+  filter.filter.degree = coarse.degree;
+  const auto across = static_cast<std::uint64_t>(std::sqrt(static_cast<double>(patch_vertices)));
+  const auto halo = static_cast<std::uint64_t>(coarse_halo(coarse));
+  const std::uint64_t most = mesh.vertices + mesh.vertices / 4,
+                      patch = std::min(mesh.vertices, patch_vertices);
+  const std::uint64_t patch_bytes = MeshStore::block_bytes(patch, 2 * patch);
+  const auto vertices = [&](std::uint64_t rings) {
+    const std::uint64_t edge = across + 2 * (rings + halo);
+    return std::min(most, edge * edge);
+  };
+  const auto solved = [&](std::uint64_t unknowns) {
+    return coarse_stage_bytes(rule.filter.order, unknowns, kEntries * unknowns, kLoads * unknowns,
+                              kSumsBytes * patch);
+  };
+  const std::uint64_t unknowns = std::min(mesh.vertices / kVerticesPerUnknown, kUnknowns);
+  const auto sums = [&](std::uint64_t rings) {
+    const std::uint64_t v = vertices(rings);
+    return coarse_sums_bytes(rule, v, 2 * v, patch);
+  };
+  const auto filtered = [&](std::uint64_t rings) {
+    const std::uint64_t v = vertices(rings);
+    return smooth_tile_bytes(filter, v, 2 * v, patch_bytes) + kSolutionBytes * unknowns;
+  };
+  const auto rings = static_cast<std::uint64_t>(round_rings(filter)) + 1;
+  // Where edges are longer than the mean, as many again lie in the halo.
+  return {{coarse_sums_folder(round), sums(1), sums(2 + halo)},
+          {coarse_folder(round), solved(unknowns / 2), solved(2 * unknowns)},
+          {smooth_folder(round), filtered(rings), filtered(2 * rings)}};
 }
 
 std::vector<StageNeed> noise_needs(const MeshSize& mesh, std::uint64_t patch_vertices) {
@@ -52,8 +97,14 @@ std::vector<StageNeed> smooth_before_needs(const std::string& method, const Mesh
 std::vector<StageNeed> smooth_needs(const std::vector<SmoothRound>& rounds, const MeshSize& mesh) {
   std::vector<StageNeed> needs = noise_needs(mesh, ImportPlan::kBrickVertices);
   needs.resize(1);  // noise is measured by the rounds themselves
-  for (std::size_t round = 1; round <= rounds.size(); ++round)
-    needs.push_back(smooth_round_need(rounds[round - 1], round, mesh, ImportPlan::kBrickVertices));
+  for (std::size_t round = 1; round <= rounds.size(); ++round) {
+    const SmoothRound& rule = rounds[round - 1];
+    if (rule.cycle < 0)
+      needs.push_back(smooth_round_need(rule, round, mesh, ImportPlan::kBrickVertices));
+    else
+      for (const StageNeed& need : coarse_needs(rule, round, mesh, ImportPlan::kBrickVertices))
+        needs.push_back(need);
+  }
   for (const StageNeed& need : untangle_needs(mesh, ImportPlan::kBrickVertices)) needs.push_back(need);
   return needs;
 }

@@ -17,6 +17,10 @@ namespace tessera {
 StageNeed smooth_round_need(const SmoothRound& rule, std::size_t round, const MeshSize& mesh,
                             std::uint64_t patch_vertices);
 
+/// Of a round that a coarse level belongs to: of its sums, of the level, and of the filter behind it.
+std::vector<StageNeed> coarse_needs(const SmoothRound& rule, std::size_t round, const MeshSize& mesh,
+                                    std::uint64_t patch_vertices);
+
 /// Of reach and noise alone. \param patch_vertices  of the largest patch
 std::vector<StageNeed> noise_needs(const MeshSize& mesh,
                                    std::uint64_t patch_vertices = ImportPlan::kBrickVertices);

@@ -12,6 +12,7 @@
 /// They stand in the job of `smooth` and, between the mesh of full resolution and its decimation, in others
 /// (smooth_before.h).
 #pragma once
+#include <cstdint>
 #include <memory>
 
 #include "stream/runtime/stage.h"
@@ -24,5 +25,13 @@ std::unique_ptr<Stage> make_coarse_sums_stage(const JobState& state, const Smoot
                                               std::size_t round);
 std::unique_ptr<Stage> make_coarse_stage(const JobState& state, const SmoothPlan& plan, std::size_t round);
 std::unique_ptr<Stage> make_smooth_stage(const JobState& state, const SmoothPlan& plan, std::size_t round);
+
+/// What a tile of "sums-K" takes; \param patch_vertices  of the largest patch
+std::uint64_t coarse_sums_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,
+                                std::uint64_t patch_vertices);
+/// What "coarse-K" takes without factors, which lie on disk where memory does not do. \param order  of the filter
+/// \param loads  of all patches   \param patch_bytes  of the sums of the largest
+std::uint64_t coarse_stage_bytes(int order, std::uint64_t unknowns, std::uint64_t entries,
+                                 std::uint64_t loads, std::uint64_t patch_bytes);
 
 }  // namespace tessera

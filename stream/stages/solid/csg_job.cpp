@@ -122,7 +122,7 @@ JobDescription csg_job(const CsgOptions& options) {
                      summarise_solids,
                      {known_origin()},
                      job_page()};
-  job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
+  job.needs = [model](const JobState& state) { return solid_needs(state, model); };
   return job;
 }
 

@@ -97,6 +97,13 @@ std::uint64_t DistanceTiles::tile_bytes(const Tile& tile) const {
   return mesh_.block_bytes(near) + OffsetSampler::bytes(vertices, faces) + edge * edge * edge * value_bytes_;
 }
 
+std::uint64_t DistanceTiles::brick_task_bytes(std::uint64_t faces, std::uint64_t value_bytes) {
+  constexpr std::uint64_t kEdge = kBrickCells / kLeafCells + 2;
+  const std::uint64_t vertices = faces / 2;
+  return MeshStore::block_bytes(vertices, faces) + OffsetSampler::bytes(vertices, faces) +
+         kEdge * kEdge * kEdge * value_bytes + kTileTaskBytes;
+}
+
 std::uint64_t DistanceTiles::task_bytes(std::size_t task) const {
   std::uint64_t maximum = 0;
   for (const std::uint64_t cube : groups_[task])

@@ -24,6 +24,8 @@ class DistanceTiles {
   TileGroup tiles_of(std::uint64_t cube) const;
   /// Upper bound of what the faces near any tile of a task take, and its leaves.
   std::uint64_t task_bytes(std::size_t task) const;
+  /// The same of a tile of one brick with so many faces near it, told before there is a surface.
+  static std::uint64_t brick_task_bytes(std::uint64_t faces, std::uint64_t value_bytes);
   /// Faces near a tile, in cells from its corner; none where nothing is near.
   MeshBlock load(const Tile& tile) const;
   const RowSigns& signs() const { return signs_; }

@@ -29,6 +29,7 @@ constexpr std::size_t kMaxTasks = 400;
 constexpr std::uint64_t kFixedTaskBytes = std::uint64_t{12} << 20;  ///< write buffers, values kept of a brick
 /// Of an octree: where it is measured, at most; fewer in small ones.
 constexpr std::uint64_t kSamples = 4000;
+constexpr std::size_t kOctreePage = std::size_t{1} << 20;
 constexpr const char* kLeaves = ".lvl";
 constexpr const char* kOctrees = ".oct";
 
@@ -272,7 +273,7 @@ class OctreeStage : public SerialStage {
   std::string name() const override { return "octree"; }
   std::uint64_t units() const override { return bytes_; }
   std::string unit_name() const override { return "bytes"; }
-  std::uint64_t finish_bytes() const override { return OutputFile::kBufferBytes + 2 * kPage; }
+  std::uint64_t finish_bytes() const override { return octree_bytes(); }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
     OutputFile out(state_.output);
@@ -282,7 +283,7 @@ class OctreeStage : public SerialStage {
     for (int a = 0; a < 3; ++a) header.origin[static_cast<std::size_t>(a)] = plan_.lattice.world(a, 0.0);
     out.append(&header, sizeof header);
     for (const auto& path : files_)
-      for_each_page<char>(path, kPage, [&](auto page) {
+      for_each_page<char>(path, kOctreePage, [&](auto page) {
         context.check_stop();
         out.append(page.data(), page.size());
         context.advance(page.size());
@@ -296,7 +297,6 @@ class OctreeStage : public SerialStage {
   std::vector<std::string> obsolete() const override { return {"solid/", "distances/"}; }
 
  private:
-  static constexpr std::size_t kPage = std::size_t{1} << 20;
   JobState state_;
   double tolerance_;
   Plan plan_;
@@ -305,6 +305,16 @@ class OctreeStage : public SerialStage {
 };
 
 }  // namespace
+
+std::uint64_t far_distances_bytes(std::uint64_t brick_faces) {
+  return 3 * PatchTree::patch_bytes(brick_faces / 2, brick_faces) + kFixedTaskBytes;
+}
+std::uint64_t cells_bytes(std::uint64_t brick_faces) {
+  return far_distances_bytes(brick_faces) + distance_octree_bytes(std::uint64_t{kCube} * kCube * kCube);
+}
+std::uint64_t octree_bytes() {
+  return OutputFile::kBufferBytes + 2 * kOctreePage;
+}
 
 std::unique_ptr<Stage> make_far_distances_stage(const JobState& state, const SolidModel&) {
   return std::make_unique<FarDistancesStage>(state);

@@ -55,7 +55,7 @@ JobDescription field_job(const FieldJobOptions& options) {
     stages.push_back({"grid", [model](const JobState& s) { return make_grid_stage(s, model); }});
   }
   JobDescription job{"field", std::move(stages), 0, summarise_field, {}, job_page()};
-  job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
+  job.needs = [model](const JobState& state) { return solid_needs(state, model); };
   return job;
 }
 

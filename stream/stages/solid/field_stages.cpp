@@ -116,8 +116,8 @@ class GridStage : public SerialStage {
   std::uint64_t units() const override { return leaves_; }
   std::string unit_name() const override { return "leaves"; }
   std::uint64_t finish_bytes() const override {
-    return write_level_set_bytes(leaves_) + leaves_ * sizeof(LeafSlot) + 2 * sign_bytes_ +
-           kPage * sizeof(LevelSetLeaf);
+    return grid_bytes() + write_level_set_bytes(leaves_) - write_level_set_bytes(0) +
+           leaves_ * sizeof(LeafSlot) + 2 * sign_bytes_;
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
@@ -183,6 +183,13 @@ class GridStage : public SerialStage {
 };
 
 }  // namespace
+
+std::uint64_t distances_bytes(std::uint64_t near_faces) {
+  return DistanceTiles::brick_task_bytes(near_faces, sizeof(Int3));
+}
+std::uint64_t grid_bytes() {
+  return write_level_set_bytes(0) + kPage * sizeof(LevelSetLeaf);
+}
 
 std::unique_ptr<Stage> make_distances_stage(const JobState& state, const SolidModel& model) {
   return std::make_unique<DistancesStage>(state, model);

@@ -23,11 +23,7 @@ class LatticeStage : public SerialStage {
   std::string name() const override { return "lattice"; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "solids"; }
-  std::uint64_t finish_bytes() const override {
-    std::uint64_t bytes = std::uint64_t{32} << 20;
-    for (const PlacedShape& s : model_.shapes) bytes += placed_shape_bytes(state_, s);
-    return bytes;
-  }
+  std::uint64_t finish_bytes() const override { return solid_lattice_bytes(state_, model_); }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
     MeshBox box;
@@ -142,6 +138,12 @@ std::vector<Long3> quantise_block(const Lattice& lattice, const MeshBlock& block
   std::vector<Long3> out(block.position.size());
   for (std::size_t v = 0; v < out.size(); ++v) out[v] = quantise_solid(lattice, block.position[v]);
   return out;
+}
+
+std::uint64_t solid_lattice_bytes(const JobState& state, const SolidModel& model) {
+  std::uint64_t bytes = std::uint64_t{32} << 20;
+  for (const PlacedShape& s : model.shapes) bytes += placed_shape_bytes(state, s);
+  return bytes;
 }
 
 std::unique_ptr<Stage> make_solid_lattice_stage(const JobState& state, const SolidModel& model) {

@@ -101,14 +101,9 @@ class LinesStage : public Stage {
     std::uint64_t maximum = 0;
     for (std::size_t p = t.first; p < t.end; ++p) {
       const MeshPatchEntry& e = stores_[t.input].patches()[p];
-      maximum =
-          std::max<std::uint64_t>(maximum, MeshStore::block_bytes(e.vertices, e.faces) + 24ull * e.vertices +
-                                               6 * sizeof(BorderEdge) * std::uint64_t{e.faces});
+      maximum = std::max(maximum, solid_lines_task_bytes(e.vertices, e.faces));
     }
-    // Crossings of one triangle in one cube; leaves with their index; output buffers.
-    return maximum + std::uint64_t{12} * kChunk * kChunk * sizeof(LatticeCrossing) / 4 +
-           kMaxLeaves * (2 * sizeof(LeafWindings) + 64) + 2 * DirectFile::kDefaultBuffer +
-           (std::uint64_t{4} << 20);
+    return maximum;
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
@@ -134,7 +129,7 @@ class LinesStage : public Stage {
     return {{"operand", t.operand}, {"volume", volume}, {"crossings", leaves.crossings()}};
   }
 
-  std::uint64_t finish_bytes() const override { return 3 * kSortBytes + (std::uint64_t{16} << 20); }
+  std::uint64_t finish_bytes() const override { return solid_lines_finish_bytes(); }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     Json operands = Json::array();
@@ -321,6 +316,18 @@ MeshSolid load_mesh_solid(const std::filesystem::path& work, std::size_t operand
     for (BorderEdge& e : border) e.count = -e.count;
   }
   return MeshSolid(LineWindings(std::move(windings)), BorderWinding(std::move(border)));
+}
+
+std::uint64_t solid_lines_task_bytes(std::uint64_t vertices, std::uint64_t faces) {
+  // Crossings of one triangle in one cube; leaves with their index; output buffers.
+  return MeshStore::block_bytes(vertices, faces) + 24 * vertices + 6 * sizeof(BorderEdge) * faces +
+         std::uint64_t{12} * kChunk * kChunk * sizeof(LatticeCrossing) / 4 +
+         kMaxLeaves * (2 * sizeof(LeafWindings) + 64) + 2 * DirectFile::kDefaultBuffer +
+         (std::uint64_t{4} << 20);
+}
+
+std::uint64_t solid_lines_finish_bytes() {
+  return 3 * kSortBytes + (std::uint64_t{16} << 20);
 }
 
 std::unique_ptr<Stage> make_solid_lines_stage(const JobState& state, const SolidModel& model) {

@@ -77,6 +77,10 @@ class OffsetStage : public Stage {
 
 }  // namespace
 
+std::uint64_t solid_offset_bytes(std::uint64_t near_faces) {
+  return DistanceTiles::brick_task_bytes(near_faces, sampled_field_bytes(1)) + kPatchBytes;
+}
+
 std::unique_ptr<Stage> make_solid_offset_stage(const JobState& state, const SolidModel& model) {
   return std::make_unique<OffsetStage>(state, model);
 }

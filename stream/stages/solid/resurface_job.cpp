@@ -3,7 +3,6 @@
 #include <numeric>
 
 #include "stream/files/json.h"
-#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
@@ -119,13 +118,6 @@ std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_
   return stages;
 }
 
-std::vector<StageNeed> solid_needs(const JobState& state, std::size_t meshes) {
-  constexpr std::uint64_t kFewPatches = std::uint64_t{8} << 20;
-  std::vector<StageNeed> needs = import_needs(state, meshes, solid_import);
-  needs.push_back({"write", write_bytes({}, 0), write_bytes({}, 0) + kFewPatches});
-  return needs;
-}
-
 SolidModel model_of_soup(std::size_t meshes) {
   SolidModel model;
   std::vector<std::size_t> inputs(meshes);
@@ -144,7 +136,7 @@ JobDescription resurface_job(const ResurfaceOptions& options) {
                      summarise_solids,
                      {known_origin()},
                      job_page()};
-  job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
+  job.needs = [model](const JobState& state) { return solid_needs(state, model); };
   return job;
 }
 

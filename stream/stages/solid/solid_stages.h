@@ -126,6 +126,20 @@ MeshBox placed_box(const Placement& placement, const MeshBox& box);
 /// A block's vertices in quanta.
 std::vector<Long3> quantise_block(const Lattice& lattice, const MeshBlock& block);
 
+/// What the stages take, told before there is a mesh (solid_needs.cpp). \param leaves  of a brick, at the surface
+/// \param near_faces  of the surface around a brick   \param brick_faces  in it
+std::uint64_t solid_lattice_bytes(const JobState& state, const SolidModel& model);
+std::uint64_t solid_lines_task_bytes(std::uint64_t vertices, std::uint64_t faces);  ///< of a patch
+std::uint64_t solid_lines_finish_bytes();
+std::uint64_t solid_surface_bytes(const JobState& state, const SolidModel& model, std::uint64_t leaves,
+                                  std::uint64_t patch_bytes);
+std::uint64_t solid_offset_bytes(std::uint64_t near_faces);
+std::uint64_t distances_bytes(std::uint64_t near_faces);
+std::uint64_t far_distances_bytes(std::uint64_t brick_faces);
+std::uint64_t cells_bytes(std::uint64_t brick_faces);
+std::uint64_t grid_bytes();
+std::uint64_t octree_bytes();
+
 std::unique_ptr<Stage> make_solid_lattice_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_solid_lines_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_solid_inside_stage(const JobState& state, const SolidModel& model);

@@ -50,7 +50,7 @@ class SolidSurfaceStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t maximum = 0;
     for (const Tile& tile : groups_[task]) maximum = std::max(maximum, tiling_.tile_bytes(tile));
-    return maximum + patch_bytes_ + shared_bytes_ + kSurfaceTaskBytes;
+    return maximum + patch_bytes_ + shared_bytes_ + kSurfaceTaskBytes;  // as solid_surface_bytes()
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
@@ -257,6 +257,14 @@ class SolidSurfaceStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t solid_surface_bytes(const JobState& state, const SolidModel& model, std::uint64_t leaves,
+                                  std::uint64_t patch_bytes) {
+  std::uint64_t bytes = SolidTiling::brick_bytes(leaves, model.meshes.size() + model.shapes.size()) +
+                        patch_bytes * 5 / 4 + kSurfaceTaskBytes;
+  for (const PlacedShape& s : model.shapes) bytes += placed_shape_bytes(state, s);
+  return bytes;
+}
 
 std::unique_ptr<Stage> make_solid_surface_stage(const JobState& state, const SolidModel& model) {
   return std::make_unique<SolidSurfaceStage>(state, model);

@@ -14,6 +14,7 @@ constexpr std::uint64_t kLeavesPerOccupied = 4;
 /// A patch while it is extracted: 128 cells at the surface, a feature sample in each.
 constexpr std::uint64_t kPatchBytesPerLeaf = 24'000;
 constexpr std::uint64_t kBrickLeafCount = 512;
+constexpr std::uint64_t kLeafCrossings = 128;  ///< of one with a surface across it
 
 }  // namespace
 
@@ -40,6 +41,13 @@ std::uint64_t SolidTiling::tile_bytes(const Tile& tile) const {
   const std::uint64_t leaves = open_ ? slots : std::min(slots, kLeavesPerOccupied * load.leaves);
   return solid_field_bytes(leaves, load.crossings + (open_ ? 128 * leaves : 0), slots, tables_.size()) +
          std::min(kBrickLeafCount, leaves) * kPatchBytesPerLeaf;
+}
+
+std::uint64_t SolidTiling::brick_bytes(std::uint64_t leaves, std::size_t operands) {
+  const SolidBlock block = solid_block({{0, 0, 0}, 1});
+  const std::uint64_t near = std::min(block.slots(), kLeavesPerOccupied * leaves);
+  return solid_field_bytes(near, leaves * kLeafCrossings, block.slots(), operands) +
+         std::min(kBrickLeafCount, near) * kPatchBytesPerLeaf;
 }
 
 void SolidTiling::split(const Tile& tile, int max_bricks, std::uint64_t max_bytes, TileGroup& out) const {

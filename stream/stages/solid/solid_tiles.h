@@ -46,6 +46,8 @@ class SolidTiling {
   SolidLoad load(const SolidBlock& block) const;
   /// Upper bound of what the field of a tile and its patches take.
   std::uint64_t tile_bytes(const Tile& tile) const;
+  /// The same of a brick with so many leaves at one closed surface: the least that a tile can be.
+  static std::uint64_t brick_bytes(std::uint64_t leaves, std::size_t operands);
   /// Tasks in Morton order; they depend on the solids alone.
   /// \param max_bricks  edge of a tile  \param max_bytes  tiles over it are split down to one brick
   std::vector<TileGroup> groups(int max_bricks, std::uint64_t max_bytes) const;

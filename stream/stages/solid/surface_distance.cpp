@@ -32,7 +32,11 @@ PatchTree::PatchTree(const MeshStore& mesh, const Lattice& lattice) : mesh_(mesh
 
 std::uint64_t PatchTree::patch_bytes(std::size_t patch) const {
   const MeshPatchEntry& e = mesh_.patches()[patch];
-  return MeshStore::block_bytes(e.vertices, e.faces) + e.faces * ClosestFaces::bytes_per_face() + 16'384;
+  return patch_bytes(e.vertices, e.faces);
+}
+
+std::uint64_t PatchTree::patch_bytes(std::uint64_t vertices, std::uint64_t faces) {
+  return MeshStore::block_bytes(vertices, faces) + faces * ClosestFaces::bytes_per_face() + 16'384;
 }
 
 std::uint64_t PatchTree::bytes() const {

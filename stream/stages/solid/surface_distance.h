@@ -21,6 +21,7 @@ class PatchTree {
   const Lattice& lattice() const { return lattice_; }
   /// What a patch takes in memory once it is asked, and while it is loaded.
   std::uint64_t patch_bytes(std::size_t patch) const;
+  static std::uint64_t patch_bytes(std::uint64_t vertices, std::uint64_t faces);
   std::uint64_t largest_patch_bytes() const { return largest_; }
   std::uint64_t all_bytes() const { return all_; }  ///< of all patches together
   std::uint64_t bytes() const;                      ///< its own

@@ -7,6 +7,7 @@
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_blocking.h"
 #include "stream/meshes/mesh_store.h"
+#include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/tiles/tile_levels.h"
 
 namespace tessera {
@@ -85,6 +86,10 @@ class ClusterStage : public Stage {
 std::uint64_t cluster_task_bytes(std::uint64_t block_bytes) {
   // What is loaded is merged from pieces; then sums and order of its cells and faces, and what comes of it.
   return 3 * block_bytes + (std::uint64_t{4} << 20);
+}
+
+std::uint64_t level_cluster_bytes(std::uint64_t faces, std::uint64_t around) {
+  return cluster_task_bytes(surface_block_bytes(std::min(faces, around * kClusterBlockFaces)));
 }
 
 std::unique_ptr<Stage> make_level_cluster_stage(const JobState& state, int level) {

@@ -7,12 +7,18 @@
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_blocking.h"
+#include "stream/stages/decimate/simplify_needs.h"
 
 namespace tessera {
 namespace {
 
 constexpr std::uint64_t kColourBlockFaces = 1u << 14;  ///< with four times as many of the level below
 constexpr std::uint64_t kColourTaskFaces = 1u << 17;   ///< a task is worth a file from here
+
+/// \param coarse_bytes, below_bytes  MeshStore::block_bytes of a block and of what lies below it
+std::uint64_t colour_task_bytes(std::uint64_t coarse_bytes, std::uint64_t below_bytes) {
+  return 2 * (2 * coarse_bytes + below_bytes) + (std::uint64_t{4} << 20);
+}
 
 class ColourStage : public Stage {
  public:
@@ -32,10 +38,11 @@ class ColourStage : public Stage {
     for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
       // Faces at the block reach no farther than the boxes of the patches that they lie in.
       const MeshBox star = coarse_.box_of(coarse_.select(coarse_.box_of(blocks_[b].patches)));
-      maximum = std::max(maximum, 2 * coarse_.block_bytes(coarse_.select(grown(star, 2.0 * radius_))) +
-                                      below_.block_bytes(below_.select(grown(star, radius_))));
+      maximum =
+          std::max(maximum, colour_task_bytes(coarse_.block_bytes(coarse_.select(grown(star, 2.0 * radius_))),
+                                              below_.block_bytes(below_.select(grown(star, radius_)))));
     }
-    return 2 * maximum + (std::uint64_t{4} << 20);
+    return maximum;
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
@@ -93,6 +100,11 @@ class ColourStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t level_colour_bytes(std::uint64_t faces, std::uint64_t around) {
+  const std::uint64_t coarse = std::min(faces / 4, around * kColourBlockFaces);
+  return colour_task_bytes(surface_block_bytes(coarse), surface_block_bytes(4 * coarse));
+}
 
 std::unique_ptr<Stage> make_level_colour_stage(MeshStore decimated, MeshStore below, double radius) {
   return std::make_unique<ColourStage>(std::move(decimated), std::move(below), radius);

@@ -6,10 +6,13 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/tiles/cluster_stage.h"
+#include "stream/stages/tiles/colour_stage.h"
 #include "stream/stages/tiles/tile_levels.h"
 #include "stream/stages/tiles/tile_points_stage.h"
 #include "stream/stages/tiles/tile_texture.h"
 #include "stream/stages/tiles/tiles_stage.h"
+#include "stream/stages/tiles/tileset_stage.h"
 
 namespace tessera {
 namespace {
@@ -21,7 +24,8 @@ constexpr double kSiteBytes = 13.0;  ///< with grids finer than 16 bits, where f
 constexpr double kNormalBytes = 1.0;
 constexpr double kTexturePointBytes = 28.0;  ///< points of all levels, and what sorts the first
 constexpr double kTextureSiteBytes = 4.0;
-constexpr double kUsedTexels = 0.7;  ///< of those of a page, by faces
+constexpr double kTilesPerLeast = 2.0 * 4.0 / 3.0;  ///< of all levels, for each full one of the first
+constexpr double kUsedTexels = 0.7;                 ///< of those of a page, by faces
 
 std::uint64_t bytes_of(std::uint64_t faces, double each) {
   return static_cast<std::uint64_t>(static_cast<double>(faces) * each);
@@ -34,6 +38,14 @@ std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& op
   std::vector<StageNeed> needs = import_needs(run, {0, kTilesImport}, mesh);
   const auto named = [](int level, const std::string& stage) { return level_folder(level) + "-" + stage; };
   const std::uint64_t tile = std::min(mesh.faces, options.tile_faces);
+  const auto add_tiles = [&](int level, std::uint64_t sure, std::uint64_t likely) {
+    // Each looks at whole tiles; a level's grids do so before its tiles.
+    const StageNeed plain{"", tile_task_bytes(surface_block_bytes(tile / 4)),
+                          tile_task_bytes(2 * surface_block_bytes(tile))};
+    for (const char* stage : {"grid", "finer-grid"})
+      needs.push_back({named(level, stage), plain.sure, plain.likely});
+    needs.push_back({named(level, "tiles"), plain.sure + sure, plain.likely + likely});
+  };
   // The parent of a cell has more faces than a tile may: of a surface, the cell a quarter of them.
   std::uint64_t sure = 0, likely = 0;
   if (options.has_texture()) {
@@ -47,18 +59,31 @@ std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& op
     likely = std::max(2 * tile_texture_bytes(tile, 4 * tile),
                       tile_texture_bytes(tile, std::min(2 * texels, pages.texels)));
   }
-  needs.push_back({named(0, "tiles"), tile_task_bytes(surface_block_bytes(tile / 4)) + sure,
-                   tile_task_bytes(2 * surface_block_bytes(tile)) + likely});
-  if (mesh.faces <= options.tile_faces) return needs;
-  needs.push_back({named(1, "tolerance"), level_tolerance_bytes(mesh.faces), 0});
-  const SimplifyOptions simplify;
-  for (StageNeed need : simplify_needs(run, simplify, mesh.faces)) {
-    const bool proof = need.stage == "certify";
-    bool pass = false;
-    for (int p = 0; p < kLevelPasses; ++p) pass |= need.stage == SimplifyPass{p, 0, false}.stage_name();
-    if (!proof && !pass) continue;
-    need.stage = named(1, need.stage);
-    needs.push_back(need);
+  add_tiles(0, sure, likely);
+  const auto tiles =
+      static_cast<std::uint64_t>(kTilesPerLeast * static_cast<double>(mesh.faces / (tile + 1)));
+  needs.push_back({"tileset", tileset_bytes(0), tileset_bytes(tiles)});
+  // Of those below as few stay as is asked for; where borders keep more of them blocks are no larger than they may be.
+  std::uint64_t faces = mesh.faces;
+  for (int level = 1; level <= kMaxLevels && faces > options.tile_faces; ++level, faces /= 4) {
+    needs.push_back({named(level, "tolerance"), level_tolerance_bytes(faces), 0});
+    const SimplifyOptions simplify;
+    for (StageNeed need : simplify_needs(run, simplify, faces)) {
+      const bool proof = need.stage == "certify";
+      bool pass = false;
+      for (int p = 0; p < kLevelPasses; ++p) pass |= need.stage == SimplifyPass{p, 0, false}.stage_name();
+      if (!proof && !pass) continue;
+      if (proof) needs.push_back({named(level, "cluster-certify"), 0, need.likely});
+      need.stage = named(level, need.stage);
+      needs.push_back(need);
+    }
+    needs.push_back(
+        {named(level, "colours"), level_colour_bytes(faces, 1), level_colour_bytes(faces, kMaxAround)});
+    // Which of both makes a level is seen when it is there.
+    needs.push_back({named(level, "cluster"), 0, level_cluster_bytes(faces, kMaxAround)});
+    if (options.has_texture())
+      needs.push_back({named(level, "texture-points"), tile_points_bytes(sort_bytes(run), 0), 0});
+    add_tiles(level, sure, likely);
   }
   return needs;
 }

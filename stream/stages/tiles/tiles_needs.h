@@ -13,7 +13,7 @@
 
 namespace tessera {
 
-/// Memory of the import, of level 0 and of level 1; further levels are smaller.
+/// Memory of the import and of all levels. Of levels that are clustered instead of decimated nothing is sure.
 /// \param pages  of the mesh, where textures are made of them
 std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& options, const MeshSize& mesh,
                                    const PagesSize& pages = {});

@@ -32,10 +32,7 @@ class TilesetStage : public SerialStage {
   std::string name() const override { return "tileset"; }
   std::uint64_t units() const override { return tiles_; }
   std::string unit_name() const override { return "tiles"; }
-  std::uint64_t finish_bytes() const override {
-    // Nodes of all, the JSON of one file with the ones that it is made of, PROJ.
-    return tiles_ * sizeof(TileNode) + (std::uint64_t{32} << 20);
-  }
+  std::uint64_t finish_bytes() const override { return tileset_bytes(tiles_); }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
     const TileTree tree = make_tile_tree(levels_, kTilesPerFile);
@@ -137,6 +134,11 @@ class TilesetStage : public SerialStage {
 };
 
 }  // namespace
+
+std::uint64_t tileset_bytes(std::uint64_t tiles) {
+  // Nodes of all, the JSON of one file with the ones that it is made of, PROJ.
+  return tiles * sizeof(TileNode) + (std::uint64_t{32} << 20);
+}
 
 std::unique_ptr<Stage> make_tileset_stage(const JobState& state) {
   return std::make_unique<TilesetStage>(state);

@@ -2,11 +2,17 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <set>
 #include <string>
 
 #include "stream/stages/bake/bake_job.h"
 #include "stream/stages/merge/merge_job.h"
+#include "stream/stages/resample/resample_job.h"
 #include "stream/stages/smooth/smooth_job.h"
+#include "stream/stages/solid/csg_job.h"
+#include "stream/stages/solid/field_job.h"
+#include "stream/stages/solid/resurface_job.h"
+#include "stream/stages/tiles/tiles_job.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -51,6 +57,62 @@ TEST_CASE("job needs: the last stages of smooth, merge and bake are asked for", 
   CHECK(need_of(bake_job(bake), state, "texture-pages") >=
         13 * std::uint64_t{bake.page_size} * bake.page_size);
   CHECK(need_of(bake_job(bake), state, "texture-points") > 0);
+}
+
+namespace {
+
+/// Stages that nobody asks for before the first, in their order.
+std::string unasked(const JobDescription& job, const JobState& state) {
+  std::set<std::string> asked;
+  for (const StageNeed& need : job.needs(state)) {
+    CHECK(std::max(need.sure, need.likely) > 0);
+    asked.insert(need.stage);
+  }
+  std::string names;
+  for (const StageEntry& entry : job.stages)
+    if (asked.count(entry.name) == 0) names += (names.empty() ? "" : " ") + entry.name;
+  return names;
+}
+
+}  // namespace
+
+TEST_CASE("job needs: what lies between import and output is asked for", "[unit]") {
+  const test::TempFolder folder;
+  JobState state;
+  for (const char* name : {"a.ply", "b.ply"}) {
+    state.inputs.push_back(folder.path() / name);
+    test::write_sheet(state.inputs.back(), 100, [](int i, int j) { return Double3{1.0 * i, 1.0 * j, 0}; });
+  }
+  state.output = folder.path() / "out.ply";
+  state.run.memory_bytes = std::uint64_t{1} << 30;
+  state.run.threads = 2;
+  // Repairs are of few places; rounds behind the first take no more; of borders that are open nothing is known.
+  const std::string uncrossed = " uncross-2 uncross-3 uncross-4 uncross-5 uncross-6 uncross-7 uncross-8";
+  CHECK(unasked(resurface_job({}), state) == "mesh-0-repair inside" + uncrossed);
+  ResurfaceOptions shell;
+  shell.shell = 1.0;
+  CHECK(unasked(resurface_job(shell), state) == "mesh-0-repair inside" + uncrossed);
+  CsgOptions csg;
+  const std::string at = R"("placement":[1,0,0,0,1,0,0,0,1,0,0,0])";
+  csg.program = "[{\"mesh\":0," + at + "},{\"mesh\":1," + at + "},{\"join\":\"union\"}]";
+  CHECK(unasked(csg_job(csg), state) == "mesh-0-repair mesh-1-repair inside" + uncrossed);
+  FieldJobOptions field;
+  CHECK(unasked(field_job(field), state) == "mesh-0-repair inside");
+  field.full = true;
+  CHECK(unasked(field_job(field), state) == "mesh-0-repair inside");
+  field.tolerance = 1.0;
+  CHECK(unasked(field_job(field), state) == "mesh-0-repair inside");
+  CHECK(unasked(merge_job({}), state) == "mesh-0-repair mesh-1-repair");
+  CHECK(unasked(resample_job({}), state) == "mesh-repair");
+  CHECK(unasked(bake_job({}), state) == "mesh-repair");
+  SmoothOptions far;
+  far.lambda = 5000.0;
+  CHECK(unasked(smooth_job(far), state) == "mesh-repair");
+  // Levels that a mesh of 20,000 faces may have, one for each factor of four down to a tile.
+  TilesOptions tiles;
+  tiles.tile_faces = 1000;
+  const std::string open = unasked(tiles_job(tiles), state);
+  CHECK(open.rfind("mesh-repair level-4-tolerance ", 0) == 0);
 }
 
 }  // namespace job_needs_test

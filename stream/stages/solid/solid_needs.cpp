@@ -1,0 +1,74 @@
+#include <algorithm>
+#include <vector>
+
+#include "stream/import/import_needs.h"
+#include "stream/meshes/mesh_store.h"
+#include "stream/meshes/patch_store.h"
+#include "stream/stages/solid/resurface_job.h"
+#include "stream/stages/solid/solid_stages.h"
+#include "stream/stages/surface/write_stage.h"
+#include "stream/stages/weld/uncross_stage.h"
+#include "stream/stages/weld/weld_stage.h"
+
+namespace tessera {
+namespace {
+
+// Leaves of a brick that a plane passes, and its faces with some for slopes; what the most have.
+constexpr std::uint64_t kPlaneLeaves = 64, kMostLeaves = 128;
+constexpr std::uint64_t kPlaneFaces = std::uint64_t{3} * kBrickCells * kBrickCells;
+/// Bricks of a plane around one, itself too; and where another sheet of the surface lies near.
+constexpr std::uint64_t kPlaneBricks = 9, kMostBricks = 18;
+constexpr std::uint64_t kFewPatches = std::uint64_t{8} << 20;
+
+/// A patch of the surface in a brick. Its border, twice.
+PatchEntry plane_patch() {
+  PatchEntry patch;
+  patch.faces = static_cast<std::uint32_t>(kPlaneFaces);
+  patch.vertices = static_cast<std::uint32_t>(kPlaneFaces / 2);
+  patch.foreign = patch.exported = 8 * kBrickCells;
+  patch.components = 4;
+  return patch;
+}
+
+}  // namespace
+
+std::vector<StageNeed> solid_needs(const JobState& state, const SolidModel& model) {
+  std::vector<StageNeed> needs = import_needs(state, model.inputs(), solid_import);
+  std::uint64_t vertices = 0;
+  for (std::size_t i = 0; i < model.inputs(); ++i)
+    vertices = std::max(vertices, claimed_mesh_size(state.inputs.at(i)).vertices);
+  vertices = std::min(vertices, ImportPlan::kBrickVertices);
+  const std::uint64_t patch = MeshStore::block_bytes(vertices, 2 * vertices);
+  const auto surface = [&](std::uint64_t leaves) { return solid_surface_bytes(state, model, leaves, patch); };
+  const auto add = [&](const char* stage, std::uint64_t sure, std::uint64_t likely = 0) {
+    needs.push_back({stage, sure, likely});
+  };
+  add("lattice", solid_lattice_bytes(state, model));
+  add("lines", std::max(solid_lines_task_bytes(vertices, 2 * vertices), solid_lines_finish_bytes()));
+  add("surface", surface(kPlaneLeaves), surface(kMostLeaves));
+  if (model.is_offset())
+    add("offset", solid_offset_bytes(kPlaneBricks * kPlaneFaces),
+        solid_offset_bytes(kMostBricks * kPlaneFaces));
+  if (model.is_measured() && !model.is_offset()) {
+    if (model.tolerance > 0.0) {
+      add("cells", cells_bytes(kPlaneFaces));
+      add("octree", octree_bytes());
+      return needs;
+    }
+    if (model.full)
+      add("distances", far_distances_bytes(kPlaneFaces));
+    else
+      add("distances", distances_bytes(kPlaneBricks * kPlaneFaces),
+          distances_bytes(kMostBricks * kPlaneFaces));
+    add("grid", grid_bytes(), grid_bytes() + kFewPatches);
+    return needs;
+  }
+  const std::vector<PatchEntry> patches = {plane_patch()};
+  add("weld", std::max(weld_task_bytes(patches), weld_finish_bytes(patches.size(), 1)),
+      weld_finish_bytes(patches.size(), 1) + kFewPatches);
+  add("uncross-1", uncross_task_bytes(patches));
+  add("write", write_bytes({}, 0), write_bytes({}, 0) + kFewPatches);
+  return needs;
+}
+
+}  // namespace tessera
