@@ -7,6 +7,7 @@
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/page/report_page.h"
+#include "stream/points/point_inputs.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/bake/bake_needs.h"
 #include "stream/stages/bake/bake_pages.h"
@@ -99,9 +100,11 @@ JobDescription bake_job(const BakeOptions& options) {
       for (const StageNeed& need :
            import_needs(state.run, {1, kFineMesh}, claimed_mesh_size(state.inputs.at(1))))
         needs.push_back(need);
-    for (const StageNeed& need :
-         bake_needs(state.run, options.page_size, mesh.faces, baked_source().brick_vertices))
-      needs.push_back(need);
+    for (StageNeed& need :
+         bake_needs(state.run, options.page_size, mesh.faces, baked_source().brick_vertices)) {
+      if (need.stage == "texture-points" && !options.fine_mesh) need.sure += PointInputs::kReadBytes;
+      needs.push_back(std::move(need));
+    }
     return needs;
   };
   return job;

@@ -6,8 +6,8 @@
 namespace tessera {
 namespace {
 
-// Patches of a sheet around one, itself too; and those of a second mesh that lies over it.
-constexpr std::uint64_t kAround = 9, kMostAround = 18;
+// Patches around one of two sheets over each other, itself too: as a rule, and all.
+constexpr std::uint64_t kAround = 16, kMostAround = 18;
 /// Of the strip in a brick, of 512.
 constexpr std::uint64_t kStripLeaves = 64, kMostStripLeaves = 192;
 

@@ -67,7 +67,7 @@ JobDescription resample_job(const ResampleOptions& options) {
                                              std::min(mesh.faces, kMaxAround * block) / 2,
                                              std::min(mesh.faces, kMaxAround * block))});
     }
-    for (const StageNeed& need : resample_needs(mesh, options.blends == "auto")) needs.push_back(need);
+    for (const StageNeed& need : resample_needs(mesh)) needs.push_back(need);
     for (const StageNeed& need : proof_needs(state.run, mesh.faces, mesh.faces)) needs.push_back(need);
     return needs;
   };

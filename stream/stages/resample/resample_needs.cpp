@@ -6,12 +6,12 @@
 namespace tessera {
 namespace {
 
-// Patches that a blend runs through: a short one, and one along a whole body.
-constexpr std::uint64_t kPatches = 4, kMostPatches = 32;
+// Patches that the box of a blend meets: of a short one, and of one along a whole body.
+constexpr std::uint64_t kPatches = 9, kMostPatches = 32;
 
 }  // namespace
 
-std::vector<StageNeed> resample_needs(const MeshSize& mesh, bool searches) {
+std::vector<StageNeed> resample_needs(const MeshSize& mesh) {
   const auto patches = [&](std::uint64_t count) {
     return MeshSize{std::min(mesh.vertices, count * ImportPlan::kBrickVertices),
                     std::min(mesh.faces, 2 * count * ImportPlan::kBrickVertices)};
@@ -22,9 +22,8 @@ std::vector<StageNeed> resample_needs(const MeshSize& mesh, bool searches) {
   };
   const MeshSize one = patches(1);
   const std::uint64_t patch = MeshStore::block_bytes(one.vertices, one.faces);
-  // A mesh need not have blends.
   return {{"scale", resample_scale_bytes(patch), 0},
-          {"blends", searches ? 0 : blend(1), blend(searches ? kMostPatches : kPatches)},
+          {"blends", blend(kPatches), blend(kMostPatches)},
           {"apply", resample_apply_bytes(patch, 0, 0), resample_apply_bytes(patch, patch, patch)}};
 }
 

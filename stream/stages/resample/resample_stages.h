@@ -34,7 +34,7 @@ std::uint64_t resample_scale_bytes(std::uint64_t patch_bytes);
 std::uint64_t blends_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces);
 std::uint64_t resample_apply_bytes(std::uint64_t patch_bytes, std::uint64_t blend_bytes,
                                    std::uint64_t largest_blend);
-/// Of these stages, told before the mesh is read. \param searches  whether blends are looked for
-std::vector<StageNeed> resample_needs(const MeshSize& mesh, bool searches);
+/// Of these stages, told before the mesh is read.
+std::vector<StageNeed> resample_needs(const MeshSize& mesh);
 
 }  // namespace tessera

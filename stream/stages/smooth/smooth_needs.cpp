@@ -14,8 +14,9 @@
 namespace tessera {
 namespace {
 
-/// Of a coarse level (coarse_level.h): a large sheet has so many unknowns, a small one an unknown for so many vertices. Of each:
-/// entries of the matrix, sums that patches add to it; bytes of its solution, and of a patch's sums, a vertex.
+/// Of a coarse level (coarse_level.h): a large sheet has about so many unknowns (119,538 to 210,000 were counted), a small one
+/// an unknown for so many vertices. Of each: entries of the matrix, sums that patches add to it; bytes of its solution, and of
+/// a patch's sums, a vertex.
 constexpr std::uint64_t kUnknowns = 150'000, kVerticesPerUnknown = 20, kEntries = 14, kLoads = 2;
 constexpr std::uint64_t kSolutionBytes = sizeof(CoarseUnknown) + sizeof(CoarseValue), kSumsBytes = 100;
 
@@ -47,8 +48,8 @@ std::vector<StageNeed> coarse_needs(const SmoothRound& rule, std::size_t round, 
   const std::uint64_t most = mesh.vertices + mesh.vertices / 4,
                       patch = std::min(mesh.vertices, patch_vertices);
   const std::uint64_t patch_bytes = MeshStore::block_bytes(patch, 2 * patch);
-  const auto vertices = [&](std::uint64_t rings) {
-    const std::uint64_t edge = across + 2 * (rings + halo);
+  const auto vertices = [&](std::uint64_t rings, std::uint64_t wider) {
+    const std::uint64_t edge = wider * (across + 2 * (rings + halo));
     return std::min(most, edge * edge);
   };
   const auto solved = [&](std::uint64_t unknowns) {
@@ -56,19 +57,20 @@ std::vector<StageNeed> coarse_needs(const SmoothRound& rule, std::size_t round, 
                               kSumsBytes * patch);
   };
   const std::uint64_t unknowns = std::min(mesh.vertices / kVerticesPerUnknown, kUnknowns);
-  const auto sums = [&](std::uint64_t rings) {
-    const std::uint64_t v = vertices(rings);
+  const auto sums = [&](std::uint64_t wider) {
+    const std::uint64_t v = vertices(1, wider);
     return coarse_sums_bytes(rule, v, 2 * v, patch);
   };
-  const auto filtered = [&](std::uint64_t rings) {
-    const std::uint64_t v = vertices(rings);
+  const auto rings = static_cast<std::uint64_t>(round_rings(filter)) + 1;
+  const auto filtered = [&](std::uint64_t wider) {
+    const std::uint64_t v = vertices(rings, wider);
     return smooth_tile_bytes(filter, v, 2 * v, patch_bytes) + kSolutionBytes * unknowns;
   };
-  const auto rings = static_cast<std::uint64_t>(round_rings(filter)) + 1;
-  // Where edges are longer than the mean, as many again lie in the halo.
-  return {{coarse_sums_folder(round), sums(1), sums(2 + halo)},
-          {coarse_folder(round), solved(unknowns / 2), solved(2 * unknowns)},
-          {smooth_folder(round), filtered(rings), filtered(2 * rings)}};
+  // As far as the longest edge of a patch reaches, which on bodies with flat sides is several.
+  constexpr std::uint64_t kWider = 4;
+  return {{coarse_sums_folder(round), sums(1), sums(kWider)},
+          {coarse_folder(round), solved(unknowns * 4 / 5), solved(unknowns * 3 / 2)},
+          {smooth_folder(round), filtered(1), filtered(kWider)}};
 }
 
 std::vector<StageNeed> noise_needs(const MeshSize& mesh, std::uint64_t patch_vertices) {

@@ -16,8 +16,8 @@ namespace {
 // Leaves of a brick that a plane passes, and its faces with some for slopes; what the most have.
 constexpr std::uint64_t kPlaneLeaves = 64, kMostLeaves = 128;
 constexpr std::uint64_t kPlaneFaces = std::uint64_t{3} * kBrickCells * kBrickCells;
-/// Bricks of a plane around one, itself too; and where another sheet of the surface lies near.
-constexpr std::uint64_t kPlaneBricks = 9, kMostBricks = 18;
+/// Bricks with a surface around one, itself too: of the machine parts of `synth` 17, by the boxes of their patches; all there are.
+constexpr std::uint64_t kPlaneBricks = 18, kMostBricks = 27;
 constexpr std::uint64_t kFewPatches = std::uint64_t{8} << 20;
 
 /// A patch of the surface in a brick. Its border, twice.
