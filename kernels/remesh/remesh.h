@@ -76,7 +76,8 @@ struct RemeshReport {
 
 /// Remeshes `block` in place.
 /// \param block      any order; comes back canonical, without face_bound
-/// \param reference  the original surface with all that comes within four edge lengths of the block; canonical
+/// \param reference  the original surface with all that comes within four edge lengths of the block; canonical. May be `block`,
+///                   canonical then: of it only what remeshing leaves alone until its end is asked for
 /// \param pinned       keys, ascending, of vertices whose faces all stay as they are
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold. If more faces of the

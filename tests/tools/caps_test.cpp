@@ -29,8 +29,8 @@ class Files {
     run({"reconstruct", at("solid.ply"), "-o", at("body.ply")});
     run({"synth", "--scene", "terrain", "--points", "40k", "--missing", "0.2", "-o", at("beside.las")});
     run({"reconstruct", at("beside.las"), "-o", at("beside.ply")});
-    run({"synth", "--scene", "sphere", "--points", "20k", "--normals", "--colour", "-o", at("ball.las")});
-    run({"reconstruct", at("ball.las"), "-o", at("part.ply")});
+    run({"synth", "--scene", "sphere", "--points", "20k", "--normals", "--colour", "-o", at("ball.ply")});
+    run({"reconstruct", at("ball.ply"), "-o", at("part.ply")});
     std::ofstream(at("edit.json")) << R"({"regions": [{"role": "support", "all": true},
       {"role": "fixed", "vertices": [0]}, {"role": "handle", "name": "a", "vertices": [200]}],
       "handles": {"a": {"move": [0.1, 0, 0]}}})";
@@ -85,7 +85,7 @@ std::vector<Words> jobs(const Files& files) {
       {"merge", files.at("mesh.ply"), files.at("beside.ply")},
       {"field", files.at("body.ply"), "--resolution", "0.02", "-o", files.at("out.vdb")},
       {"tiles", files.at("mesh.ply"), "--tile-faces", "8000", "-o", files.at("site/")},
-      {"bake", files.at("part.ply"), "--from", files.at("ball.las"), "-o", files.at("out.glb")},
+      {"bake", files.at("part.ply"), "--from", files.at("ball.ply"), "-o", files.at("out.glb")},
       {"deform", files.at("body.ply"), files.at("edit.json"), "--base-vertices", "4000", "--no-html"},
   };
 }

@@ -39,6 +39,9 @@ class BaseStage : public SerialStage {
   std::uint64_t finish_bytes() const override {
     BaseInput input{0, store_.face_count(), store_.block_bytes(all())};
     for (const MeshPatchEntry& e : store_.patches()) input.vertices += e.vertices;
+    // What decimation leaves of a large mesh lies in patches of a few dozen faces, most vertices in several of them: of a surface,
+    // borders and islands included, as many vertices as faces are there at the most.
+    if (!own_) input.vertices = std::min(input.vertices, input.faces);
     return base_stage_bytes(own_, input, options_.base_vertices);
   }
 
@@ -85,8 +88,9 @@ class BaseStage : public SerialStage {
         return {std::move(block.position), std::move(block.faces), {}};
       }
     }
-    MeshBlock reference = block;
-    const RemeshReport report = remesh(block, reference, remeshing);
+    MeshBlock given;  // for who may stay as it is, a small mesh
+    if (may_stay) given = block;
+    const RemeshReport report = remesh(block, block, remeshing);
     context.check_stop();
     ThinArea thin;
     thin.add(block.position, block.faces);
@@ -95,7 +99,7 @@ class BaseStage : public SerialStage {
     // What comes out is no better, and may cross itself all over.
     if (thin.share() > kMaxThin && may_stay) {
       out["own"] = true;
-      return {std::move(reference.position), std::move(reference.faces), {}};
+      return {std::move(given.position), std::move(given.faces), {}};
     }
     std::vector<Double3> sharp = block.position;
     for (const SmoothRound& round : base_low_pass()) block.position = smooth_block(block, round).position;

@@ -74,17 +74,17 @@ std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices) {
 std::uint64_t base_stage_bytes(bool own, const BaseInput& input, std::uint64_t base_vertices) {
   if (own) return 2 * input.loading_bytes + kSlackBytes;
   const std::uint64_t most_faces = base_capacity(input.faces, base_vertices);
-  // What came in and a copy to go by; then that copy, what came out, its vectors grown by doubling, and a copy of it.
+  // What came in, twice only where it is small; then what came out, its vectors grown by doubling, and a copy of it.
   const std::uint64_t held = kBlockVertexBytes * input.vertices + kBlockFaceBytes * input.faces;
   const std::uint64_t out = kBlockVertexBytes * most_faces / 2 + kBlockFaceBytes * most_faces;
-  return std::max({input.loading_bytes, 2 * held + remesh_bytes(most_faces, input.faces, false),
-                   held + 3 * out + smooth_bytes(most_faces / 2, most_faces, base_low_pass().front())}) +
+  const std::uint64_t given = input.vertices <= base_vertices ? 2 * held : held;
+  return std::max({input.loading_bytes, given + remesh_bytes(most_faces, input.faces, false),
+                   given + 3 * out + smooth_bytes(most_faces / 2, most_faces, base_low_pass().front())}) +
          kSlackBytes;
 }
 
 BaseInput base_input(std::uint64_t faces) {
-  return {static_cast<std::uint64_t>(static_cast<double>(faces) * kVerticesPerFace), faces,
-          surface_block_bytes(faces)};
+  return {faces, faces, MeshStore::block_bytes(faces + faces / 4, faces)};
 }
 
 std::uint64_t fronts_bytes(std::uint64_t vertices, const EditScript& script) {

@@ -18,7 +18,8 @@ struct BaseInput {
   std::uint64_t vertices = 0, faces = 0;
   std::uint64_t loading_bytes = 0;  ///< MeshStore::block_bytes()
 };
-BaseInput base_input(std::uint64_t faces);  ///< of which nothing is known but these
+/// Of which nothing is known but these: in patches of what is left of a stream bed's scan 1.25 vertices a face were.
+BaseInput base_input(std::uint64_t faces);
 /// \param own  it is its own base
 std::uint64_t base_stage_bytes(bool own, const BaseInput& input, std::uint64_t base_vertices);
 

@@ -6,6 +6,7 @@
 #include "stream/meshes/patch_store.h"
 #include "stream/stages/solid/resurface_job.h"
 #include "stream/stages/solid/solid_stages.h"
+#include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/write_stage.h"
 #include "stream/stages/weld/uncross_stage.h"
 #include "stream/stages/weld/weld_stage.h"
@@ -20,11 +21,11 @@ constexpr std::uint64_t kPlaneFaces = std::uint64_t{3} * kBrickCells * kBrickCel
 constexpr std::uint64_t kPlaneBricks = 18, kMostBricks = 27;
 constexpr std::uint64_t kFewPatches = std::uint64_t{8} << 20;
 
-/// A patch of the surface in a brick. Its border, twice.
-PatchEntry plane_patch() {
+/// A patch of the surface in a brick, with so many sheets. Its border, twice.
+PatchEntry patch_of(std::uint64_t sheets) {
   PatchEntry patch;
-  patch.faces = static_cast<std::uint32_t>(kPlaneFaces);
-  patch.vertices = static_cast<std::uint32_t>(kPlaneFaces / 2);
+  patch.faces = static_cast<std::uint32_t>(sheets * kPlaneFaces);
+  patch.vertices = static_cast<std::uint32_t>(sheets * kPlaneFaces / 2);
   patch.foreign = patch.exported = 8 * kBrickCells;
   patch.components = 4;
   return patch;
@@ -63,10 +64,12 @@ std::vector<StageNeed> solid_needs(const JobState& state, const SolidModel& mode
     add("grid", grid_bytes(), grid_bytes() + kFewPatches);
     return needs;
   }
-  const std::vector<PatchEntry> patches = {plane_patch()};
+  // Walls and corners: two sheets in a brick are usual, more are not rare.
+  const std::vector<PatchEntry> patches = {patch_of(2)}, most = {patch_of(4)};
   add("weld", std::max(weld_task_bytes(patches), weld_finish_bytes(patches.size(), 1)),
       weld_finish_bytes(patches.size(), 1) + kFewPatches);
-  add("uncross-1", uncross_task_bytes(patches));
+  for (const StageEntry& round : uncross_stages(written_by(false)))
+    add(round.name.c_str(), uncross_task_bytes(patches), uncross_task_bytes(most));
   add("write", write_bytes({}, 0), write_bytes({}, 0) + kFewPatches);
   return needs;
 }
