@@ -6,6 +6,7 @@
 #include <string>
 
 #include "stream/stages/bake/bake_job.h"
+#include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/merge/merge_job.h"
 #include "stream/stages/resample/resample_job.h"
 #include "stream/stages/smooth/smooth_job.h"
@@ -112,6 +113,15 @@ TEST_CASE("job needs: what lies between import and output is asked for", "[unit]
   tiles.tile_faces = 1000;
   const std::string open = unasked(tiles_job(tiles), state);
   CHECK(open.rfind("mesh-repair level-4-tolerance ", 0) == 0);
+}
+
+TEST_CASE("job needs: the base of an edit of any mesh fits beside a process into 256 MiB", "[unit]") {
+  const std::uint64_t vertices = DeformOptions().base_vertices;
+  const BaseInput input = base_input(kDecimatedFaces * vertices);
+  const std::uint64_t bytes = base_stage_bytes(false, input, vertices);
+  // What there is of the cap beside a process of 40 MiB.
+  CHECK(bytes <= (std::uint64_t{256 - 256 / 32 - 40} << 20));
+  CHECK(bytes >= input.loading_bytes);
 }
 
 }  // namespace job_needs_test
