@@ -49,6 +49,12 @@ std::string listed(const std::vector<std::string>& words) {
   return text;
 }
 
+/// Of a stage that is done and hashed only its end is told: a histogram a task, of thousands of tasks, would stay to the end
+/// of the job, which no stage asks memory for.
+void forget_summaries(StageRecords& records) {
+  for (TaskRecord& record : records.tasks) record.summary = Json();
+}
+
 void remove_named(const JobState& state, const std::string& name) {
   std::error_code ignored;  // what cannot be deleted only takes space
   fs::remove_all(state.work / name, ignored);
@@ -114,6 +120,7 @@ class Driver {
       log_.warn("{} damaged journal lines: their tasks are done again", journal.damaged_lines);
     for (std::size_t s = 0; s < last;) {
       std::vector<StageRecords> found;
+      const std::string basis_before = basis_;
       std::size_t next = resume_.complete_until(journal, s, basis_, found);
       if (next == job_.stages.size() && s < next && !output_stands(journal, basis_)) {
         // Kept work, lost output: the last stage makes it again.
@@ -121,8 +128,7 @@ class Driver {
                   state_.output.string());
         found.pop_back();
         --next;
-        basis_ = resume_.first_basis();
-        for (const StageRecords& records : done_) basis_ = next_basis(basis_, records);
+        basis_ = basis_before;
         for (const StageRecords& records : found) basis_ = next_basis(basis_, records);
       }
       for (StageRecords& records : found) {
@@ -131,6 +137,7 @@ class Driver {
         delete_obsolete(records);
         stop_if_requested(records.finish.stage);
         done_.push_back(std::move(records));
+        forget_summaries(done_.back());
         ++resumed_stages_;
       }
       s = std::max(s, next);
@@ -140,6 +147,7 @@ class Driver {
       // What was just committed is bound to the inputs as they were: if they are not, nobody will take it.
       require_same_inputs(work_.identity());
       basis_ = next_basis(basis_, done_.back());
+      forget_summaries(done_.back());
       delete_obsolete(done_.back());
       stop_if_requested(done_.back().finish.stage);
       ++s;

@@ -85,7 +85,7 @@ std::vector<Words> jobs(const Files& files) {
       {"merge", files.at("mesh.ply"), files.at("beside.ply")},
       {"field", files.at("body.ply"), "--resolution", "0.02", "-o", files.at("out.vdb")},
       {"tiles", files.at("mesh.ply"), "--tile-faces", "8000", "-o", files.at("site/")},
-      {"bake", files.at("part.ply"), "--from", files.at("ball.ply"), "-o", files.at("out.glb")},
+      {"bake", files.at("part.ply"), "--from", files.at("ball.ply"), "-o", files.at("out.glb"), "--no-html"},
       {"deform", files.at("body.ply"), files.at("edit.json"), "--base-vertices", "4000", "--no-html"},
   };
 }
