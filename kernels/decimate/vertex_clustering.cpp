@@ -7,8 +7,8 @@
 namespace tessera {
 namespace {
 
-constexpr int kBits = 21;  // of a coordinate in a key
-constexpr std::int64_t kMiddle = std::int64_t{1} << (kBits - 1);
+constexpr int kBits = ClusterLattice::kBits;
+constexpr std::int64_t kMiddle = ClusterLattice::kMiddle;
 
 bool finite(const Double3& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
@@ -26,39 +26,13 @@ std::uint64_t parent(std::uint64_t key) {
 
 }  // namespace
 
-ClusterCell cluster_cell(const Double3& p, double cell) {
-  ClusterCell found;
-  found.key = 0;
-  for (std::size_t a = 0; a < 3; ++a) {
-    constexpr double kFarthest = std::numeric_limits<double>::infinity();
-    constexpr auto kFirst = -static_cast<double>(kMiddle), kLast = static_cast<double>(kMiddle - 1);
-    const double at = std::clamp(std::floor(p[a] / cell), kFirst, kLast);
-    found.key |= static_cast<std::uint64_t>(static_cast<std::int64_t>(at) + kMiddle) << (kBits * a);
-    found.low[a] = at == kFirst ? -kFarthest : at * cell;
-    found.high[a] = at == kLast ? kFarthest : (at + 1.0) * cell;
-  }
-  return found;
-}
-
-std::uint64_t cluster_key(const Double3& p, double cell) {
-  return cluster_cell(p, cell).key;
-}
-
-void ClusterSize::insert(Grid& grid, const Double3& p) const {
-  const auto coarsen = [&] {
-    KeyTable coarse;
-    for (const std::uint64_t key : grid.occupied.keys()) coarse.add(parent(key));
-    grid.occupied = std::move(coarse);
-    grid.cell *= 2.0;
-    grid.last = {};
-  };
-  if (grid.last.holds(p)) return;
-  // A cell within the range of keys, so that no two cells of one key lie apart.
-  const double farthest = std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])});
-  while (farthest / grid.cell >= static_cast<double>(kMiddle - 1)) coarsen();
-  grid.last = cluster_cell(p, grid.cell);
-  grid.occupied.add(grid.last.key);
-  while (grid.occupied.size() > max_) coarsen();
+void ClusterSize::coarsen() {
+  KeyTable coarse;
+  for (const std::uint64_t key : occupied_.keys()) coarse.add(parent(key));
+  occupied_ = std::move(coarse);
+  cell_ *= 2.0;
+  farthest_ = cell_ * static_cast<double>(kMiddle - 1);
+  last_ = ~std::uint64_t{0};
 }
 
 void ClusterSize::add(const Double3& p) {
@@ -67,43 +41,53 @@ void ClusterSize::add(const Double3& p) {
     first_ = p;
     has_first_ = true;
   }
-  if (grids_[0].cell == 0.0) {
+  if (cell_ == 0.0) {
     const double apart =
         std::max({std::abs(p[0] - first_[0]), std::abs(p[1] - first_[1]), std::abs(p[2] - first_[2])});
     if (!(apart > 1e-280) || !(apart < 1e280)) return;
-    constexpr double kFourthRoots[] = {1.0, 1.189207115002721, 1.4142135623730951, 1.681792830507429};
-    for (std::size_t g = 0; g < grids_.size(); ++g) {
-      grids_[g].cell = apart * kFourthRoots[g];
-      insert(grids_[g], first_);
-    }
+    cell_ = apart;
+    farthest_ = cell_ * static_cast<double>(kMiddle - 1);
+    add(first_);
   }
-  for (Grid& grid : grids_) insert(grid, p);
+  // A cell within the range of keys, so that no two cells of one key lie apart.
+  const double from_zero = std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])});
+  while (from_zero >= farthest_) coarsen();
+  const std::uint64_t key = ClusterLattice(cell_).key(p);
+  if (key == last_) return;
+  last_ = key;
+  occupied_.add(key);
+  while (occupied_.size() > max_) coarsen();
 }
 
 double ClusterSize::cell() const {
-  double minimum = grids_[0].cell;
-  for (const Grid& grid : grids_) minimum = std::min(minimum, grid.cell);
-  return minimum;
+  if (occupied_.size() == 0) return 0.0;
+  KeyTable coarse;
+  for (const std::uint64_t key : occupied_.keys()) coarse.add(parent(key));
+  // By square roots, which every machine rounds alike.
+  const auto count = static_cast<double>(occupied_.size());
+  const double finer = std::sqrt(std::sqrt(count / static_cast<double>(coarse.size())));
+  constexpr double kFourthRoot = 0.8408964152537145;  // of a half
+  double cell = cell_, cells = count;
+  for (int i = 0; i < 3 && cells * finer <= static_cast<double>(max_); ++i)
+    cells *= finer, cell *= kFourthRoot;
+  return cell;
 }
 
 VertexClustering::VertexClustering(double cell, std::size_t max_faces)
-    : cell_(cell), max_faces_(max_faces), max_cells_(max_faces * 5 / 8 + 3) {
+    : cell_(cell), grid_(cell), max_faces_(max_faces), max_cells_(max_faces * 5 / 8 + 3) {
   clusters_.reserve(max_cells_);
 }
 
-/// Faces that follow one another mostly lie in the same cells.
-const VertexClustering::Recent& VertexClustering::find(const Double3& corner) {
-  for (const Recent& recent : recent_)
-    if (recent.cell.holds(corner)) return recent;
-  Recent& recent = recent_[next_recent_++ % recent_.size()];
-  recent.cell = cluster_cell(corner, cell_);
-  const auto [number, is_new] = number_.add(recent.cell.key);
-  recent.number = number;
+std::uint32_t VertexClustering::find(std::uint64_t key, const Double3& corner) {
+  Recent& recent = recent_[(key * 0x9e3779b97f4a7c15u) >> 56];
+  if (recent.key == key) return recent.number;
+  const auto [number, is_new] = number_.add(key);
   if (is_new) {
     clusters_.emplace_back();
     clusters_.back().first = corner;
   }
-  return recent;
+  recent = {key, number};
+  return number;
 }
 
 bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba) {
@@ -111,26 +95,25 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
   // Weighted by the area squared, as Lindstrom does.
   const Double3 wide = cross(corners[1] - corners[0], corners[2] - corners[0]);
   const bool coloured = (rgba[0] | rgba[1] | rgba[2]) != 0;
-  const Recent& recent = find(corners[0]);
-  std::array<std::uint32_t, 3> face{};
-  face.fill(recent.number);
+  const std::array<std::uint64_t, 4> keys = grid_.keys(corners);
   // Most faces of a fine mesh lie in one cell.
-  if (recent.cell.holds(corners[1]) && recent.cell.holds(corners[2])) {
-    Cluster& cluster = clusters_[face[0]];
+  if (keys[0] == keys[1] && keys[0] == keys[2]) {
+    Cluster& cluster = clusters_[find(keys[0], corners[0])];
     const Double3 at = corners[0] - cluster.first;
     const Double3 mean = (corners[0] + corners[1] + corners[2]) * (1.0 / 3.0);
     cluster.vertex.quadric += plane_quadric(wide, at, 3.0);
     cluster.vertex.add(mean - cluster.first, 3.0);
     if (coloured)
       for (const std::uint32_t colour : rgba) cluster.vertex.add_colour(colour, 1.0);
-  } else {
-    for (std::size_t k = 0; k < 3; ++k) {
-      face[k] = find(corners[k]).number;
-      Cluster& cluster = clusters_[face[k]];
-      cluster.vertex.quadric += plane_quadric(wide, corners[0] - cluster.first, 1.0);
-      cluster.vertex.add(corners[k] - cluster.first, 1.0);
-      if (coloured) cluster.vertex.add_colour(rgba[k], 1.0);
-    }
+    return clusters_.size() + 3 <= max_cells_;
+  }
+  std::array<std::uint32_t, 3> face{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    face[k] = find(keys[k], corners[k]);
+    Cluster& cluster = clusters_[face[k]];
+    cluster.vertex.quadric += plane_quadric(wide, corners[0] - cluster.first, 1.0);
+    cluster.vertex.add(corners[k] - cluster.first, 1.0);
+    if (coloured) cluster.vertex.add_colour(rgba[k], 1.0);
   }
   if (clusters_.size() + 3 > max_cells_) return false;
   if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) return true;

@@ -17,17 +17,6 @@ VertexStore::VertexStore(const std::filesystem::path& temp, bool doubles, std::u
       chunk_bytes_(kChunkVertices * (doubles ? sizeof(Double3) : sizeof(Float3))),
       max_slots_(std::max(kMinSlots, memory_bytes / chunk_bytes_)) {}
 
-Double3 VertexStore::load(const Slot& slot, std::uint64_t i) const {
-  if (doubles_) {
-    Double3 p;
-    std::memcpy(&p, slot.bytes.data() + i * sizeof p, sizeof p);
-    return p;
-  }
-  Float3 p;
-  std::memcpy(&p, slot.bytes.data() + i * sizeof p, sizeof p);
-  return {p[0], p[1], p[2]};
-}
-
 void VertexStore::store(Slot& slot, std::uint64_t i, const Double3& p) const {
   if (doubles_) {
     std::memcpy(slot.bytes.data() + i * sizeof p, &p, sizeof p);

@@ -3,6 +3,7 @@
 /// chunks.
 #pragma once
 #include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <span>
 #include <vector>
@@ -39,7 +40,16 @@ class VertexStore {
     std::uint64_t fetched = 0;  ///< tick; the oldest is replaced
   };
 
-  Double3 load(const Slot& slot, std::uint64_t i) const;
+  Double3 load(const Slot& slot, std::uint64_t i) const {
+    if (doubles_) {
+      Double3 p;
+      std::memcpy(&p, slot.bytes.data() + i * sizeof p, sizeof p);
+      return p;
+    }
+    Float3 p;
+    std::memcpy(&p, slot.bytes.data() + i * sizeof p, sizeof p);
+    return {p[0], p[1], p[2]};
+  }
   void store(Slot& slot, std::uint64_t i, const Double3& p) const;
   std::uint32_t fetch(std::uint64_t chunk);
   std::uint32_t free_slot();

@@ -1,5 +1,7 @@
 #include "stream/page/preview_mesh.h"
 
+#include <immintrin.h>
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -22,54 +24,65 @@ constexpr std::uint64_t kMaxCells = kMaxPreviewFaces * 19 / 40;
 constexpr std::uint64_t kStoreBytes = std::uint64_t{8} << 20;
 constexpr double kNextCell = 1.189207115002721;  // fourth root of two, as ClusterSize tries them
 
-/// Counts what every face has, whatever becomes of it.
+/// Counts what every face has, whatever becomes of it. Positions are floats, so that squares of their differences neither vanish nor
+/// overflow in doubles.
 class FaceFigures {
  public:
+  /// The three sides lie in the lanes of a vector.
   void add(const std::array<Double3, 3>& corner) {
-    std::array<Double3, 3> side{};
-    std::array<double, 3> square{};
-    for (std::size_t k = 0; k < 3; ++k) {
-      side[k] = corner[(k + 1) % 3] - corner[k];
-      square[k] = dot(side[k], side[k]);
-      if (!std::isfinite(square[k])) return;
+    __m256d squares = _mm256_setzero_pd();
+    for (std::size_t a = 0; a < 3; ++a) {
+      const __m256d from = _mm256_set_pd(0.0, corner[2][a], corner[1][a], corner[0][a]),
+                    side = _mm256_sub_pd(_mm256_permute4x64_pd(from, 0b11'00'10'01), from);
+      squares = _mm256_add_pd(squares, _mm256_mul_pd(side, side));
     }
-    for (const double s : square)
-      if (s > 0.0) ++lengths_[static_cast<std::size_t>(half_octave(s) + kLeast)];
-    // The smallest angle lies opposite the shortest side; its cosine grows as it shrinks.
-    const auto minimum =
-        static_cast<std::size_t>(std::min_element(square.begin(), square.end()) - square.begin());
-    const std::size_t b = (minimum + 1) % 3, c = (minimum + 2) % 3;
-    const double lengths = std::sqrt(square[b] * square[c]);
-    const double cosine = lengths > 0.0 ? -dot(side[b], side[c]) / lengths : 1.0;
-    std::size_t bin = 0;  // they descend
-    for (std::size_t i = 0; i + 1 < kCosines.size(); ++i) bin += cosine <= kCosines[i];
-    ++angles_[bin];
+    alignas(32) std::array<double, 4> square;
+    _mm256_store_pd(square.data(), squares);
+    if (!std::isfinite(square[0] + square[1] + square[2])) return;
+    // A table for each side: counting twice in one place would wait for the first.
+    for (std::size_t k = 0; k < 3; ++k) ++lengths_[k][std::bit_cast<std::uint64_t>(square[k]) >> 52];
+    // The smallest angle lies opposite the shortest side; its cosine, by the law of cosines, grows as it shrinks.
+    const double low = std::min(square[0], square[1]), high = std::max(square[0], square[1]);
+    const double shortest = std::min(low, square[2]), longest = std::max(high, square[2]),
+                 middle = std::max(low, std::min(high, square[2]));
+    const double lengths = 2.0 * std::sqrt(middle * longest);
+    const __m256d cosine = _mm256_set1_pd(lengths > 0.0 ? (middle + (longest - shortest)) / lengths : 1.0);
+    for (std::size_t i = 0; i < std::size(sharper_); ++i)  // what holds is all ones, which is minus one
+      sharper_[i] = _mm256_sub_epi64(
+          sharper_[i],
+          _mm256_castpd_si256(_mm256_cmp_pd(cosine, _mm256_load_pd(kCosines.data() + 4 * i), _CMP_GT_OQ)));
+    ++faces_;
   }
   void store(PreviewMesh& preview) const {
-    preview.smallest_angle = angles_;
+    alignas(32) std::array<std::uint64_t, 12> sharper;
+    for (std::size_t i = 0; i < std::size(sharper_); ++i)
+      _mm256_store_si256(reinterpret_cast<__m256i*>(sharper.data() + 4 * i), sharper_[i]);
+    sharper.back() = faces_;  // no smallest angle is over 60 degrees, but for rounding
+    for (std::size_t i = 0; i < sharper.size(); ++i)
+      preview.smallest_angle[i] = sharper[i] - (i > 0 ? sharper[i - 1] : 0);
+    std::vector<std::uint64_t> lengths(lengths_[0].size(), 0);
+    for (const auto& table : lengths_)
+      for (std::size_t i = 1; i < table.size(); ++i) lengths[i] += table[i];  // the first: no length at all
     const auto none = [](std::uint64_t count) { return count == 0; };
-    const auto first = std::find_if_not(lengths_.begin(), lengths_.end(), none);
-    if (first == lengths_.end()) return;
-    const auto last = std::find_if_not(lengths_.rbegin(), lengths_.rend(), none).base();
+    const auto first = std::find_if_not(lengths.begin(), lengths.end(), none);
+    if (first == lengths.end()) return;
+    const auto last = std::find_if_not(lengths.rbegin(), lengths.rend(), none).base();
     preview.shortest_edge_bin =
-        std::sqrt(std::ldexp(1.0, static_cast<int>(first - lengths_.begin()) - kLeast));
+        std::sqrt(std::ldexp(1.0, static_cast<int>(first - lengths.begin()) - kExponentOfOne));
     preview.edge_length.assign(first, last);
   }
 
  private:
-  static constexpr int kLeast = 1100, kMost = 1100;  ///< exponents of doubles lie between
-  /// Of a length by its square: the exponent of the square, of frexp() less one. \pre finite, > 0
-  static int half_octave(double square) {
-    const auto biased = static_cast<int>(std::bit_cast<std::uint64_t>(square) >> 52);
-    return biased > 0 ? biased - 1023 : std::ilogb(square);
-  }
+  static constexpr int kExponentOfOne =
+      1023;  ///< as doubles have it: half octaves of a length are octaves of its square
   /// Of 5, 10, ..., 60 degrees.
-  static constexpr std::array<double, 12> kCosines = {
+  alignas(32) static constexpr std::array<double, 12> kCosines = {
       0.9961946980917455, 0.984807753012208,  0.9659258262890683, 0.9396926207859084,
       0.9063077870366499, 0.8660254037844387, 0.8191520442889918, 0.766044443118978,
       0.7071067811865476, 0.6427876096865394, 0.573576436351046,  0.5};
-  std::array<std::uint64_t, 12> angles_{};
-  std::array<std::uint64_t, kLeast + kMost> lengths_{};
+  __m256i sharper_[3] = {};  ///< faces whose smallest angle is below each of these
+  std::uint64_t faces_ = 0;
+  std::array<std::array<std::uint64_t, 2048>, 3> lengths_{};
 };
 
 /// The vertices of a mesh by number, relative to the first finite one, and their colours.
@@ -82,8 +95,9 @@ class Vertices {
     std::vector<Double3> local;
     mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t> rgba) {
       throw_if_stopped();
-      local.clear();
-      for (const Double3& p : batch) {
+      local.resize(batch.size());
+      for (std::size_t i = 0; i < batch.size(); ++i) {
+        const Double3& p = batch[i];
         if (!has_origin && std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2])) {
           origin_ = p;
           has_origin = true;
@@ -91,7 +105,7 @@ class Vertices {
         Double3 q = p - origin_;
         for (double& c : q) c = static_cast<double>(static_cast<float>(c));  // as it will be read back
         size_.add(q);
-        local.push_back(q);
+        local[i] = q;
       }
       position_.append(local);
       if (!colour_) return;

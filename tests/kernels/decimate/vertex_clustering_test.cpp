@@ -93,7 +93,8 @@ TEST_CASE("vertex clustering: what is not finite, of one point or of any size do
   size.add({1e30, -1e30, 0});
   size.add({-1e30, 1e30, 7});
   CHECK(size.cell() > 1e23);  // both ends within the range of keys
-  CHECK(cluster_key({1e30, 0, 0}, size.cell()) != cluster_key({-1e30, 0, 0}, size.cell()));
+  const ClusterLattice grid(size.cell());
+  CHECK(grid.key({1e30, 0, 0}) != grid.key({-1e30, 0, 0}));
 
   VertexClustering clustering(1.0, 10);
   CHECK(clustering.add({Double3{nan, 0, 0}, Double3{2, 0, 0}, Double3{0, 2, 0}}, kGrey));
