@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "octree/lanes.h"
 
 namespace tessera {
 namespace {
 
-constexpr int kBits = ClusterLattice::kBits;
-constexpr std::int64_t kMiddle = ClusterLattice::kMiddle;
+constexpr int kBits = 21;  // of a coordinate in a key: x in the lowest
+constexpr std::int64_t kMiddle = std::int64_t{1} << (kBits - 1);
+using Long4 = Mask4;
 
 bool finite(const Double3& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
@@ -24,7 +26,34 @@ std::uint64_t parent(std::uint64_t key) {
   return up;
 }
 
+/// Coordinates of cells, from 0 on. \pre finite
+Long4 cells_of(Double4 position, double inverse) {
+  using Int4 [[gnu::vector_size(4 * sizeof(std::int32_t))]] = std::int32_t;
+  constexpr auto kFirst = -static_cast<double>(kMiddle), kLast = static_cast<double>(kMiddle - 1);
+  const Double4 first = Double4{} + kFirst, last = Double4{} + kLast;
+  Double4 at = position * inverse;
+  at = at < first ? first : at;
+  at = at > last ? last : at;
+  const Int4 towards_zero = __builtin_convertvector(at, Int4);
+  const Long4 cell = __builtin_convertvector(towards_zero, Long4);
+  return cell + (__builtin_convertvector(towards_zero, Double4) > at) + kMiddle;  // what holds is minus one
+}
+
 }  // namespace
+
+std::uint64_t ClusterLattice::key(const Double3& p) const {
+  const Long4 cell = cells_of(Double4{p[0], p[1], p[2], 0.0}, inverse_);
+  return static_cast<std::uint64_t>(cell[0] | cell[1] << kBits | cell[2] << (2 * kBits));
+}
+
+std::array<std::uint64_t, 3> ClusterLattice::keys(const std::array<Double3, 3>& corners) const {
+  const auto of = [&](std::size_t a) {
+    return cells_of(Double4{corners[0][a], corners[1][a], corners[2][a], 0.0}, inverse_);
+  };
+  const Long4 key = of(0) | of(1) << kBits | of(2) << (2 * kBits);
+  return {static_cast<std::uint64_t>(key[0]), static_cast<std::uint64_t>(key[1]),
+          static_cast<std::uint64_t>(key[2])};
+}
 
 void ClusterSize::coarsen() {
   KeyTable coarse;
@@ -95,7 +124,7 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
   // Weighted by the area squared, as Lindstrom does.
   const Double3 wide = cross(corners[1] - corners[0], corners[2] - corners[0]);
   const bool coloured = (rgba[0] | rgba[1] | rgba[2]) != 0;
-  const std::array<std::uint64_t, 4> keys = grid_.keys(corners);
+  const std::array<std::uint64_t, 3> keys = grid_.keys(corners);
   // Most faces of a fine mesh lie in one cell.
   if (keys[0] == keys[1] && keys[0] == keys[2]) {
     Cluster& cluster = clusters_[find(keys[0], corners[0])];

@@ -4,8 +4,6 @@
 /// Sources: Rossignac and Borrel, "Multi-resolution 3D Approximations for Rendering Complex Scenes", 1993; Lindstrom,
 /// "Out-of-Core Simplification of Large Polygonal Models", 2000 (the vertex of a cell by the quadrics of its faces).
 #pragma once
-#include <immintrin.h>
-
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -22,37 +20,11 @@ class ClusterLattice {
   /// \param cell  edge, > 0
   explicit ClusterLattice(double cell) : inverse_(1.0 / cell) {}
   /// Names the cell that holds p. \pre finite
-  [[nodiscard]] std::uint64_t key(const Double3& p) const {
-    alignas(32) std::array<std::uint64_t, 4> k;
-    const __m256i at = coordinates(_mm256_set_pd(0.0, p[2], p[1], p[0]));
-    _mm256_store_si256(reinterpret_cast<__m256i*>(k.data()),
-                       _mm256_sllv_epi64(at, _mm256_set_epi64x(0, 2 * kBits, kBits, 0)));
-    return k[0] | k[1] | k[2];
-  }
-  /// Those of the corners of a face, in its first three numbers. \pre finite
-  [[nodiscard]] std::array<std::uint64_t, 4> keys(const std::array<Double3, 3>& p) const {
-    alignas(32) std::array<std::uint64_t, 4> k;
-    const __m256i x = coordinates(_mm256_set_pd(0.0, p[2][0], p[1][0], p[0][0])),
-                  y = coordinates(_mm256_set_pd(0.0, p[2][1], p[1][1], p[0][1])),
-                  z = coordinates(_mm256_set_pd(0.0, p[2][2], p[1][2], p[0][2]));
-    _mm256_store_si256(
-        reinterpret_cast<__m256i*>(k.data()),
-        _mm256_or_si256(_mm256_or_si256(x, _mm256_slli_epi64(y, kBits)), _mm256_slli_epi64(z, 2 * kBits)));
-    return k;
-  }
-  static constexpr int kBits = 21;  ///< of a coordinate in a key: x in the lowest
-  static constexpr std::int64_t kMiddle = std::int64_t{1} << (kBits - 1);  ///< the coordinate at zero
+  [[nodiscard]] std::uint64_t key(const Double3& p) const;
+  /// Those of the corners of a face. \pre finite
+  [[nodiscard]] std::array<std::uint64_t, 3> keys(const std::array<Double3, 3>& corners) const;
 
  private:
-  [[nodiscard]] __m256i coordinates(__m256d p) const {
-    constexpr double kIntegers = 0x1p52;  // added to an integer below it, the low bits are that integer
-    const __m256d cell = _mm256_add_pd(_mm256_floor_pd(_mm256_mul_pd(p, _mm256_set1_pd(inverse_))),
-                                       _mm256_set1_pd(static_cast<double>(kMiddle)));
-    const __m256d in = _mm256_min_pd(_mm256_max_pd(cell, _mm256_setzero_pd()),
-                                     _mm256_set1_pd(static_cast<double>(2 * kMiddle - 1)));
-    return _mm256_castpd_si256(
-        _mm256_xor_pd(_mm256_add_pd(in, _mm256_set1_pd(kIntegers)), _mm256_set1_pd(kIntegers)));
-  }
   double inverse_;
 };
 

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "kernels/picture/band_rasterizer.h"
 #include "kernels/picture/gl_functions.h"
 #include "kernels/picture/page_levels.h"
 #include "kernels/picture/picture_shaders.h"
@@ -17,7 +18,6 @@ namespace tessera {
 namespace {
 
 constexpr float kUnitNormal = 32767.0f;
-constexpr float kMinLinePixels = 0.3f;
 constexpr double kMaxPointSize = 200.0;   // samples (picture_shaders.h)
 constexpr double kRounding = 2.0;         // pixels, of floats on the way to the screen
 constexpr double kOcclusionShare = 0.07;  // of a view's half width, where no radius is given
@@ -103,6 +103,7 @@ std::vector<PictureBand> picture_bands(const PictureOptions& options, std::span<
 
 std::uint64_t band_bytes(const PictureOptions& options, std::span<const PictureView> views) {
   const auto [width, rows] = slot_size(views, picture_bands(options, views));
+  if (options.only_faces) return BandRasterizer::bytes(width, rows, options.supersample);
   const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(rows);
   const auto samples = static_cast<std::uint64_t>(options.supersample * options.supersample);
   constexpr std::uint64_t kPerSample = 4 + 4 + 4;  // colour, facing, depth
@@ -138,13 +139,17 @@ struct Picture::State {
   std::vector<PictureBand> resident;  ///< each in the slot of its number
   Double3 offset{};
   bool cut_backs = false;
+  std::vector<BandRasterizer> bands;  ///< resident ones, of only_faces, which has no context
   std::unique_ptr<GlContext> context;
   // GL objects live as long as the context.
   GLuint triangle_program = 0, page_program = 0, point_program = 0, line_program = 0, occlusion_program = 0,
          compose_program = 0;
   GLuint vertex_array = 0, page_array = 0, line_array = 0, empty_array = 0, buffer = 0, page = 0;
 
-  const GlFunctions& gl() const { return context->gl(); }
+  const GlFunctions& gl() const {
+    if (!context) throw std::logic_error("picture: more than faces is drawn into a picture of faces alone");
+    return context->gl();
+  }
 
   Slot build_slot() const;
   void build_arrays();
@@ -304,6 +309,7 @@ Picture::Picture(const PictureOptions& options, std::span<const PictureView> vie
   State& s = *state_;
   s.options = options;
   s.views.assign(views.begin(), views.end());
+  if (options.only_faces) return;
   s.context = create_gl_context();
   s.slot = slot_size(s.views, picture_bands(options, views));
   if (const int widest = s.slot[0] * options.supersample; widest > s.context->max_texture_size())
@@ -326,9 +332,15 @@ Picture::~Picture() = default;
 
 void Picture::begin(std::span<const PictureBand> bands) {
   State& s = *state_;
+  s.resident.assign(bands.begin(), bands.end());
+  if (s.options.only_faces) {
+    s.bands.clear();
+    for (const PictureBand& band : bands)
+      s.bands.emplace_back(s.views[band.view], band, s.options.supersample);
+    return;
+  }
   const GlFunctions& gl = s.gl();
   s.context->make_current();
-  s.resident.assign(bands.begin(), bands.end());
   while (s.slots.size() < s.resident.size()) s.slots.push_back(s.build_slot());
   gl.Disable(GL_SCISSOR_TEST);
   gl.ClearColor(0.0f, 0.0f, 0.0f, 0.0f);
@@ -358,6 +370,12 @@ void Picture::State::begin_faces(GLuint program, float wire_pixels) const {
 }
 
 void Picture::triangles(std::span<const PictureVertex> corners, float wire_pixels) {
+  if (state_->options.only_faces && !(wire_pixels > 0.0f)) {
+    for (std::size_t k = 0; k < state_->bands.size(); ++k)
+      if (state_->may_show(corners, state_->resident[k], kRounding))
+        state_->bands[k].triangles(corners, state_->offset, state_->cut_backs);
+    return;
+  }
   const State& s = *state_;
   const GlFunctions& gl = s.gl();
   const GLuint program = s.triangle_program;
@@ -420,6 +438,12 @@ void Picture::page_triangles(std::span<const PageVertex> corners, float wire_pix
 }
 
 void Picture::lines(std::span<const PictureVertex> ends, float pixels, float length) {
+  if (state_->options.only_faces) {
+    for (std::size_t k = 0; k < state_->bands.size(); ++k)
+      if (state_->may_show(ends, state_->resident[k], kRounding + double{pixels}))
+        state_->bands[k].lines(ends, state_->offset, pixels, length);
+    return;
+  }
   const State& s = *state_;
   const GlFunctions& gl = s.gl();
   const GLuint program = s.line_program;
@@ -489,6 +513,10 @@ void Picture::State::read_band(std::size_t k, Image& image) const {
 }
 
 void Picture::finish(Image& image) {
+  if (state_->options.only_faces) {
+    for (BandRasterizer& band : state_->bands) band.finish(state_->options.occlusion, kOcclusionShare, image);
+    return;
+  }
   const State& s = *state_;
   const GlFunctions& gl = s.gl();
   s.context->make_current();
@@ -540,6 +568,8 @@ void Picture::finish(Image& image) {
 }
 
 const std::string& Picture::renderer() const {
+  static const std::string kOwn = "Tessera, on the processor";
+  if (state_->options.only_faces) return kOwn;
   return state_->context->description();
 }
 

@@ -38,6 +38,9 @@ inline constexpr std::uint32_t kBorderEdge = 0xff2020e0u;       // red
 inline constexpr std::uint32_t kNonManifoldEdge = 0xffe01fd8u;  // magenta
 inline constexpr std::uint32_t kCrossingFace = 0xff20e820u;     // green
 
+/// The least that lines() draws.
+inline constexpr float kMinLinePixels = 0.3f;
+
 /// What the GPU gets per corner or point. Positions relative to the scene origin.
 struct PictureVertex {
   float x = 0.0f, y = 0.0f, z = 0.0f;
@@ -72,6 +75,9 @@ struct PictureOptions {
   int supersample = 3;     ///< 1..4: samples per pixel and axis
   double occlusion = 1.0;  ///< strength of ambient occlusion; 0 = off
   Shade shade = Shade::kPlain;
+  /// Nothing is drawn but triangles() without edges, one normal a face, and lines(), in Shade::kPlain: by the processor alone
+  /// (band_rasterizer.h), without OpenGL, in a third of the time.
+  bool only_faces = false;
 };
 
 /// Rows of a view that are drawn at once, counted from its bottom.

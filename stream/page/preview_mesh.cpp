@@ -1,7 +1,5 @@
 #include "stream/page/preview_mesh.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -11,6 +9,7 @@
 #include "kernels/decimate/vertex_clustering.h"
 #include "octree/error.h"
 #include "octree/key_table.h"
+#include "octree/lanes.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/vertex_store.h"
 #include "stream/runtime/memory_budget.h"
@@ -30,14 +29,13 @@ class FaceFigures {
  public:
   /// The three sides lie in the lanes of a vector.
   void add(const std::array<Double3, 3>& corner) {
-    __m256d squares = _mm256_setzero_pd();
+    Double4 squares{};
     for (std::size_t a = 0; a < 3; ++a) {
-      const __m256d from = _mm256_set_pd(0.0, corner[2][a], corner[1][a], corner[0][a]),
-                    side = _mm256_sub_pd(_mm256_permute4x64_pd(from, 0b11'00'10'01), from);
-      squares = _mm256_add_pd(squares, _mm256_mul_pd(side, side));
+      const Double4 side = Double4{corner[1][a], corner[2][a], corner[0][a], 0.0} -
+                           Double4{corner[0][a], corner[1][a], corner[2][a], 0.0};
+      squares += side * side;
     }
-    alignas(32) std::array<double, 4> square;
-    _mm256_store_pd(square.data(), squares);
+    const std::array<double, 3> square = {squares[0], squares[1], squares[2]};
     if (!std::isfinite(square[0] + square[1] + square[2])) return;
     // A table for each side: counting twice in one place would wait for the first.
     for (std::size_t k = 0; k < 3; ++k) ++lengths_[k][std::bit_cast<std::uint64_t>(square[k]) >> 52];
@@ -46,17 +44,15 @@ class FaceFigures {
     const double shortest = std::min(low, square[2]), longest = std::max(high, square[2]),
                  middle = std::max(low, std::min(high, square[2]));
     const double lengths = 2.0 * std::sqrt(middle * longest);
-    const __m256d cosine = _mm256_set1_pd(lengths > 0.0 ? (middle + (longest - shortest)) / lengths : 1.0);
-    for (std::size_t i = 0; i < std::size(sharper_); ++i)  // what holds is all ones, which is minus one
-      sharper_[i] = _mm256_sub_epi64(
-          sharper_[i],
-          _mm256_castpd_si256(_mm256_cmp_pd(cosine, _mm256_load_pd(kCosines.data() + 4 * i), _CMP_GT_OQ)));
+    const Double4 cosine = Double4{} + (lengths > 0.0 ? (middle + (longest - shortest)) / lengths : 1.0);
+    for (std::size_t i = 0; i < std::size(sharper_); ++i)
+      sharper_[i] -= cosine > load4(kCosines.data() + 4 * i);  // what holds is minus one
     ++faces_;
   }
   void store(PreviewMesh& preview) const {
-    alignas(32) std::array<std::uint64_t, 12> sharper;
-    for (std::size_t i = 0; i < std::size(sharper_); ++i)
-      _mm256_store_si256(reinterpret_cast<__m256i*>(sharper.data() + 4 * i), sharper_[i]);
+    std::array<std::uint64_t, 12> sharper{};
+    for (std::size_t i = 0; i < sharper.size(); ++i)
+      sharper[i] = static_cast<std::uint64_t>(sharper_[i / 4][i % 4]);
     sharper.back() = faces_;  // no smallest angle is over 60 degrees, but for rounding
     for (std::size_t i = 0; i < sharper.size(); ++i)
       preview.smallest_angle[i] = sharper[i] - (i > 0 ? sharper[i - 1] : 0);
@@ -76,11 +72,11 @@ class FaceFigures {
   static constexpr int kExponentOfOne =
       1023;  ///< as doubles have it: half octaves of a length are octaves of its square
   /// Of 5, 10, ..., 60 degrees.
-  alignas(32) static constexpr std::array<double, 12> kCosines = {
+  static constexpr std::array<double, 12> kCosines = {
       0.9961946980917455, 0.984807753012208,  0.9659258262890683, 0.9396926207859084,
       0.9063077870366499, 0.8660254037844387, 0.8191520442889918, 0.766044443118978,
       0.7071067811865476, 0.6427876096865394, 0.573576436351046,  0.5};
-  __m256i sharper_[3] = {};  ///< faces whose smallest angle is below each of these
+  Mask4 sharper_[3] = {};  ///< faces whose smallest angle is below each of these
   std::uint64_t faces_ = 0;
   std::array<std::array<std::uint64_t, 2048>, 3> lengths_{};
 };

@@ -39,6 +39,16 @@ std::uint64_t mesh_pages_bytes(const std::vector<std::filesystem::path>& meshes)
   return largest + waiting;
 }
 
+bool may_have_pages(const std::vector<std::filesystem::path>& meshes) {
+  return std::any_of(meshes.begin(), meshes.end(), [](const std::filesystem::path& mesh) {
+    try {
+      return !texture_pages(mesh).empty();
+    } catch (const Error&) {  // who draws it will say so
+      return true;
+    }
+  });
+}
+
 MeshPages::MeshPages(const std::filesystem::path& mesh, std::filesystem::path temp,
                      std::uint64_t memory_bytes)
     : mesh_(mesh), temp_(std::move(temp)), textures_(temp_) {

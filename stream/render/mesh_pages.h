@@ -18,6 +18,9 @@ namespace tessera {
 /// What pages of textures take in a picture of these meshes: the largest page, and faces of each that wait. 0 where there are none.
 std::uint64_t mesh_pages_bytes(const std::vector<std::filesystem::path>& meshes);
 
+/// Whether one of them names pages of textures, or cannot be asked.
+bool may_have_pages(const std::vector<std::filesystem::path>& meshes);
+
 class MeshPages {
  public:
   /// Reads the texture coordinates of all faces.

@@ -52,14 +52,33 @@ bool is_mesh(const std::filesystem::path& path) {
   return is_mesh_extension(extension);
 }
 
+/// What is drawn, of all pictures beside each other.
+std::vector<std::filesystem::path> all_inputs(const RenderOptions& options) {
+  std::vector<std::filesystem::path> all;
+  for (const std::vector<std::string>& names : {options.inputs, options.compare}) {
+    const std::vector<std::filesystem::path> paths = expand_inputs(names);
+    all.insert(all.end(), paths.begin(), paths.end());
+  }
+  return all;
+}
+
+bool asks_for_pages(const RenderOptions& options) {
+  return options.deviation.empty() && (options.colour == "auto" || options.colour == "texture");
+}
+
 /// What pages of textures take, whatever of them the pictures beside each other share; 0 where none are shown.
 std::uint64_t bytes_of_pages(const RenderOptions& options) {
-  if (!options.deviation.empty() || (options.colour != "auto" && options.colour != "texture")) return 0;
-  std::vector<std::filesystem::path> meshes;
-  for (const std::vector<std::string>& names : {options.inputs, options.compare})
-    for (const std::filesystem::path& path : expand_inputs(names))
-      if (is_mesh(path)) meshes.push_back(path);
+  if (!asks_for_pages(options)) return 0;
+  std::vector<std::filesystem::path> meshes = all_inputs(options);
+  std::erase_if(meshes, [](const std::filesystem::path& path) { return !is_mesh(path); });
   return mesh_pages_bytes(meshes);
+}
+
+/// Whether the processor draws all of it without OpenGL: PictureOptions::only_faces.
+bool shows_only_faces(const RenderOptions& options) {
+  if (options.shade != "plain" || options.smooth || options.wire || !options.missing.empty()) return false;
+  const std::vector<std::filesystem::path> all = all_inputs(options);
+  return std::all_of(all.begin(), all.end(), is_mesh) && !(asks_for_pages(options) && may_have_pages(all));
 }
 
 Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& options,
@@ -266,8 +285,9 @@ Shade shade_of(const std::string& word) {
   throw UsageError("--shade " + word + ": use plain, gloss or lines");
 }
 
-PictureOptions picture_options(const RenderOptions& options, int width) {
+PictureOptions picture_options(const RenderOptions& options, int width, bool only_faces) {
   PictureOptions out;
+  out.only_faces = only_faces;
   out.width = width;
   out.height = options.height;
   out.supersample = options.samples;
@@ -278,10 +298,11 @@ PictureOptions picture_options(const RenderOptions& options, int width) {
 
 /// All but the pixels and what the scene keeps. What a caller holds counts: a page is drawn at the end of a job, its second picture
 /// with the rasterizer of the first one loaded.
-std::uint64_t fixed_bytes() {
-  const std::uint64_t own = kProgramBytes + (rasterizer_loaded() ? kRasterizerBytes : 0),
+std::uint64_t fixed_bytes(bool only_faces) {
+  const std::uint64_t loaded = rasterizer_loaded() ? kRasterizerBytes : 0, own = kProgramBytes + loaded,
                       resident = resident_bytes();
-  return kProgramBytes + kRasterizerBytes + kReaderBytes + (resident > own ? resident - own : 0);
+  return kProgramBytes + (only_faces ? loaded : kRasterizerBytes) + kReaderBytes +
+         (resident > own ? resident - own : 0);
 }
 
 /// What pixels take, and how many bands of a panel are held at a time.
@@ -289,18 +310,20 @@ struct Pixels {
   std::uint64_t band = 0;
   std::size_t bands = 0, at_once = 0;
 
-  Pixels(const RenderOptions& options, const std::vector<ViewSpec>& specs, int width) {
+  Pixels(const RenderOptions& options, const std::vector<ViewSpec>& specs, int width, bool only_faces) {
+    const PictureOptions picture = picture_options(options, width, only_faces);
     std::vector<PictureView> views = grid(specs.size(), width, options.height);
     for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.orthographic = specs[i].orthographic;
-    band = band_bytes(picture_options(options, width), views);
-    at_once = bands = picture_bands(picture_options(options, width), views).size();
+    band = band_bytes(picture, views);
+    at_once = bands = picture_bands(picture, views).size();
   }
   std::uint64_t bytes() const { return band * at_once; }
 };
 
 Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::vector<Float3>& fit_points,
-                 const Double3& origin, const RenderOptions& options, int width, std::size_t at_once,
-                 RenderReport& report) {
+                 const Double3& origin, const RenderOptions& options, const PictureOptions& pixels,
+                 std::size_t at_once, RenderReport& report) {
+  const int width = pixels.width;
   std::vector<PictureView> views = grid(specs.size(), width, options.height);
   Double3 low{}, high{};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -318,7 +341,6 @@ Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::ve
     }
     set_depth_range(views[i].camera, low, high);
   }
-  const PictureOptions pixels = picture_options(options, width);
   Picture picture(pixels, views);
   report.renderer = picture.renderer();
   DrawContext context;
@@ -395,10 +417,11 @@ RenderReport render(const RenderOptions& given) {
   if (panel_width < 64)
     throw UsageError("--size: too narrow for " + std::to_string(panels) + " pictures side by side");
 
-  Pixels pixels(options, requested, panel_width);
+  const bool only_faces = shows_only_faces(options);
+  Pixels pixels(options, requested, panel_width, only_faces);
   const std::uint64_t image_bytes = 3 * static_cast<std::uint64_t>(options.width + panel_width) *
                                     static_cast<std::uint64_t>(options.height);
-  std::uint64_t fixed = fixed_bytes() + image_bytes + (options.missing.empty() ? 0 : kMissingBytes),
+  std::uint64_t fixed = fixed_bytes(only_faces) + image_bytes + (options.missing.empty() ? 0 : kMissingBytes),
                 minimum = fixed + pixels.band + kMinWorkBytes;
   const auto lacks = [&](const std::string& what, std::uint64_t bytes) {
     return what + " needs --memory " + std::to_string(((bytes - 1) >> 20) + 1) + "M or more; the cap is " +
@@ -454,8 +477,8 @@ RenderReport render(const RenderOptions& given) {
       report.notices.push_back(options.compare[static_cast<std::size_t>(i - 1)] +
                                ": lies outside of what the first picture shows");
     }
-    const Image image =
-        draw_panel(panel, specs, fit_points, origin, options, panel_width, pixels.at_once, report);
+    const Image image = draw_panel(panel, specs, fit_points, origin, options,
+                                   picture_options(options, panel_width, only_faces), pixels.at_once, report);
     paste(sheet, image, i * (panel_width + kGap), 0);
   }
   write_png(options.output, sheet);
