@@ -26,6 +26,12 @@ std::uint64_t parent(std::uint64_t key) {
   return up;
 }
 
+/// Where a key is looked for among those that came last.
+std::size_t recent_slot(std::uint64_t key) {
+  static_assert(kRecentCells == 1u << 11);
+  return static_cast<std::size_t>((key * 0x9e3779b97f4a7c15u) >> (64 - 11));
+}
+
 /// Coordinates of cells, from 0 on. \pre finite
 Long4 cells_of(Double4 position, double inverse) {
   using Int4 [[gnu::vector_size(4 * sizeof(std::int32_t))]] = std::int32_t;
@@ -38,6 +44,27 @@ Long4 cells_of(Double4 position, double inverse) {
   const Long4 cell = __builtin_convertvector(towards_zero, Long4);
   return cell + (__builtin_convertvector(towards_zero, Double4) > at) + kMiddle;  // what holds is minus one
 }
+
+/// plane_quadric() of a plane through a point at `distance` along its normal, side by side: numbers that are stored one by one and loaded
+/// four at a time are waited for.
+struct PlaneQuadric {
+  Double4 first, second;  ///< as Quadric has them
+  double bz, c;
+
+  PlaneQuadric(const Double3& n, double distance, double weight) {
+    const double x = n[0] * weight, y = n[1] * weight, z = n[2] * weight;
+    first = Double4{x, x, x, y} * Double4{n[0], n[1], n[2], n[1]};
+    second = Double4{y, z, x, y} * Double4{n[2], n[2], distance, distance};
+    bz = z * distance;
+    c = weight * distance * distance;
+  }
+  void add_to(Quadric& q) const {
+    store4(&q.xx, load4(&q.xx) + first);
+    store4(&q.yz, load4(&q.yz) + second);
+    q.bz += bz;
+    q.c += c;
+  }
+};
 
 }  // namespace
 
@@ -61,7 +88,7 @@ void ClusterSize::coarsen() {
   occupied_ = std::move(coarse);
   cell_ *= 2.0;
   farthest_ = cell_ * static_cast<double>(kMiddle - 1);
-  last_ = ~std::uint64_t{0};
+  recent_.fill(~std::uint64_t{0});
 }
 
 void ClusterSize::add(const Double3& p) {
@@ -75,6 +102,7 @@ void ClusterSize::add(const Double3& p) {
         std::max({std::abs(p[0] - first_[0]), std::abs(p[1] - first_[1]), std::abs(p[2] - first_[2])});
     if (!(apart > 1e-280) || !(apart < 1e280)) return;
     cell_ = apart;
+    recent_.fill(~std::uint64_t{0});
     farthest_ = cell_ * static_cast<double>(kMiddle - 1);
     add(first_);
   }
@@ -82,8 +110,9 @@ void ClusterSize::add(const Double3& p) {
   const double from_zero = std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])});
   while (from_zero >= farthest_) coarsen();
   const std::uint64_t key = ClusterLattice(cell_).key(p);
-  if (key == last_) return;
-  last_ = key;
+  std::uint64_t& recent = recent_[recent_slot(key)];
+  if (recent == key) return;
+  recent = key;
   occupied_.add(key);
   while (occupied_.size() > max_) coarsen();
 }
@@ -108,7 +137,7 @@ VertexClustering::VertexClustering(double cell, std::size_t max_faces)
 }
 
 std::uint32_t VertexClustering::find(std::uint64_t key, const Double3& corner) {
-  Recent& recent = recent_[(key * 0x9e3779b97f4a7c15u) >> 56];
+  Recent& recent = recent_[recent_slot(key)];
   if (recent.key == key) return recent.number;
   const auto [number, is_new] = number_.add(key);
   if (is_new) {
@@ -120,7 +149,8 @@ std::uint32_t VertexClustering::find(std::uint64_t key, const Double3& corner) {
 }
 
 bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba) {
-  if (!finite(corners[0]) || !finite(corners[1]) || !finite(corners[2])) return true;
+  const Double3 sum = corners[0] + corners[1] + corners[2];
+  if (!finite(sum)) return true;
   // Weighted by the area squared, as Lindstrom does.
   const Double3 wide = cross(corners[1] - corners[0], corners[2] - corners[0]);
   const bool coloured = (rgba[0] | rgba[1] | rgba[2]) != 0;
@@ -129,8 +159,8 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
   if (keys[0] == keys[1] && keys[0] == keys[2]) {
     Cluster& cluster = clusters_[find(keys[0], corners[0])];
     const Double3 at = corners[0] - cluster.first;
-    const Double3 mean = (corners[0] + corners[1] + corners[2]) * (1.0 / 3.0);
-    cluster.vertex.quadric += plane_quadric(wide, at, 3.0);
+    const Double3 mean = sum * (1.0 / 3.0);
+    PlaneQuadric(wide, dot(wide, at), 3.0).add_to(cluster.vertex.quadric);
     cluster.vertex.add(mean - cluster.first, 3.0);
     if (coloured)
       for (const std::uint32_t colour : rgba) cluster.vertex.add_colour(colour, 1.0);
@@ -140,7 +170,7 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
   for (std::size_t k = 0; k < 3; ++k) {
     face[k] = find(keys[k], corners[k]);
     Cluster& cluster = clusters_[face[k]];
-    cluster.vertex.quadric += plane_quadric(wide, corners[0] - cluster.first, 1.0);
+    PlaneQuadric(wide, dot(wide, corners[0] - cluster.first), 1.0).add_to(cluster.vertex.quadric);
     cluster.vertex.add(corners[k] - cluster.first, 1.0);
     if (coloured) cluster.vertex.add_colour(rgba[k], 1.0);
   }

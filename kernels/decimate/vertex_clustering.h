@@ -28,6 +28,9 @@ class ClusterLattice {
   double inverse_;
 };
 
+/// Vertices that follow one another mostly lie in the same cells: so many that came last are at hand.
+inline constexpr std::size_t kRecentCells = 2048;
+
 /// Finds the edge of cell at which a stream of vertices occupies about as many cells as allowed: counted on grids twice as coarse from one to
 /// the next, and between two of them told from how their counts grow.
 class ClusterSize {
@@ -41,8 +44,8 @@ class ClusterSize {
   void coarsen();
 
   std::size_t max_;
-  double cell_ = 0.0, farthest_ = 0.0;      ///< as far from zero as its keys reach
-  std::uint64_t last_ = ~std::uint64_t{0};  ///< key
+  double cell_ = 0.0, farthest_ = 0.0;                ///< as far from zero as its keys reach
+  std::array<std::uint64_t, kRecentCells> recent_{};  ///< keys
   KeyTable occupied_;
   Double3 first_{};
   bool has_first_ = false;
@@ -72,7 +75,6 @@ class VertexClustering {
     Double3 first{};
   };
 
-  /// Faces that follow one another mostly lie in the same cells: what a key of this hash was last.
   struct Recent {
     std::uint64_t key = ~std::uint64_t{0};  ///< no cell has it
     std::uint32_t number = 0;
@@ -82,7 +84,7 @@ class VertexClustering {
   double cell_;
   ClusterLattice grid_;
   std::size_t max_faces_, max_cells_;
-  std::array<Recent, 256> recent_;
+  std::array<Recent, kRecentCells> recent_;
   KeyTable number_;  ///< of cells
   std::vector<Cluster> clusters_;
   KeyTable seen_;  ///< faces

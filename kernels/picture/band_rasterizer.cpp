@@ -267,7 +267,7 @@ void BandRasterizer::fill(const std::array<Corner, 3>& corners, const std::array
                       : q[0]->albedo == q[1]->albedo && q[0]->albedo == q[2]->albedo
                           ? q[0]->albedo
                           : (q[0]->albedo + q[1]->albedo + q[2]->albedo) * (1.0f / 3.0f);
-  const std::uint32_t one = look.is_lit ? lit(mean, normal, middle_view) : unlit(mean);
+  std::uint32_t one = 0;  // of all of it, once something of it is seen; no colour is 0
 
   const auto wide = static_cast<std::size_t>(width_ * samples_);
   const auto fragment = [&](std::int64_t x, std::int64_t y, std::int64_t e1, std::int64_t e2) {
@@ -276,7 +276,9 @@ void BandRasterizer::fill(const std::array<Corner, 3>& corners, const std::array
     const std::size_t sample = static_cast<std::size_t>(y) * wide + static_cast<std::size_t>(x);
     if (!(nearness > nearness_[sample])) return;
     std::uint32_t rgba = one;
-    if (!one_albedo || !one_light) {
+    if (one_albedo && one_light) {
+      if (one == 0) rgba = one = look.is_lit ? lit(mean, normal, middle_view) : unlit(mean);
+    } else {
       Float3 albedo = mean;
       if (!one_albedo) {
         // By what is linear on the face, not on the screen.

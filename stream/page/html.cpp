@@ -48,15 +48,17 @@ std::string escape(std::string_view text) {
 
 std::string base64(std::string_view bytes) {
   static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t there = std::min<std::size_t>(3, bytes.size() - i);
-    std::uint32_t word = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      word = word << 8 | (k < there ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-    for (std::size_t k = 0; k < 4; ++k) text += k <= there ? kDigits[(word >> (18 - 6 * k)) & 63] : '=';
-  }
+  std::string text((bytes.size() + 2) / 3 * 4, '=');
+  char* to = text.data();
+  const auto byte = [&](std::size_t i) { return std::uint32_t{static_cast<unsigned char>(bytes[i])}; };
+  const auto digits = [&](std::uint32_t word, int count) {
+    for (int k = 0; k < count; ++k) to[k] = kDigits[(word >> (18 - 6 * k)) & 63];
+    to += 4;
+  };
+  std::size_t i = 0;
+  for (; i + 3 <= bytes.size(); i += 3) digits(byte(i) << 16 | byte(i + 1) << 8 | byte(i + 2), 4);
+  if (bytes.size() - i == 1) digits(byte(i) << 16, 2);
+  if (bytes.size() - i == 2) digits(byte(i) << 16 | byte(i + 1) << 8, 3);
   return text;
 }
 
@@ -150,9 +152,13 @@ std::string head(const std::string& generator, const std::string& title, bool sc
 }
 
 std::string section(const std::string& id, const std::string& title, const std::string& body) {
-  return fmt::format(
-      "<section id=\"{0}\" aria-labelledby=\"{0}-title\">\n<h2 id=\"{0}-title\">{1}</h2>\n{2}</section>\n",
-      id, escape(title), body);
+  // Bodies hold pictures: they are copied once.
+  std::string text =
+      fmt::format("<section id=\"{0}\" aria-labelledby=\"{0}-title\">\n<h2 id=\"{0}-title\">{1}</h2>\n", id,
+                  escape(title));
+  constexpr std::string_view kEnd = "</section>\n";
+  text.reserve(text.size() + body.size() + kEnd.size());
+  return text.append(body).append(kEnd);
 }
 
 std::string paragraph(const std::string& text, const std::string& css_class) {

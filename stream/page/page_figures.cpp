@@ -392,6 +392,8 @@ std::string preview_data(const PreviewMesh& mesh) {
   const double size =
       std::max({double{high[0]} - low[0], double{high[1]} - low[1], double{high[2]} - low[2], 1e-300});
   std::string position, faces, colour;
+  position.reserve(6 * mesh.position.size());
+  faces.reserve(sizeof(mesh.faces.front()) * mesh.faces.size());
   for (const Float3& p : mesh.position)
     for (std::size_t a = 0; a < 3; ++a) {
       const auto word = static_cast<std::uint16_t>(65535.0 * ((double{p[a]} - low[a]) / size));
@@ -399,15 +401,17 @@ std::string preview_data(const PreviewMesh& mesh) {
     }
   for (const auto& f : mesh.faces) append_bytes(faces, f.data(), sizeof f);
   for (const std::uint32_t c : mesh.rgba) append_bytes(colour, &c, 3);
-  const auto block = [](const char* id, const std::string& bytes) {
-    return fmt::format("<script type=\"application/octet-stream\" id=\"{}\">{}</script>\n", id,
-                       html::base64(bytes));
-  };
   std::string text = fmt::format("<div id=\"view-box\" hidden data-size=\"{:.6g},{:.6g},{:.6g}\"></div>\n",
                                  (double{high[0]} - low[0]) / size, (double{high[1]} - low[1]) / size,
                                  (double{high[2]} - low[2]) / size);
-  text += block("view-positions", position) + block("view-faces", faces);
-  if (!colour.empty()) text += block("view-colours", colour);
+  const auto block = [&](const char* id, const std::string& bytes) {
+    text += fmt::format("<script type=\"application/octet-stream\" id=\"{}\">", id);
+    text += html::base64(bytes);
+    text += "</script>\n";
+  };
+  block("view-positions", position);
+  block("view-faces", faces);
+  if (!colour.empty()) block("view-colours", colour);
   return text;
 }
 

@@ -249,16 +249,19 @@ std::string page_text(const Json& report, const PageParts& parts) {
       escape(text_at(report, "/command")), escape(text_at(report, "/finished")),
       escape(text_at(report, "/version")), escape(text_at(report, "/machine/host")),
       escape(text_at(report, "/machine/processor")), escape(text_at(report, "/machine/cores")));
-  text += refusal(report) + summary(report, parts) + warnings(report) + went_in(report) +
-          came_out(report, parts) + pictures(parts) + textures(report, parts) + preview(parts) +
-          deviation(report, parts) + completeness(report, parts) + uncertainty(report, parts);
+  for (const std::string& part :
+       {refusal(report), summary(report, parts), warnings(report), went_in(report), came_out(report, parts),
+        pictures(parts), textures(report, parts), preview(parts), deviation(report, parts),
+        completeness(report, parts), uncertainty(report, parts)})
+    text += part;
   if (const std::string shape = shape_figures(report, parts); !shape.empty())
     text += html::section("shape", "Shape", shape);
   text += html::section("run", "How it ran", run_figures(report)) + options(report);
   text += "</main>\n";
   if (parts.preview && !parts.preview->faces.empty())
     text += fmt::format("<script>{}</script>\n", kPreviewScript);
-  return text + "</body>\n</html>\n";
+  text += "</body>\n</html>\n";
+  return text;
 }
 
 bool is_page(const std::filesystem::path& path) {

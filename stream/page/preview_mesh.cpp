@@ -43,10 +43,12 @@ class FaceFigures {
     const double low = std::min(square[0], square[1]), high = std::max(square[0], square[1]);
     const double shortest = std::min(low, square[2]), longest = std::max(high, square[2]),
                  middle = std::max(low, std::min(high, square[2]));
-    const double lengths = 2.0 * std::sqrt(middle * longest);
-    const Double4 cosine = Double4{} + (lengths > 0.0 ? (middle + (longest - shortest)) / lengths : 1.0);
-    for (std::size_t i = 0; i < std::size(sharper_); ++i)
-      sharper_[i] -= cosine > load4(kCosines.data() + 4 * i);  // what holds is minus one
+    const double sum = middle + (longest - shortest), product = 4.0 * middle * longest;
+    // Its square, times that product; a face without size has no angle at all.
+    const Double4 cosine = Double4{} + (product > 0.0 ? sum * sum : 1.0);
+    sharper_[0] -= cosine > kSquaredCosines[0] * product;  // what holds is minus one
+    sharper_[1] -= cosine > kSquaredCosines[1] * product;
+    sharper_[2] -= cosine > kSquaredCosines[2] * product;
     ++faces_;
   }
   void store(PreviewMesh& preview) const {
@@ -72,26 +74,37 @@ class FaceFigures {
   static constexpr int kExponentOfOne =
       1023;  ///< as doubles have it: half octaves of a length are octaves of its square
   /// Of 5, 10, ..., 60 degrees.
-  static constexpr std::array<double, 12> kCosines = {
-      0.9961946980917455, 0.984807753012208,  0.9659258262890683, 0.9396926207859084,
-      0.9063077870366499, 0.8660254037844387, 0.8191520442889918, 0.766044443118978,
-      0.7071067811865476, 0.6427876096865394, 0.573576436351046,  0.5};
+  static constexpr Double4 kSquaredCosines[3] = {
+      {0.9924038765061041, 0.9698463103929542, 0.9330127018922194, 0.883022221559489},
+      {0.8213938048432696, 0.75, 0.6710100716628344, 0.5868240888334653},
+      {0.5, 0.41317591116653485, 0.32898992833716567, 0.2500000000000001}};
   Mask4 sharper_[3] = {};  ///< faces whose smallest angle is below each of these
   std::uint64_t faces_ = 0;
   std::array<std::array<std::uint64_t, 2048>, 3> lengths_{};
 };
 
-/// The vertices of a mesh by number, relative to the first finite one, and their colours.
+Float3 to_float(const Double3& p) {
+  return {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+}
+
+/// The vertices of a mesh by number, relative to the first finite one, and their colours: side by side in memory where they fit.
 class Vertices {
  public:
   Vertices(MeshReader& mesh, const std::filesystem::path& temp, std::uint64_t memory_bytes)
-      : position_(temp, false, memory_bytes / (mesh.header().colour ? 2 : 1)), size_(kMaxCells) {
-    if (mesh.header().colour) colour_.emplace(temp, false, memory_bytes / 2);
+      : has_colour_(mesh.header().colour), size_(kMaxCells) {
+    const std::uint64_t count = mesh.header().vertices;
+    // Some formats do not say how many they have.
+    if (count > 0 && count <= memory_bytes / (sizeof(Float3) + (has_colour_ ? sizeof(std::uint32_t) : 0))) {
+      near_.reserve(count);
+      if (has_colour_) near_rgba_.reserve(count);
+    } else {
+      far_.emplace(temp, false, memory_bytes / (has_colour_ ? 2 : 1));
+      if (has_colour_) far_rgba_.emplace(temp, false, memory_bytes / 2);
+    }
     bool has_origin = false;
-    std::vector<Double3> local;
     mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t> rgba) {
       throw_if_stopped();
-      local.resize(batch.size());
+      local_.resize(batch.size());
       for (std::size_t i = 0; i < batch.size(); ++i) {
         const Double3& p = batch[i];
         if (!has_origin && std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2])) {
@@ -101,57 +114,78 @@ class Vertices {
         Double3 q = p - origin_;
         for (double& c : q) c = static_cast<double>(static_cast<float>(c));  // as it will be read back
         size_.add(q);
-        local[i] = q;
+        local_[i] = q;
       }
-      position_.append(local);
-      if (!colour_) return;
-      local.clear();
-      for (const std::uint32_t c : rgba)
-        local.push_back({double(c & 0xff), double((c >> 8) & 0xff), double((c >> 16) & 0xff)});
-      colour_->append(local);
+      keep(rgba);
     });
   }
 
   const Double3& origin() const { return origin_; }
   double cell() const { return size_.cell(); }
-  bool has_colour() const { return colour_.has_value(); }
-  Double3 at(std::uint64_t i) { return position_.at(i); }
-  std::uint32_t rgba(std::uint64_t i) {
-    if (!colour_) return 0;
-    const Double3 c = colour_->at(i);
-    return 0xff000000u | static_cast<std::uint32_t>(c[0]) | static_cast<std::uint32_t>(c[1]) << 8 |
-           static_cast<std::uint32_t>(c[2]) << 16;
+  bool has_colour() const { return has_colour_; }
+
+  /// Calls use(corners, colours, face) for every face.
+  template <class Use>
+  void each_face(MeshReader& mesh, const Use& use) {
+    if (far_)
+      each_face_of(
+          mesh, [&](std::uint64_t i) { return far_->at(i); },
+          [&](std::uint64_t i) {
+            const Double3 c = far_rgba_->at(i);
+            return 0xff000000u | static_cast<std::uint32_t>(c[0]) | static_cast<std::uint32_t>(c[1]) << 8 |
+                   static_cast<std::uint32_t>(c[2]) << 16;
+          },
+          use);
+    else
+      each_face_of(
+          mesh,
+          [&](std::uint64_t i) {
+            const Float3& p = near_[i];
+            return Double3{p[0], p[1], p[2]};
+          },
+          [&](std::uint64_t i) { return near_rgba_[i] | 0xff000000u; }, use);
   }
 
  private:
-  VertexStore position_;
-  std::optional<VertexStore> colour_;
+  void keep(std::span<const std::uint32_t> rgba) {
+    if (!far_) {
+      for (const Double3& p : local_) near_.push_back(to_float(p));
+      if (has_colour_) near_rgba_.insert(near_rgba_.end(), rgba.begin(), rgba.end());
+      return;
+    }
+    far_->append(local_);
+    if (!has_colour_) return;
+    local_.clear();
+    for (const std::uint32_t c : rgba)
+      local_.push_back({double(c & 0xff), double((c >> 8) & 0xff), double((c >> 16) & 0xff)});
+    far_rgba_->append(local_);
+  }
+  template <class At, class Colour, class Use>
+  void each_face_of(MeshReader& mesh, const At& at, const Colour& colour, const Use& use) {
+    mesh.read_faces([&](std::span<const MeshFace> batch) {
+      throw_if_stopped();
+      for (const MeshFace& face : batch) {
+        std::array<std::uint32_t, 3> rgba{};
+        if (has_colour_) rgba = {colour(face[0]), colour(face[1]), colour(face[2])};
+        use(std::array<Double3, 3>{at(face[0]), at(face[1]), at(face[2])}, rgba, face);
+      }
+    });
+  }
+
+  bool has_colour_;
+  std::vector<Float3> near_;
+  std::vector<std::uint32_t> near_rgba_;
+  std::optional<VertexStore> far_, far_rgba_;
+  std::vector<Double3> local_;  ///< of a batch
   ClusterSize size_;
   Double3 origin_{};
 };
-
-/// Calls use(corners, colours, face) for every face; it may return false to end.
-template <class Use>
-void each_face(MeshReader& mesh, Vertices& vertices, const Use& use) {
-  mesh.read_faces([&](std::span<const MeshFace> batch) {
-    throw_if_stopped();
-    for (const MeshFace& face : batch) {
-      const std::array<Double3, 3> corners = {vertices.at(face[0]), vertices.at(face[1]),
-                                              vertices.at(face[2])};
-      use(corners, std::array{vertices.rgba(face[0]), vertices.rgba(face[1]), vertices.rgba(face[2])}, face);
-    }
-  });
-}
-
-Float3 to_float(const Double3& p) {
-  return {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
-}
 
 /// The mesh itself, while it is small enough: faces beyond are counted and no more.
 void copy_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
   FaceFigures figures;
   KeyTable number;
-  each_face(mesh, vertices, [&](const auto& corners, const auto& rgba, const MeshFace& face) {
+  vertices.each_face(mesh, [&](const auto& corners, const auto& rgba, const MeshFace& face) {
     figures.add(corners);
     if (++preview.mesh_faces > kMaxPreviewFaces) return;
     std::array<std::uint32_t, 3> copy{};
@@ -174,7 +208,7 @@ void cluster_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
     VertexClustering clustering(preview.cell, kMaxPreviewFaces);
     preview.mesh_faces = 0;
     bool fits = true;
-    each_face(mesh, vertices, [&](const auto& corners, const auto& rgba, const MeshFace&) {
+    vertices.each_face(mesh, [&](const auto& corners, const auto& rgba, const MeshFace&) {
       ++preview.mesh_faces;
       figures.add(corners);
       fits = fits && clustering.add(corners, rgba);

@@ -481,7 +481,7 @@ RenderReport render(const RenderOptions& given) {
                                    picture_options(options, panel_width, only_faces), pixels.at_once, report);
     paste(sheet, image, i * (panel_width + kGap), 0);
   }
-  write_png(options.output, sheet);
+  write_png(options.output, sheet, PngContent::kShades);
   return report;
 }
 

@@ -534,6 +534,7 @@ TEST_CASE("render: what cannot be drawn is refused in one sentence", "[fault]") 
   SECTION("too large for the rasterizer") {
     options.width = 8000;
     options.samples = 4;
+    options.smooth = true;  // asks for OpenGL
     refused("2 ", "limit of the rasterizer");
   }
   SECTION("samples out of range") {
