@@ -32,6 +32,8 @@ constexpr std::uint64_t kFrontsBytes[] = {300, 750, 2000}, kUnevenFrontsBytes = 
 constexpr std::uint64_t kFactorBytes[] = {600, 1800, 4000}, kUnevenFactorBytes = 8000;
 /// Of a block of a mesh, without colours.
 constexpr std::uint64_t kBlockVertexBytes = 33, kBlockFaceBytes = 13;
+/// The process beside it, behind passes over many million faces: what of the factor it leaves no room for lies on disk.
+constexpr std::uint64_t kProcessBytes = std::uint64_t{64} << 20;
 constexpr std::uint64_t kSystemSlackBytes = std::uint64_t{16} << 20;  ///< small ones vary more
 constexpr std::uint64_t kColumnBytes = 60, kVertexBytes = 850;
 /// Of a vertex of the base while others stream past it: positions, normals and faces at rest and posed, its role.
@@ -95,7 +97,9 @@ std::uint64_t fronts_bytes(std::uint64_t vertices, const EditScript& script) {
 std::uint64_t held_factor_bytes(std::uint64_t vertices, const EditScript& script, const RunOptions& run) {
   const std::uint64_t factor = vertices *
                                (is_uneven(script) ? kUnevenFactorBytes : kFactorBytes[script.order - 1]),
-                      room = run.memory_bytes * 13 / 16, need = solving_bytes(vertices, script) + kSlackBytes;
+                      left = std::max(run.memory_bytes * 3 / 16, kProcessBytes),
+                      room = run.memory_bytes > left ? run.memory_bytes - left : 0,
+                      need = solving_bytes(vertices, script) + kSlackBytes;
   return std::min(factor, room > need ? room - need : 0);
 }
 
