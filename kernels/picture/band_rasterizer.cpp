@@ -26,11 +26,16 @@ Float3 albedo_of(std::uint32_t rgba) {
   return linear;
 }
 
+/// The root by which colours are stored.
+std::uint8_t stored_byte(float linear) {
+  return static_cast<std::uint8_t>(std::sqrt(std::clamp(linear, 0.0f, 1.0f)) * 255.0f + 0.5f);
+}
+
 Float3 normalized(const Float3& v) {
   return v * (1.0f / std::sqrt(dot(v, v)));
 }
 
-/// lit() of picture_shaders.h, and the root by which colours are stored.
+/// lit() of picture_shaders.h, stored.
 std::uint32_t lit(const Float3& albedo, const Float3& n, const Float3& v) {
   constexpr Float3 kKey = {-0.4537f, 0.5672f, 0.6874f}, kFill = {0.7303f, -0.0913f, 0.6771f};
   float spec = std::max(dot(n, normalized(kKey + v)), 0.0f);
@@ -40,16 +45,14 @@ std::uint32_t lit(const Float3& albedo, const Float3& n, const Float3& v) {
                       0.12f * std::max(dot(n, v), 0.0f) + 0.09f + 0.06f * n[1];
   std::uint32_t rgba = 0xff000000u;
   for (std::size_t c = 0; c < 3; ++c) {
-    const float linear = std::clamp(albedo[c] * light + 0.035f * spec, 0.0f, 1.0f);
-    rgba |= static_cast<std::uint32_t>(std::sqrt(linear) * 255.0f + 0.5f) << (8 * c);
+    rgba |= std::uint32_t{stored_byte(albedo[c] * light + 0.035f * spec)} << (8 * c);
   }
   return rgba;
 }
 
 std::uint32_t unlit(const Float3& albedo) {
   std::uint32_t rgba = 0xff000000u;
-  for (std::size_t c = 0; c < 3; ++c)
-    rgba |= static_cast<std::uint32_t>(std::sqrt(albedo[c]) * 255.0f + 0.5f) << (8 * c);
+  for (std::size_t c = 0; c < 3; ++c) rgba |= std::uint32_t{stored_byte(albedo[c])} << (8 * c);
   return rgba;
 }
 
@@ -252,12 +255,6 @@ void BandRasterizer::fill(const std::array<Corner, 3>& corners, const std::array
   const double slope1 = (double{p[1]->nearness} - p[0]->nearness) * inverse,
                slope2 = (double{p[2]->nearness} - p[0]->nearness) * inverse;
 
-  Float3 normal = {0.0f, 0.0f, 1.0f};
-  const float size = dot(look.normal, look.normal);
-  const Float3 middle_view =
-      view_at(static_cast<double>(x0 + x1 + 1) * 0.5, static_cast<double>(y0 + y1 + 1) * 0.5);
-  if (look.is_lit) normal = size > 0.0f ? look.normal * (1.0f / std::sqrt(size)) : middle_view;
-  if (look.is_lit && !front) normal = normal * -1.0f;
   static const Float3 kBack = albedo_of(kBackFace);
   const std::int64_t longest = std::max(x1 - x0, y1 - y0) + 1;
   const bool one_albedo =
@@ -267,7 +264,20 @@ void BandRasterizer::fill(const std::array<Corner, 3>& corners, const std::array
                       : q[0]->albedo == q[1]->albedo && q[0]->albedo == q[2]->albedo
                           ? q[0]->albedo
                           : (q[0]->albedo + q[1]->albedo + q[2]->albedo) * (1.0f / 3.0f);
-  std::uint32_t one = 0;  // of all of it, once something of it is seen; no colour is 0
+  // Known once something of the face is seen; no colour is 0.
+  Float3 normal = {0.0f, 0.0f, 1.0f}, middle_view;
+  std::uint32_t one = 0;
+  const auto look_at_it = [&] {
+    middle_view = view_at(static_cast<double>(x0 + x1 + 1) * 0.5, static_cast<double>(y0 + y1 + 1) * 0.5);
+    if (!look.is_lit) {
+      one = unlit(mean);
+      return;
+    }
+    const float size = dot(look.normal, look.normal);
+    normal = size > 0.0f ? look.normal * ((front ? 1.0f : -1.0f) / std::sqrt(size))
+                         : middle_view * (front ? 1.0f : -1.0f);
+    one = lit(mean, normal, middle_view);
+  };
 
   const auto wide = static_cast<std::size_t>(width_ * samples_);
   const auto fragment = [&](std::int64_t x, std::int64_t y, std::int64_t e1, std::int64_t e2) {
@@ -275,10 +285,9 @@ void BandRasterizer::fill(const std::array<Corner, 3>& corners, const std::array
                                              static_cast<double>(e2) * slope2);
     const std::size_t sample = static_cast<std::size_t>(y) * wide + static_cast<std::size_t>(x);
     if (!(nearness > nearness_[sample])) return;
+    if (one == 0) look_at_it();
     std::uint32_t rgba = one;
-    if (one_albedo && one_light) {
-      if (one == 0) rgba = one = look.is_lit ? lit(mean, normal, middle_view) : unlit(mean);
-    } else {
+    if (!one_albedo || !one_light) {
       Float3 albedo = mean;
       if (!one_albedo) {
         // By what is linear on the face, not on the screen.
@@ -403,6 +412,8 @@ void BandRasterizer::finish(double strength, double occlusion_share, Image& imag
       const float stored = kLow[k] + (kHigh[k] - kLow[k]) * height;
       background[k] = stored * stored;
     }
+    const std::array<std::uint8_t, 3> nothing = {stored_byte(background[0]), stored_byte(background[1]),
+                                                 stored_byte(background[2])};
     std::uint8_t* to = image.pixel(view_.x, view_.y + view_.height - 1 - row);
     for (int x = 0; x < width_; ++x) {
       std::array<std::uint32_t, 3> sum{};  // of squares
@@ -419,12 +430,15 @@ void BandRasterizer::finish(double strength, double occlusion_share, Image& imag
           }
         }
       }
+      if (cover == 0) {
+        std::copy(nothing.begin(), nothing.end(), to + 3 * x);
+        continue;
+      }
       const float shown = light[static_cast<std::size_t>(x)] / (255.0f * 255.0f * all);
       const float open = 1.0f - static_cast<float>(cover) / all;
       for (std::size_t k = 0; k < 3; ++k) {
         const float linear = static_cast<float>(sum[k]) * shown + background[k] * open;
-        to[3 * x + static_cast<int>(k)] =
-            static_cast<std::uint8_t>(std::sqrt(std::clamp(linear, 0.0f, 1.0f)) * 255.0f + 0.5f);
+        to[3 * x + static_cast<int>(k)] = stored_byte(linear);
       }
     }
   }
