@@ -82,13 +82,17 @@ std::array<std::uint64_t, 3> ClusterLattice::keys(const std::array<Double3, 3>& 
           static_cast<std::uint64_t>(key[2])};
 }
 
+void ClusterSize::begin(double cell) {
+  cell_ = cell;
+  farthest_ = cell_ * static_cast<double>(kMiddle - 1);
+  recent_.fill(~std::uint64_t{0});
+}
+
 void ClusterSize::coarsen() {
   KeyTable coarse;
   for (const std::uint64_t key : occupied_.keys()) coarse.add(parent(key));
   occupied_ = std::move(coarse);
-  cell_ *= 2.0;
-  farthest_ = cell_ * static_cast<double>(kMiddle - 1);
-  recent_.fill(~std::uint64_t{0});
+  begin(2.0 * cell_);
 }
 
 void ClusterSize::add(const Double3& p) {
@@ -101,9 +105,7 @@ void ClusterSize::add(const Double3& p) {
     const double apart =
         std::max({std::abs(p[0] - first_[0]), std::abs(p[1] - first_[1]), std::abs(p[2] - first_[2])});
     if (!(apart > 1e-280) || !(apart < 1e280)) return;
-    cell_ = apart;
-    recent_.fill(~std::uint64_t{0});
-    farthest_ = cell_ * static_cast<double>(kMiddle - 1);
+    begin(apart);
     add(first_);
   }
   // A cell within the range of keys, so that no two cells of one key lie apart.
@@ -114,7 +116,10 @@ void ClusterSize::add(const Double3& p) {
   if (recent == key) return;
   recent = key;
   occupied_.add(key);
-  while (occupied_.size() > max_) coarsen();
+  while (occupied_.size() > max_) {
+    coarsen();
+    is_settled_ = true;
+  }
 }
 
 double ClusterSize::cell() const {

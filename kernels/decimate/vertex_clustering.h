@@ -35,12 +35,18 @@ inline constexpr std::size_t kRecentCells = 2048;
 /// the next, and between two of them told from how their counts grow.
 class ClusterSize {
  public:
-  explicit ClusterSize(std::size_t max_cells) : max_(max_cells) {}
+  /// \param first_cell  the finest that is tried; 0: as far as the first two points are apart
+  explicit ClusterSize(std::size_t max_cells, double first_cell = 0.0) : max_(max_cells) {
+    begin(first_cell);
+  }
   void add(const Double3& p);  ///< what is not finite is skipped
   /// The finest of the sizes told (fourth roots of two apart) that keeps to the limit; 0 without two different points.
   [[nodiscard]] double cell() const;
+  /// Whether the first cell was fine enough to say so: else a finer one may keep to the limit too.
+  [[nodiscard]] bool is_settled() const { return is_settled_; }
 
  private:
+  void begin(double cell);
   void coarsen();
 
   std::size_t max_;
@@ -48,7 +54,7 @@ class ClusterSize {
   std::array<std::uint64_t, kRecentCells> recent_{};  ///< keys
   KeyTable occupied_;
   Double3 first_{};
-  bool has_first_ = false;
+  bool has_first_ = false, is_settled_ = false;
 };
 
 struct ClusteredMesh {

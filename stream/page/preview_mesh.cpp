@@ -118,6 +118,7 @@ class Vertices {
       }
       keep(rgba);
     });
+    find_finer_cell();
   }
 
   const Double3& origin() const { return origin_; }
@@ -159,6 +160,17 @@ class Vertices {
     for (const std::uint32_t c : rgba)
       local_.push_back({double(c & 0xff), double((c >> 8) & 0xff), double((c >> 16) & 0xff)});
     far_rgba_->append(local_);
+  }
+  /// Where the first two vertices lie farther apart than others do, as of a sphere that was divided again and again.
+  void find_finer_cell() {
+    constexpr double kFiner = 1024.0;
+    const std::uint64_t count = far_ ? far_->size() : near_.size();
+    for (int round = 0; round < 3 && count > kMaxCells && !size_.is_settled() && size_.cell() > 0.0;
+         ++round) {
+      size_ = ClusterSize(kMaxCells, size_.cell() / kFiner);
+      for (std::uint64_t i = 0; i < count; ++i)
+        size_.add(far_ ? far_->at(i) : Double3{near_[i][0], near_[i][1], near_[i][2]});
+    }
   }
   template <class At, class Colour, class Use>
   void each_face_of(MeshReader& mesh, const At& at, const Colour& colour, const Use& use) {

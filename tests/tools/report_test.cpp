@@ -104,7 +104,7 @@ TEST_CASE("report: same page whatever threads, tiles and cap, but for what the r
   }
 }
 
-TEST_CASE("report: a job's smallest cap holds its pictures; where one does not, the page says so",
+TEST_CASE("report: the smallest cap of a job holds its pictures, and where one does not the page says so",
           "[memory]") {
   const TempFolder folder;
   const fs::path mesh = folder / "mesh.ply";

@@ -75,9 +75,26 @@ TEST_CASE("vertex clustering: too many faces are refused, the size found for the
   each_face(300, wave, [&](const auto& corners) {
     for (const Double3& p : corners) size.add(p);
   });
+  CHECK(size.is_settled());
   VertexClustering found(size.cell(), 1'000);
   each_face(300, wave, [&](const auto& corners) { CHECK(found.add(corners, kGrey)); });
   CHECK(found.finish().faces.size() > 400);  // and it is not needlessly coarse
+}
+
+TEST_CASE("vertex clustering: a size that begins too coarse is told, and found from a finer one", "[unit]") {
+  const auto points = [](ClusterSize& size) {
+    size.add({0, 0, 0});
+    size.add({1, 1, 0});
+    for (int i = 0; i < 10'000; ++i) size.add({0.01 * (i % 100), 0.01 * (i / 100), 0});
+  };
+  ClusterSize coarse(900);
+  points(coarse);
+  CHECK_FALSE(coarse.is_settled());
+  ClusterSize fine(900, coarse.cell() / 1024.0);
+  points(fine);
+  CHECK(fine.is_settled());
+  CHECK(fine.cell() > 0.03);
+  CHECK(fine.cell() < 0.05);
 }
 
 TEST_CASE("vertex clustering: what is not finite, of one point or of any size does no harm", "[unit]") {
