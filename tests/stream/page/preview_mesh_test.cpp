@@ -82,8 +82,7 @@ TEST_CASE("preview: figures are those of every face, of copies and of clustered 
     CHECK(preview.edge_length[static_cast<std::size_t>(bin - want.lengths.begin()->first)] == count);
 }
 
-TEST_CASE("preview: a clustered mesh has about as many faces as it may, and is near the mesh",
-          "[unit]") {
+TEST_CASE("preview: a clustered mesh has about as many faces as it may, and is near the mesh", "[unit]") {
   const int level = GENERATE(7, 8);
   const TempFolder folder;
   const WholeMesh mesh = stretched_ball(level);
