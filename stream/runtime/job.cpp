@@ -115,7 +115,7 @@ class Driver {
   void run() {
     const std::size_t last = job_.only_stages > 0 ? job_.only_stages : job_.stages.size();
     // Of earlier runs: the work directory is locked, and what this run commits it knows itself.
-    const Journal journal = read_journal(journal_folder_);
+    Journal journal = read_journal(journal_folder_);
     if (journal.damaged_lines > 0)
       log_.warn("{} damaged journal lines: their tasks are done again", journal.damaged_lines);
     for (std::size_t s = 0; s < last;) {
@@ -138,11 +138,15 @@ class Driver {
         stop_if_requested(records.finish.stage);
         done_.push_back(std::move(records));
         forget_summaries(done_.back());
+        journal.stages.erase(done_.back().finish.stage);  // only later ones are asked for from here on
         ++resumed_stages_;
       }
       s = std::max(s, next);
       if (s >= last) break;
-      if (done_.size() == resumed_stages_) require_memory(state_, job_, s);
+      if (done_.size() == resumed_stages_) {
+        trim_allocator();  // of all that was read
+        require_memory(state_, job_, s);
+      }
       done_.push_back(run_stage(s, journal));
       // What was just committed is bound to the inputs as they were: if they are not, nobody will take it.
       require_same_inputs(work_.identity());
