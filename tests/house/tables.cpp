@@ -258,6 +258,9 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});
     by("stream/stages/scan/order", "stream/stages/scan", {"order_stage"});
     by("tools/caps", "stream/stages/decimate", {"simplify_needs"});
+    by("tools/caps", "stream/stages/merge", {"merge_needs"});
+    by("tools/caps", "stream/stages/resample", {"resample_needs"});
+    by("tools/caps", "stream/stages/solid", {"solid_needs"});
     by("stream/stages/scan/survey", "stream/stages/scan", {"probe_stage", "survey_stage"});
     by("stream/stages/scan/thin", "stream/stages/scan", {"thin_stage"});
     by("stream/stages/scan/unpack", "stream/stages/scan", {"unpack_stage"});

@@ -8,7 +8,7 @@
 #include "stream/stages/bake/bake_scale.h"
 #include "stream/stages/bake/chart_files.h"
 #include "stream/stages/bake/texture_points.h"
-#include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/plan/planned_patches.h"
 
 namespace tessera {
 namespace {
@@ -21,6 +21,11 @@ constexpr double kPointTime = 0.6, kChartTime = 0.15, kPackTime = 0.2, kTexelTim
 constexpr double kBlockFill = 0.5;  ///< of the texels that a block may have
 /// Of the texels that blocks are cut for: one page that has room for them gets finer ones (full_page.h), .45 spacings wide, not .71.
 constexpr double kFinerTexels = 2.5;
+
+/// Of a block of so many faces while it is loaded.
+std::uint64_t loading_bytes(std::uint64_t faces) {
+  return MeshStore::block_bytes(bytes_of(static_cast<double>(faces), kVerticesPerFace), faces);
+}
 
 std::uint64_t texel_task_bytes(std::uint64_t page_size, double points_per_texel) {
   const auto texels = static_cast<double>(kBlockTexels);
@@ -40,7 +45,7 @@ std::vector<StageNeed> bake_needs(const RunOptions& run, std::uint64_t page_size
                                   std::uint64_t brick_vertices) {
   const std::uint64_t patch_faces = std::min(faces, 2 * brick_vertices),
                       block_faces = std::min(faces, kBlockTextureFaces);
-  const std::uint64_t patch = surface_block_bytes(patch_faces), block = surface_block_bytes(block_faces);
+  const std::uint64_t patch = loading_bytes(patch_faces), block = loading_bytes(block_faces);
   // Blocks are halved until they have few enough faces and texels: of a large mesh some have at least half of one or the other.
   const double half = faces > kBlockTextureFaces ? kBlockFill * static_cast<double>(kBlockTexels) : 0.0;
   const auto raster = [&](double texels, std::uint64_t each) {

@@ -13,6 +13,7 @@
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/crossings/crossing_stages.h"
+#include "stream/stages/merge/merge_needs.h"
 #include "stream/stages/merge/merge_stages.h"
 
 namespace tessera {

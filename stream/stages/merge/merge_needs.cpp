@@ -1,3 +1,5 @@
+#include "stream/stages/merge/merge_needs.h"
+
 #include <algorithm>
 
 #include "stream/meshes/mesh_store.h"

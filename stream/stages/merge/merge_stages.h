@@ -168,8 +168,6 @@ std::uint64_t merge_cover_bytes(const RunOptions& run, const MeshSize& patch, st
 std::uint64_t merge_strip_bytes(std::uint64_t leaves, std::uint64_t near_bytes, std::uint64_t kept_bytes);
 /// \param strip  with the faces near cuts, all of them
 std::uint64_t merge_zip_bytes(const MeshSize& strip, std::uint64_t patch_bytes);
-/// Of all of these. \param all  meshes together
-std::vector<StageNeed> merge_needs(const RunOptions& run, const MeshSize& all);
 
 std::unique_ptr<Stage> make_merge_scale_stage(const JobState& state, const MergeOptions& options);
 std::unique_ptr<Stage> make_merge_joints_stage(const JobState& state);

@@ -12,6 +12,7 @@
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/resample/resample_needs.h"
 #include "stream/stages/resample/resample_stages.h"
 
 namespace tessera {

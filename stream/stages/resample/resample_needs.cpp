@@ -1,3 +1,5 @@
+#include "stream/stages/resample/resample_needs.h"
+
 #include <algorithm>
 
 #include "stream/meshes/mesh_store.h"

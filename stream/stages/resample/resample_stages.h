@@ -7,9 +7,7 @@
 ///   apply   patches with faces that go or come, written anew
 #pragma once
 #include <memory>
-#include <vector>
 
-#include "stream/import/import_needs.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/resample/resample_files.h"
 #include "stream/stages/resample/resample_options.h"
@@ -34,7 +32,5 @@ std::uint64_t resample_scale_bytes(std::uint64_t patch_bytes);
 std::uint64_t blends_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces);
 std::uint64_t resample_apply_bytes(std::uint64_t patch_bytes, std::uint64_t blend_bytes,
                                    std::uint64_t largest_blend);
-/// Of these stages, told before the mesh is read.
-std::vector<StageNeed> resample_needs(const MeshSize& mesh);
 
 }  // namespace tessera

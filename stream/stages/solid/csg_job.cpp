@@ -5,6 +5,7 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/stages/solid/exact_csg.h"
+#include "stream/stages/solid/solid_needs.h"
 
 namespace tessera {
 namespace {

@@ -4,6 +4,7 @@
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/solid/resurface_job.h"
+#include "stream/stages/solid/solid_needs.h"
 #include "stream/stages/solid/solid_stages.h"
 
 namespace tessera {

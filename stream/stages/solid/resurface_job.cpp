@@ -7,6 +7,7 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
+#include "stream/stages/solid/solid_needs.h"
 #include "stream/stages/solid/solid_stages.h"
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/write_stage.h"

@@ -38,10 +38,6 @@ OptionTable option_table(ResurfaceOptions& options);
 /// Import of every input, lattice, lines, surface, weld, write. The report's `mesh` has {vertices, faces, components, ...}.
 JobDescription resurface_job(const ResurfaceOptions& options);
 
-/// Memory of all stages of a model, whether it ends as a surface or as a field, by what is known before its meshes are read: of
-/// bricks as a closed surface fills them.
-std::vector<StageNeed> solid_needs(const JobState& state, const SolidModel& model);
-
 /// The stages of any model, from import to its surface.
 std::vector<StageEntry> solid_surface_stages(const SolidModel& model);
 /// The stages of any model, from import to output. \param maker  "tessera resurface"

@@ -1,10 +1,11 @@
+#include "stream/stages/solid/solid_needs.h"
+
 #include <algorithm>
 #include <vector>
 
 #include "stream/import/import_needs.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/meshes/patch_store.h"
-#include "stream/stages/solid/resurface_job.h"
 #include "stream/stages/solid/solid_stages.h"
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/write_stage.h"
