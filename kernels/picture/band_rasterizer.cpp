@@ -76,6 +76,12 @@ std::array<std::int64_t, 2> span_of(const std::array<std::int64_t, 3>& at,
   return {first, last};
 }
 
+/// Where in a pixel the sample lies that its depth is taken from: the middle one, or the next.
+double middle_sample(int samples) {
+  const int middle = samples / 2;
+  return (middle + 0.5) / samples;
+}
+
 }  // namespace
 
 BandRasterizer::BandRasterizer(const PictureView& view, const PictureBand& band, int samples)
@@ -84,7 +90,7 @@ BandRasterizer::BandRasterizer(const PictureView& view, const PictureBand& band,
       samples_(samples),
       width_(view.width),
       rows_(band.drawn_high - band.drawn_low),
-      light_(view.camera, view.width, view.height, band.drawn_low, rows_, (samples / 2 + 0.5) / samples) {
+      light_(view.camera, view.width, view.height, band.drawn_low, rows_, middle_sample(samples)) {
   const std::size_t count =
       static_cast<std::size_t>(width_ * samples_) * static_cast<std::size_t>(rows_ * samples_);
   nearness_.assign(count, kNothing);
