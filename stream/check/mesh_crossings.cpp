@@ -19,7 +19,10 @@ namespace {
 
 constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 constexpr int kMaxCellSplits =
-    10;  ///< below a 2^10th of a cell faces that are still together meet, or nearly so
+    15;  ///< of an axis in halves: what is together in so small a cell meets, or nearly so
+constexpr int kMaxLevel = 5;  ///< of them at once
+/// Smaller chunks cost more in calls and in the lists of where they are than dealing twice does.
+constexpr std::uint64_t kLeastChunk = 4096;
 constexpr std::uint64_t kStopPairs = 1u << 16;
 
 /// Of the memory. What lies in a cell is held once a thread.
@@ -113,11 +116,8 @@ class CrossingSearch {
   MeshCrossings run() {
     survey();
     const ContactCell all{{-kUnbounded, -kUnbounded, -kUnbounded}, {kUnbounded, kUnbounded, kUnbounded}};
-    // A surface passes about 4^level cells; some are fuller than others.
-    int level = 0;
-    while (level < 5 && face_count_ >> 2 * level > cell_faces_ / 3) ++level;
     WorkerPool pool(options_.threads);
-    pool.run_here([&] { search(all, low_, high_, level, 0, [&](const Use& use) { look_up(use); }); });
+    pool.run_here([&] { search(all, low_, high_, face_count_, 0, [&](const Use& use) { look_up(use); }); });
     std::uint64_t last = 0;
     std::vector<std::uint64_t> batch;
     found_.drain([&](std::span<const std::uint64_t> faces) {
@@ -242,15 +242,25 @@ class CrossingSearch {
     }
   }
 
+  /// Into how many parts, 8^level, a cell with so many faces is cut, at least 8 where it is cut again. A surface passes about
+  /// 4^level cells; some are fuller than others. Parts have room for chunks worth a call.
+  int level_of(std::uint64_t faces, std::uint64_t chunks, bool again) const {
+    int level = again ? 1 : 0;
+    while (level < kMaxLevel && faces >> 2 * level > cell_faces_ / 3 &&
+           kLeastChunk << 3 * (level + 1) <= chunks)
+      ++level;
+    return level;
+  }
+
   /// Deals the faces of a cell to its parts and looks for pairs in each; parts that are too full are dealt again.
-  /// \param low,high  around the places that the faces may share
-  void search(const ContactCell& cell, const Double3& low, const Double3& high, int level, int splits,
-              const Source& source) {
+  /// \param low,high  around the places that the faces may share \param splits  of an axis so far, in halves
+  void search(const ContactCell& cell, const Double3& low, const Double3& high, std::uint64_t count,
+              int splits, const Source& source) {
+    const std::uint64_t nested = splits == 0 ? 2 : 8, chunks = shares_.chunks / nested;
+    const int level = level_of(count, chunks, splits > 0);
     const CellCuts cuts(cell, low, high, level);
-    SpillPool pool(options_.temp, shares_.dealt / (splits == 0 ? 2 : 8));
-    Buckets parts(
-        pool, cuts.count(),
-        std::clamp<std::uint64_t>(shares_.chunks / (splits == 0 ? 2 : 8) / cuts.count(), 512, 1u << 18));
+    SpillPool pool(options_.temp, shares_.dealt / nested);
+    Buckets parts(pool, cuts.count(), std::clamp<std::uint64_t>(chunks / cuts.count(), 512, 1u << 18));
     source([&](const Face& f) {
       Double3 from, to;
       for (std::size_t k = 0; k < 3; ++k) {
@@ -288,11 +298,11 @@ class CrossingSearch {
         });
     for (const std::size_t i : full) {
       const ContactCell part = cuts.part(i);
-      if (splits == kMaxCellSplits) too_full(parts.count(i), part);
+      if (splits >= kMaxCellSplits) too_full(parts.count(i), part);
       Double3 from, to;
       for (std::size_t k = 0; k < 3; ++k)
         from[k] = std::max(part.low[k], low[k]), to[k] = std::min(part.high[k], high[k]);
-      search(part, from, to, 1, splits + 1, [&](const Use& use) {
+      search(part, from, to, parts.count(i), splits + std::max(1, level), [&](const Use& use) {
         parts.for_each(i, [&](std::span<const Face> some_faces) {
           for (const Face& f : some_faces) use(f);
         });

@@ -10,6 +10,7 @@
 #include "stream/check/mesh_crossings.h"
 #include "stream/files/json.h"
 #include "tests/helpers/icosphere.h"
+#include "tests/helpers/memory_growth.h"
 #include "tests/helpers/memory_mesh.h"
 #include "tests/helpers/random.h"
 
@@ -132,6 +133,29 @@ TEST_CASE("crossings: the cap, the threads and the cells change nothing", "[prop
       CHECK(same(crossings(mesh, kilobytes << 10, threads, &same_faces), all));
       CHECK(same_faces == faces);
     }
+}
+
+TEST_CASE("crossings: a search holds no more than it may, however many faces there are", "[memory]") {
+  constexpr std::uint64_t kSide = 1000, kMemory = std::uint64_t{8} << 20, kSlack = std::uint64_t{4} << 20;
+  std::vector<Double3> points;
+  std::vector<MeshFace> faces;
+  for (std::uint64_t y = 0; y <= kSide; ++y)
+    for (std::uint64_t x = 0; x <= kSide; ++x) {
+      points.push_back(
+          {static_cast<double>(x), static_cast<double>(y), std::sin(0.01 * static_cast<double>(x))});
+      if (x == kSide || y == kSide) continue;
+      const std::uint64_t a = y * (kSide + 1) + x, b = a + kSide + 1;
+      faces.push_back({a, a + 1, b + 1});
+      faces.push_back({a, b + 1, b});
+    }
+  MemoryMesh mesh(points, faces);
+  VertexStore positions({}, true, 1u << 20);
+  positions.append(mesh.points());
+  MeshCrossingOptions options;
+  options.memory_bytes = kMemory;
+  const std::uint64_t grown = test::growth_of([&] { find_crossings(mesh, positions, options); });
+  INFO(grown << " bytes for " << faces.size() << " faces");
+  CHECK(grown <= kMemory + kSlack);
 }
 
 TEST_CASE("crossings: survey coordinates and the order of faces change no number", "[property]") {
