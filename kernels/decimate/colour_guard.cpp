@@ -31,7 +31,7 @@ double auto_colour_tolerance(const MeshBlock& mesh) {
   const std::uint64_t all = 3 * mesh.faces.size();
   std::uint64_t level = 0, below = count[0];
   while (10 * below < 9 * all) below += count[++level];
-  return static_cast<double>(std::clamp(kTimes * level, kLeast, std::uint64_t{255}));
+  return kTimes * level > 255 ? 0.0 : static_cast<double>(std::max(kTimes * level, kLeast));
 }
 
 ColourGuard::ColourGuard(const CollapseMesh& mesh, const MeshBlock& block, double tolerance)

@@ -13,7 +13,8 @@
 namespace tessera {
 
 /// `--colour-tolerance auto`: four times what nine of ten edges of the mesh differ by, the most of their channels, and at least 8
-/// levels. In a scan that is its noise and the grain of what it saw; borders of colours are fewer.
+/// levels. In a scan that is its noise and the grain of what it saw; borders of colours are fewer. 0 (any) where it would be
+/// more than 255: no border stands out.
 [[nodiscard]] double auto_colour_tolerance(const MeshBlock& mesh);
 
 /// Small changes are noise, of which a mean is left; beyond a quarter of the tolerance they add up: a vertex bears what

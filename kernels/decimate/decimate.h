@@ -54,9 +54,7 @@ struct DecimateOptions {
   double min_mean_ratio = 0.02;
   bool allow_crossings = false;  ///< do collapses too that make faces meet others beyond what they share
   double colour_weight = 0.0;    ///< scan units that the full range of a colour channel is worth; 0 = ignored
-  /// Levels of 255 that a channel of the colours may change by where a vertex goes; 0 = any, kAutoColourTolerance = by the
-  /// noise of the reference's colours (auto_colour_tolerance()).
-  double colour_tolerance = 0.0;
+  double colour_tolerance = 0.0;  ///< levels of 255, or kAutoColourTolerance (colour_guard.h); 0 = any change
 
   void validate() const;  ///< throws UsageError naming the field
 };
