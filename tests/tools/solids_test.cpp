@@ -87,14 +87,14 @@ TEST_CASE("resurface: a dirty mesh becomes one closed one, the same bytes whatev
   const std::string again = (folder / "b.ply").string();
   for (const std::vector<std::string>& how : {std::vector<std::string>{"-t", "1", "--tile-size", "64"},
                                               {"-t", "2", "--tile-size", "128"},
-                                              {"--memory", "128M"}}) {
+                                              {"--memory", "96M"}}) {
     std::vector<std::string> words = {"resurface", in, "-o", again, "--resolution", "0.01", "--force"};
     words.insert(words.end(), how.begin(), how.end());
     const CommandResult r = solid_command(words);
     CAPTURE(r.errors);
     REQUIRE(r.code == 0);
     CHECK(file_bytes(again) == bytes);
-    if (how[0] == "--memory") CHECK(r.peak_bytes < (std::uint64_t{128} << 20));
+    if (how[0] == "--memory") CHECK(r.peak_bytes < (std::uint64_t{96} << 20));
   }
 }
 

@@ -65,8 +65,9 @@ std::vector<StageNeed> solid_needs(const JobState& state, const SolidModel& mode
     add("grid", grid_bytes(), grid_bytes() + kFewPatches);
     return needs;
   }
-  // Walls and corners: two sheets in a brick are usual, more are not rare.
-  const std::vector<PatchEntry> patches = {patch_of(2)}, most = {patch_of(4)};
+  // Where bodies meet or get walls two sheets in a brick are usual; one body may have a single one. More are not rare.
+  const bool is_one_body = model.inputs() == 1 && !model.is_offset();
+  const std::vector<PatchEntry> patches = {patch_of(is_one_body ? 1 : 2)}, most = {patch_of(4)};
   add("weld", std::max(weld_task_bytes(patches), weld_finish_bytes(patches.size(), 1)),
       weld_finish_bytes(patches.size(), 1) + kFewPatches);
   for (const StageEntry& round : uncross_stages(written_by(false)))
