@@ -8,8 +8,6 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kBluntVertexBytes = std::uint64_t{8} << 20;
-constexpr std::uint64_t kBluntViewBytes = std::uint64_t{16} << 20;
 /// Faces of a piece: beyond, a brick is torn to shreds and stays as it is.
 constexpr std::size_t kMaxBluntFaces = 80'000;
 /// Of one face in the kernel: itself, three half-edges, half a vertex, and the names of its corners.
@@ -59,7 +57,7 @@ std::uint64_t BluntReader::bytes(std::span<const PatchEntry> patches) {
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches)
     largest = std::max<std::uint64_t>(largest, 80ull * e.vertices + 60ull * e.foreign + 40ull * e.faces);
-  return kBluntVertexBytes + kBluntViewBytes + 2 * largest + kMaxBluntFaces * kBluntFaceBytes +
+  return kVertexCacheBytes + kViewCacheBytes + 2 * largest + kMaxBluntFaces * kBluntFaceBytes +
          NumberedPatches::kCacheBytes;
 }
 
@@ -142,22 +140,18 @@ Double3 BluntReader::offset(std::size_t patch, const Int3& brick) const {
 }
 
 const BluntReader::Vertices& BluntReader::vertices(std::size_t patch) {
-  const auto found = vertices_.find(patch);
-  if (found != vertices_.end()) return found->second;
-  drop_first_patches(vertices_, vertex_bytes_, kBluntVertexBytes);
-  Vertices& out = vertices_[patch];
-  std::vector<std::uint32_t> rgba;
-  store_.load_vertices(patch, out.position, rgba, &out.kind);
-  positions_.load(patch, out.position, rgba);
-  vertex_bytes_ += out.bytes();
-  return out;
+  return vertices_.get(patch, [&](Vertices& out) {
+    std::vector<std::uint32_t> rgba;
+    store_.load_vertices(patch, out.position, rgba, &out.kind);
+    positions_.load(patch, out.position, rgba);
+  });
 }
 
 const BluntReader::View& BluntReader::view(std::size_t patch) {
-  const auto found = views_.find(patch);
-  if (found != views_.end()) return found->second;
-  drop_first_patches(views_, view_bytes_, kBluntViewBytes);
-  View& out = views_[patch];
+  return views_.get(patch, [&](View& out) { load_view(patch, out); });
+}
+
+void BluntReader::load_view(std::size_t patch, View& out) {
   numbered_.load_faces(patch, read_);
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
   {
@@ -194,8 +188,6 @@ const BluntReader::View& BluntReader::view(std::size_t patch) {
       run.high[a] = static_cast<std::int16_t>(std::ceil(all.second[a]));
     }
   }
-  view_bytes_ += out.bytes();
-  return out;
 }
 
 }  // namespace tessera

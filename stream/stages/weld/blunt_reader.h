@@ -4,7 +4,6 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <span>
 #include <utility>
 #include <vector>
@@ -34,6 +33,9 @@ class BluntReader {
   static std::uint64_t bytes(std::span<const PatchEntry> patches);
 
  private:
+  static constexpr std::uint64_t kVertexCacheBytes = std::uint64_t{8} << 20;
+  static constexpr std::uint64_t kViewCacheBytes = std::uint64_t{16} << 20;
+
   struct Vertices {
     std::vector<Float3> position;
     std::vector<VertexClass> kind;
@@ -88,14 +90,14 @@ class BluntReader {
   const Vertices& vertices(std::size_t patch);
 
   const View& view(std::size_t patch);
+  void load_view(std::size_t patch, View& out);
 
   const PatchStore& store_;
   const Numbering& numbering_;
   NumberedPatches numbered_;
   PatchPositions positions_;
-  std::map<std::size_t, Vertices> vertices_;
-  std::map<std::size_t, View> views_;
-  std::uint64_t vertex_bytes_ = 0, view_bytes_ = 0;
+  PatchCache<Vertices> vertices_{kVertexCacheBytes};
+  PatchCache<View> views_{kViewCacheBytes};
   PatchFaces read_;
   Chosen own_, foreign_;              ///< of the brick at work
   std::vector<std::uint32_t> place_;  ///< per vertex of the patch at hand

@@ -8,31 +8,26 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kAroundVertexBytes = std::uint64_t{4} << 20;
-constexpr std::uint64_t kAroundFaceBytes = std::uint64_t{8} << 20;
 constexpr double kFaceSpan = 4.0;  ///< cells that a face reaches out of its patch's brick, at most
 
 }  // namespace
 
 const std::vector<Float3>& MeshAround::vertices(std::size_t patch) {
-  const auto found = vertices_.find(patch);
-  if (found != vertices_.end()) return found->second.position;
-  drop_first_patches(vertices_, vertex_bytes_, kAroundVertexBytes);
-  Vertices& out = vertices_[patch];
-  std::vector<std::uint32_t> rgba;
-  numbered_.load_kept_vertices(patch, out.position, rgba);
-  vertex_bytes_ += out.bytes();
-  return out.position;
+  const auto load = [&](Vertices& out) {
+    std::vector<std::uint32_t> rgba;
+    numbered_.load_kept_vertices(patch, out.position, rgba);
+  };
+  return vertices_.get(patch, load).position;
 }
 
 const MeshAround::View& MeshAround::view(std::size_t patch) {
-  const auto found = views_.find(patch);
-  if (found != views_.end()) return found->second;
-  drop_first_patches(views_, view_bytes_, kAroundFaceBytes);
+  return views_.get(patch, [&](View& out) { load_view(patch, out); });
+}
+
+void MeshAround::load_view(std::size_t patch, View& out) {
   numbered_.load_faces(patch, read_);
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
   const std::size_t own = read_.index.size() - read_.foreign.size();
-  View& out = views_[patch];
   out.first = numbering_.patches[patch].first_vertex;
   out.own = vertices(patch);
   const auto kept = static_cast<std::uint32_t>(out.own.size());
@@ -62,8 +57,6 @@ const MeshAround::View& MeshAround::view(std::size_t patch) {
     }
     out.faces.push_back(f);
   }
-  view_bytes_ += out.bytes();
-  return out;
 }
 
 template <class Run, class Use>
@@ -183,7 +176,7 @@ std::uint64_t MeshAround::bytes(std::span<const PatchEntry> patches) {
   for (const PatchEntry& e : patches)
     largest = std::max<std::uint64_t>(largest,
                                       44ull * (e.vertices + e.foreign) + (sizeof(PatchFace) + 14) * e.faces);
-  return largest + kAroundVertexBytes + kAroundFaceBytes + NumberedPatches::kCacheBytes;
+  return largest + kVertexCacheBytes + kViewCacheBytes + NumberedPatches::kCacheBytes;
 }
 
 }  // namespace tessera

@@ -4,7 +4,6 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <span>
 #include <vector>
 
@@ -37,6 +36,9 @@ class MeshAround {
   static std::uint64_t bytes(std::span<const PatchEntry> patches);
 
  private:
+  static constexpr std::uint64_t kVertexCacheBytes = std::uint64_t{4} << 20;
+  static constexpr std::uint64_t kViewCacheBytes = std::uint64_t{8} << 20;
+
   void gather(const Double3& origin, const Double3& low, const Double3& high, const BoxMask& near,
               std::vector<ContactFace>& out);
   /// Whole cells around faces, from the min corner of their patch's brick.
@@ -68,6 +70,7 @@ class MeshAround {
   };
   const std::vector<Float3>& vertices(std::size_t patch);
   const View& view(std::size_t patch);
+  void load_view(std::size_t patch, View& out);
   /// Calls use(face) for the faces there, their corners in cells from `origin`. \param run  (low, high) of a box: false where
   /// no face in it is of use
   template <class Run, class Use>
@@ -80,9 +83,8 @@ class MeshAround {
   const PatchStore& store_;
   const Numbering& numbering_;
   NumberedPatches numbered_;
-  std::map<std::size_t, Vertices> vertices_;
-  std::map<std::size_t, View> views_;
-  std::uint64_t vertex_bytes_ = 0, view_bytes_ = 0;
+  PatchCache<Vertices> vertices_{kVertexCacheBytes};
+  PatchCache<View> views_{kViewCacheBytes};
   PatchFaces read_;
 };
 

@@ -5,8 +5,6 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kVertexCacheBytes = std::uint64_t{20} << 20;
-constexpr std::uint64_t kViewCacheBytes = std::uint64_t{20} << 20;
 constexpr double kSide = kBrickCells;
 constexpr double kMaxSpan = 10.0;  ///< cells; no face is so wide
 /// Cells: what comes so near to the side of a brick may touch what is beyond it, for there vertices lie, or do when rounded.
@@ -33,10 +31,10 @@ bool NearFaces::may_be_risky(std::size_t patch, const Int3& brick) {
 }
 
 const NearFaces::Vertices& NearFaces::vertices(std::size_t patch) {
-  const auto found = vertices_.find(patch);
-  if (found != vertices_.end()) return found->second;
-  drop_first_patches(vertices_, vertex_bytes_, kVertexCacheBytes);
-  Vertices& out = vertices_[patch];
+  return vertices_.get(patch, [&](Vertices& out) { load_vertices(patch, out); });
+}
+
+void NearFaces::load_vertices(std::size_t patch, Vertices& out) {
   std::vector<std::uint32_t> rgba;
   positions_.load(patch, out.position, rgba, &out.safe);
   out.risky.resize(out.position.size());
@@ -44,15 +42,13 @@ const NearFaces::Vertices& NearFaces::vertices(std::size_t patch) {
     for (std::size_t v = 0; v < out.risky.size(); ++v) out.risky[v] = out.position[v] != out.safe[v];
   else
     for (const std::uint64_t v : positions_.returned(patch, round_ - 1)) out.risky[v & 0xffffffffu] = 1;
-  vertex_bytes_ += out.bytes();
-  return out;
 }
 
 const NearFaces::View& NearFaces::view(std::size_t patch) {
-  const auto found = views_.find(patch);
-  if (found != views_.end()) return found->second;
-  drop_first_patches(views_, view_bytes_, kViewCacheBytes);
-  View& out = views_[patch];
+  return views_.get(patch, [&](View& out) { load_view(patch, out); });
+}
+
+void NearFaces::load_view(std::size_t patch, View& out) {
   numbered_.load_faces(patch, read_);
   out.foreign = read_.foreign;
   const Int3 brick = brick_of_key(store_.patches()[patch].key);
@@ -82,8 +78,6 @@ const NearFaces::View& NearFaces::view(std::size_t patch) {
     if (beyond[f[0]] || beyond[f[1]] || beyond[f[2]]) out.reaching.push_back(number);
     out.faces.push_back(f);
   }
-  view_bytes_ += out.bytes();
-  return out;
 }
 
 bool NearFaces::reaches(const View& there, std::uint32_t number, std::size_t patch, const Int3& brick) const {

@@ -2,7 +2,6 @@
 /// Faces of the welded mesh that reach into one brick, and which of them may cross others.
 #pragma once
 #include <cstdint>
-#include <map>
 #include <span>
 #include <vector>
 
@@ -40,6 +39,9 @@ class NearFaces {
   static std::uint64_t bytes(std::span<const PatchEntry> patches);
 
  private:
+  static constexpr std::uint64_t kVertexCacheBytes = std::uint64_t{20} << 20;
+  static constexpr std::uint64_t kViewCacheBytes = std::uint64_t{20} << 20;
+
   struct Vertices {
     std::vector<Float3> position, safe;
     std::vector<std::uint8_t> risky;
@@ -66,6 +68,8 @@ class NearFaces {
   bool may_be_risky(std::size_t patch, const Int3& brick);
   const Vertices& vertices(std::size_t patch);
   const View& view(std::size_t patch);
+  void load_vertices(std::size_t patch, Vertices& out);
+  void load_view(std::size_t patch, View& out);
   /// Whether a face of another patch comes into the brick, or to its sides.
   bool reaches(const View& there, std::uint32_t number, std::size_t patch, const Int3& brick) const;
   /// Faces lie in the bricks of their patches, but for those with vertices that were moved.
@@ -77,9 +81,8 @@ class NearFaces {
   int round_;
   NumberedPatches numbered_;
   PatchPositions positions_;
-  std::map<std::size_t, Vertices> vertices_;
-  std::map<std::size_t, View> views_;
-  std::uint64_t vertex_bytes_ = 0, view_bytes_ = 0;
+  PatchCache<Vertices> vertices_{kVertexCacheBytes};
+  PatchCache<View> views_{kViewCacheBytes};
   PatchFaces read_;
   RiskyMesh mesh_;                     ///< of the brick at work
   std::vector<std::uint8_t> returns_;  ///< per vertex of it: it may go back
