@@ -23,6 +23,9 @@ class PointFilter {
   /// as far as these go; of several reasons the first counts.
   const PointChunk& apply(const PointChunk& chunk, PointChunk& scratch, ReadCounts& counts) const;
 
+  /// Whether an option leaves points out.
+  bool chooses() const { return !requested_classes_.empty() || returns_ != "all" || box_.has_value(); }
+
   /// All wanted points lie in it, if any box or polygon is given; infinite where nothing limits.
   const std::optional<PointBox>& box() const { return box_; }
 

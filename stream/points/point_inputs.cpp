@@ -135,6 +135,14 @@ std::uint64_t PointInputs::declared_points() const {
   return sum;
 }
 
+std::uint64_t PointInputs::expected_points() const {
+  if (filter_.chooses() || thin_buckets_ > 0) return 0;
+  std::uint64_t sum = 0;
+  for (const auto& f : files_)
+    if (!f->info().placeholders) sum += f->info().credible_points();
+  return sum;
+}
+
 bool PointInputs::has_colour() const {
   return std::any_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().attributes.colour; });
 }

@@ -30,6 +30,9 @@ class PointInputs {
   bool has_packed() const;
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t declared_points() const;
+  /// Points by the headers, as far as they can be believed, of files whose points all stand for returns; 0 where options
+  /// leave points out, for nobody knows how many.
+  std::uint64_t expected_points() const;
   bool has_colour() const;
   bool has_grid_normals() const;
   /// The one that the files name; unknown where none does.

@@ -1,6 +1,8 @@
 // The main job as a user runs it: one hash over everything that must not matter, kills, caps.
 #include <catch2/catch.hpp>
 
+#include <unistd.h>
+
 #include <cstdlib>
 #include <map>
 
@@ -12,6 +14,7 @@
 #include "tests/helpers/random.h"
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
+#include "tests/helpers/skip.h"
 
 namespace reconstruct_test {
 
@@ -186,6 +189,35 @@ TEST_CASE("reconstruct: killed at every commit point, the same command ends in t
     REQUIRE(file_bytes(out) == want);
     std::filesystem::remove(out);
   }
+}
+
+TEST_CASE("reconstruct: a disk that cannot hold the points of the headers is told before they are unpacked",
+          "[fault]") {
+  if (::geteuid() != 0) return skip("mounting a small tmpfs needs root");
+  const TempFolder folder;
+  const std::string cloud = (folder.path() / "cloud.laz").string(), disk = (folder.path() / "disk").string();
+  REQUIRE(tessera_command({"synth", "--points", "400000", "-o", cloud}).code == 0);
+  std::filesystem::create_directories(disk);
+  // Unpacked they take 5 MB of it; sorted, 19.
+  if (shell("mount -t tmpfs -o size=12m tessera-test " + disk).code != 0)
+    return skip("this machine does not let root mount a tmpfs");
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = tessera_command(job({cloud}, out, {"--temp", disk}));
+  CAPTURE(r.errors);
+  CHECK(r.code == 4);
+  CHECK_THAT(r.errors, Catch::Contains("sorting the points") && Catch::Contains("--temp"));
+  CHECK_FALSE(std::filesystem::exists(out));
+  CHECK_FALSE(std::filesystem::exists(out.string() + ".report.json"));  // no stage ended
+  // Nobody knows from headers how many of them are of a class, or in a box.
+  for (const std::vector<std::string>& chosen :
+       {std::vector<std::string>{"--classes", "0"}, {"--bounds", "0,0,-1000,1,1,1000"}}) {
+    std::vector<std::string> words = job({cloud}, out, {"--temp", disk, "--force"});
+    words.insert(words.end(), chosen.begin(), chosen.end());
+    const CommandResult some = tessera_command(words);
+    CAPTURE(some.errors);
+    CHECK_THAT(some.errors, !Catch::Contains("sorting the points"));
+  }
+  CHECK(shell("umount " + disk).code == 0);
 }
 
 TEST_CASE("reconstruct: the cap holds for a million points", "[memory]") {

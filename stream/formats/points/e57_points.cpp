@@ -147,6 +147,7 @@ class E57Points final : public PointFile {
     E57Pages pages(file, 1);
     const E57Scans all = read_e57_scans(pages, header);
     info_.path = input_.path();
+    info_.placeholders = true;
     info_.format = "E57 with " + std::to_string(all.count) + (all.count == 1 ? " scan" : " scans");
     info_.bytes = input_.size();
     if (!header.warning.empty()) info_.warnings.push_back(header.warning);

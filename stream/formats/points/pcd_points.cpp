@@ -214,6 +214,7 @@ class PcdPoints final : public PointFile {
     info_.path = input_.path();
     info_.bytes = input_.size();
     info_.declared_points = header_.points;
+    info_.placeholders = true;
     if (header_.grid && *header_.grid != header_.points) {
       info_.warnings.push_back("the header has two counts that differ: " + std::to_string(header_.points) +
                                " points, width times height " + std::to_string(*header_.grid));

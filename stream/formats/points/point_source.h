@@ -2,6 +2,7 @@
 /// Scans in: one interface for every point format. Readers stream through bounded buffers and never hold a
 /// file. A header is a claim: counts and bounds are verified by reading, differences are reported, not fatal.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -83,6 +84,9 @@ struct PointFileInfo {
   std::vector<Double3> sensors;       ///< sensor origins, scan frame (PTX, E57: one per scan)
   std::vector<std::string> warnings;  ///< what the header gets wrong, one sentence each
   std::vector<std::string> left_out;  ///< names of fields that mean nothing here, as the file spells them
+  bool placeholders = false;          ///< some of its points may stand for "no return" (PTX, E57, PCD)
+  /// What the header declares, as far as a file of its size can pack it.
+  std::uint64_t credible_points() const { return std::min(declared_points, 4 * bytes); }
   /// What all slices add up to.
   std::uint64_t planned_bytes() const { return unpacked_bytes > 0 ? unpacked_bytes : bytes; }
 };

@@ -86,6 +86,7 @@ class PtxPoints final : public PointFile {
     info_.packed = true;
     layout_.line_end = detect_line_end(file);
     find_scans(file);
+    info_.placeholders = true;
     info_.format = "PTX with " + std::to_string(scans_.size()) + (scans_.size() == 1 ? " scan" : " scans") +
                    input_.packed_words();
     info_.attributes.intensity = true;

@@ -9,6 +9,7 @@
 #include "stream/files/json_fields.h"
 #include "stream/runtime/disk_space.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/stages/plan/forecast_rates.h"
 
 namespace tessera {
 
@@ -18,6 +19,17 @@ Forecast Forecast::of_work(const std::filesystem::path& work) {
   } catch (const JsonError& e) {
     throw InputError((work / kFile).string() + ": damaged (" + e.what() + "); run again with --force");
   }
+}
+
+void require_points_disk(const PointInputs& inputs, const JobState& job) {
+  // Noise and withheld points are left out, and where h is coarse what is too much in a brick.
+  constexpr double kSurelyWanted = 0.75;
+  if (reconstruct_options(job).resolution > 0.0) return;
+  const auto points = kSurelyWanted * static_cast<double>(inputs.expected_points());
+  const std::uint64_t bytes = bytes_of(points, rates::kRunBytes + rates::kStoreBytes);
+  const DiskNeed need = {job.work, bytes - std::min(bytes, bytes_below(job.work)),
+                         "sorting the points in the work directory " + job.work.string()};
+  require_disk(std::span(&need, 1), kLargerDisk);
 }
 
 void require_resources(const Forecast& forecast, const JobState& job, std::uint64_t base,

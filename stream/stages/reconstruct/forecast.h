@@ -17,6 +17,7 @@
 
 #include "stream/files/json.h"
 #include "stream/points/plan.h"
+#include "stream/points/point_inputs.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/plan/stage_forecast.h"
@@ -37,6 +38,10 @@ struct Forecast {
   static Forecast of_work(const std::filesystem::path& work);
   static constexpr const char* kFile = "forecast.json";
 };
+
+/// Before anything is read, by the headers: of their points three in four at least are taken for wanted.
+/// \throws ResourceError when the disk cannot hold these while they are sorted
+void require_points_disk(const PointInputs& inputs, const JobState& job);
 
 /// Each stage tells its own part (StageEntry::forecast).
 Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, const InputTasks& inputs,

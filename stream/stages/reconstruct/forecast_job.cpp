@@ -113,10 +113,13 @@ std::uint64_t peak_disk(const PlannedScan& scan, const std::vector<StageForecast
   };
   const std::uint64_t closing = disk({"multipole", "rims"}), top = disk({"ground-cells", "ground", "top"});
   const std::uint64_t points = scan.store_bytes + scan.overlay_bytes + closing;
+  // What the first pass of decimation leaves is written, at most.
+  const std::uint64_t output =
+      scan.fuses_stores ? std::min(scan.surface_bytes, scan.output_bytes) : scan.output_bytes;
   std::uint64_t peak =
       std::max({scan.inputs.unpacked_bytes + scan.run_bytes, scan.run_bytes + scan.store_bytes,
                 top > 0 ? 2 * scan.store_bytes + scan.overlay_bytes + top : 0,
-                points + scan.surface_bytes + scan.smoothed_bytes + scan.output_bytes});
+                points + scan.surface_bytes + scan.smoothed_bytes + output});
   // The raw mesh, its vertices and faces dealt out, its store.
   if (scan.options.decimates() && !scan.fuses_stores)
     peak = std::max(peak, scan.store_bytes + scan.overlay_bytes + scan.output_bytes +

@@ -21,6 +21,7 @@
 #include "stream/stages/decimate/result_mend.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/plan/planned_scan.h"
+#include "stream/stages/reconstruct/forecast.h"
 #include "stream/stages/reconstruct/forecast_stage.h"
 #include "stream/stages/reconstruct/scan_colours.h"
 #include "stream/stages/reconstruct/weld_stages.h"
@@ -194,7 +195,12 @@ std::vector<StageEntry> written_level_stages() {
 std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   std::vector<StageEntry> stages = {
       // in the order in which they run
-      {"unpack", [](const JobState& state) { return make_unpack_stage(state); }},
+      {"unpack",
+       [](const JobState& state) {
+         auto inputs = open_packed_inputs(state, false);
+         require_points_disk(*inputs, state);
+         return make_unpack_stage(state, std::move(inputs));
+       }},
       {"thin", [](const JobState& state) { return make_thin_stage(state); }},
       {"probe", [](const JobState& state) { return make_probe_stage(state); }},
       {"spacing", [](const JobState& state) { return make_spacing_stage(state); }},

@@ -13,17 +13,16 @@
 namespace tessera {
 namespace {
 
-/// Bytes of what the pass leaves, by the headers; a header that claims more points than its file can pack is not believed.
+/// Bytes of what the pass leaves, by the headers.
 std::uint64_t unpacked_bytes(const PointInputs& inputs) {
-  constexpr std::uint64_t kMaxPointsPerByte = 4;
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < inputs.file_count(); ++i) {
     const PointFileInfo& info = inputs.file(i).info();
     if (!info.packed && inputs.thin_buckets() == 0) continue;
-    const std::uint64_t points = std::min(info.declared_points, info.bytes * kMaxPointsPerByte);
     const PointAttributes& has = info.attributes;
-    sum += points * ((info.grid.known() ? 12 : 24) + (has.normals ? 12 : 0) + (has.sensor ? 2 : 0) +
-                     (has.echo ? sizeof(Echo) : 0) + (has.colour ? 4 : 0) + (has.intensity_16 ? 2 : 0));
+    sum += info.credible_points() *
+           ((info.grid.known() ? 12 : 24) + (has.normals ? 12 : 0) + (has.sensor ? 2 : 0) +
+            (has.echo ? sizeof(Echo) : 0) + (has.colour ? 4 : 0) + (has.intensity_16 ? 2 : 0));
   }
   return sum;
 }
