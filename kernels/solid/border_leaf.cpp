@@ -55,7 +55,7 @@ BorderLeaf::BorderLeaf(const BorderWinding& border, const Int3& corner) : border
   stack[top++] = 0;
   while (top > 0) {
     const BorderWinding::Cluster& c = border.clusters_[stack[--top]];
-    const double away = ray_distance(c.centre - middle);
+    const double away = ray_distance(wide(c.centre) - middle);
     if (away - c.radius >= kSmooth && c.radius < kFarLeaf * (away - kHalfDiagonal)) {
       add_cluster(c);
     } else if (c.left != 0) {

@@ -10,7 +10,6 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint32_t kClusterEdges = 4;
 constexpr double kFarShare = 0.1;     ///< radius over distance from which moments stand for edges
 constexpr double kFarChange = 0.2;    ///< the same for bounds, which hold whatever it is
 constexpr double kFarGradient = 0.1;  ///< the same where only the first moment does
@@ -21,6 +20,15 @@ constexpr std::array<std::array<std::size_t, 2>, 6> kPairs = {
 Double3 in_cells(const Long3& q) {
   return {static_cast<double>(q[0]) * kCellsPerQuantum, static_cast<double>(q[1]) * kCellsPerQuantum,
           static_cast<double>(q[2]) * kCellsPerQuantum};
+}
+
+float to_float(double x) {
+  return static_cast<float>(x);
+}
+
+/// A float that is no less. \pre x >= 0
+float above(double x) {
+  return std::nextafter(static_cast<float>(x), std::numeric_limits<float>::max());
 }
 
 std::uint64_t morton_of(const BorderEdge& e) {
@@ -39,7 +47,7 @@ BorderWinding::BorderWinding(std::vector<BorderEdge> edges) : edges_(std::move(e
     const std::uint64_t p = morton_of(l), q = morton_of(r);
     return p != q ? p < q : l.a != r.a ? l.a < r.a : l.b < r.b;
   });
-  clusters_.reserve(edges_.size());
+  clusters_.reserve(1 + 4 * edges_.size() / kClusterEdges);
   clusters_.emplace_back().end = static_cast<std::uint32_t>(edges_.size());
   for (std::uint32_t c = 0; c < clusters_.size(); ++c) split(c);
 }
@@ -64,23 +72,34 @@ void BorderWinding::sum_up(Cluster& c) const {
       const Double3 p = in_cells(*q);
       for (std::size_t k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
     }
-  c.centre = (low + high) * 0.5;
-  c.radius = 0.5 * norm(high - low);
+  // What floats cannot hold is taken into account: places count from the centre as it is kept.
+  c.centre = narrow((low + high) * 0.5);
+  const Double3 centre = wide(c.centre);
+  c.radius = above(std::max(norm(high - centre), norm(centre - low)));
+  Double3 sum{};
+  std::array<double, 9> moment{};
+  std::array<std::array<double, 6>, 2> second{};
+  double length = 0.0;
   for (std::uint32_t e = c.first; e < c.end; ++e) {
     const Double3 a = in_cells(edges_[e].a), b = in_cells(edges_[e].b);
     const auto count = static_cast<double>(edges_[e].count);
-    const Double3 edge = (b - a) * count, from = (a + b) * 0.5 - c.centre;
-    c.sum = c.sum + edge;
+    const Double3 edge = (b - a) * count, from = (a + b) * 0.5 - centre;
+    sum = sum + edge;
     for (std::size_t i = 0; i < 3; ++i)
-      for (std::size_t j = 0; j < 3; ++j) c.moment[3 * i + j] += edge[i] * from[j];
+      for (std::size_t j = 0; j < 3; ++j) moment[3 * i + j] += edge[i] * from[j];
     const Double3 self = b - a;
     for (std::size_t i = 0; i < 2; ++i)
       for (std::size_t m = 0; m < 6; ++m) {
         const std::size_t j = kPairs[m][0], k = kPairs[m][1];
-        c.second[i][m] += 0.5 * edge[i + 1] * (from[j] * from[k] + self[j] * self[k] / 12.0);
+        second[i][m] += 0.5 * edge[i + 1] * (from[j] * from[k] + self[j] * self[k] / 12.0);
       }
-    c.length += norm(edge);
+    length += norm(edge);
   }
+  c.sum = narrow(sum);
+  std::transform(moment.begin(), moment.end(), c.moment.begin(), to_float);
+  for (std::size_t i = 0; i < 2; ++i)
+    std::transform(second[i].begin(), second[i].end(), c.second[i].begin(), to_float);
+  c.length = above(length);
 }
 
 double BorderWinding::at(const Int3& node) const {
@@ -96,7 +115,7 @@ double BorderWinding::at(const Int3& node) const {
   stack[top++] = 0;
   while (top > 0) {
     const Cluster& c = clusters_[stack[--top]];
-    const Double3 r = c.centre - x;
+    const Double3 r = wide(c.centre) - x;
     const double s = norm(r), q = r[0];
     // Ribbons that pass near the node are seen from near, however far their edges are.
     const double near = q < 0.0 ? std::sqrt(r[1] * r[1] + r[2] * r[2]) : s;
@@ -105,7 +124,7 @@ double BorderWinding::at(const Int3& node) const {
       const double d = s * (s + q), g = 1.0 / d;
       const Double3 v = {0.0, -r[2], r[1]};
       const Double3 slope = ((r / s) * (2.0 * s + q) + Double3{s, 0.0, 0.0}) * (-g * g);
-      double winding = g * dot(v, c.sum);
+      double winding = g * dot(v, wide(c.sum));
       winding += g * (c.moment[3 * 2 + 1] - c.moment[3 * 1 + 2]);
       for (std::size_t i = 0; i < 3; ++i)
         for (std::size_t j = 0; j < 3; ++j) winding += v[i] * c.moment[3 * i + j] * slope[j];
@@ -128,10 +147,10 @@ Double3 BorderWinding::gradient(const Double3& x) const {
   stack[top++] = 0;
   while (top > 0) {
     const Cluster& c = clusters_[stack[--top]];
-    const Double3 r = c.centre - x;
+    const Double3 r = wide(c.centre) - x;
     const double s = norm(r);
     if (c.radius < kFarGradient * s) {
-      sum = sum + cross(r, c.sum) / (s * s * s);
+      sum = sum + cross(r, wide(c.sum)) / (s * s * s);
     } else if (c.left != 0) {
       stack[top++] = c.left + 1;
       stack[top++] = c.left;
@@ -157,7 +176,7 @@ double BorderWinding::change(const Double3& x, double radius) const {
   stack[top++] = 0;
   while (top > 0) {
     const Cluster& c = clusters_[stack[--top]];
-    const Double3 r = c.centre - x;
+    const Double3 r = wide(c.centre) - x;
     const double s = norm(r), free = s - c.radius - radius;
     if (c.left != 0 && (free <= 0.0 || c.radius > kFarChange * s)) {
       stack[top++] = c.left + 1;
@@ -169,7 +188,7 @@ double BorderWinding::change(const Double3& x, double radius) const {
     first += c.length / (free * free);
     second += second_bound;
     left_out += second_bound * c.radius;
-    slope = slope + cross(r, c.sum) / (s * s * s);
+    slope = slope + cross(r, wide(c.sum)) / (s * s * s);
   }
   const double by_first = 2.0 * radius * first;
   const double by_second = 2.0 * radius * (norm(slope) + left_out + 0.5 * radius * second);

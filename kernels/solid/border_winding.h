@@ -38,19 +38,23 @@ class BorderWinding {
   double change(const Double3& cells, double radius) const;
 
   /// Upper bound of what holding so many edges takes, and building.
-  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t edges) { return edges * (56 + 296); }
+  [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t edges) {
+    // Halves of a cluster of more than that many have half of them at least.
+    return edges * sizeof(BorderEdge) + (1 + 4 * edges / kClusterEdges) * sizeof(Cluster);
+  }
 
  private:
   friend class BorderLeaf;  ///< sums the same clusters for a leaf of nodes at once
   static constexpr std::size_t kStack = 128;
+  static constexpr std::uint32_t kClusterEdges = 4;  ///< of a cluster without children, at most
   struct Cluster {
-    Double3 centre{};  ///< cells
-    double radius = 0.0;
-    Double3 sum{};                   ///< of the edges as vectors, cells
-    std::array<double, 9> moment{};  ///< of (edge, place - centre)
+    Float3 centre{};  ///< cells
+    float radius = 0.0f;
+    Float3 sum{};                   ///< of the edges as vectors, cells
+    std::array<float, 9> moment{};  ///< of (edge, place - centre)
     /// Of (edge, place - centre, place - centre), half, the edges' y and z: xx, yy, zz, xy, xz, yz.
-    std::array<std::array<double, 6>, 2> second{};
-    double length = 0.0;
+    std::array<std::array<float, 6>, 2> second{};
+    float length = 0.0f;
     std::uint32_t first = 0, end = 0;
     std::uint32_t left = 0;  ///< its children are left and left + 1; 0: none
   };
