@@ -36,4 +36,23 @@ inline CommandResult resumed_after_kills(const std::vector<std::string>& words,
   return {};
 }
 
+/// Runs a command that is killed at one of its commits each time, until it ends with 0: in turn at the first, and one and two
+/// steps later.
+/// \param run         runs it with TESSERA_FAULT in its environment
+/// \param after_kill  called after each kill; may be empty
+/// \returns how often it was killed
+inline int killed_at_commits(int first, int step, const std::function<CommandResult(const std::string&)>& run,
+                             const std::function<void()>& after_kill = {}) {
+  constexpr int kMaxRounds = 200;
+  for (int kills = 0; kills < kMaxRounds; ++kills) {
+    const CommandResult r = run("TESSERA_FAULT=commit:" + std::to_string(first + step * (kills % 3)));
+    if (r.code == 0) return kills;
+    INFO(r.errors);
+    REQUIRE(r.code == 128 + SIGKILL);
+    if (after_kill) after_kill();
+  }
+  FAIL("killed " << kMaxRounds << " times and still not at its end");
+  return 0;
+}
+
 }  // namespace tessera::test

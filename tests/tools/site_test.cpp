@@ -10,6 +10,7 @@
 #include "stream/files/json.h"
 #include "stream/stages/reconstruct/site_after.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/tiles_site.h"
@@ -123,14 +124,11 @@ TEST_CASE(
   fs::remove_all(site);
   for (const char* name : {"mesh.ply", "mesh.ply.report.json", "site.report.json"})
     fs::remove(workspace.at(name));
-  int kills = 0, kills_of_tiles = 0;
-  for (int round = 0; round < 200; ++round) {
-    const CommandResult r = workspace.reconstruct(
-        {"--tiles", site}, "TESSERA_FAULT=commit:" + std::to_string(23 + 4 * (round % 3)));
-    if (r.code == 0) break;
-    INFO(r.errors);
-    REQUIRE(r.code == 128 + SIGKILL);
-    ++kills;
+  int kills_of_tiles = 0;
+  const auto again = [&](const std::string& fault) {
+    return workspace.reconstruct({"--tiles", site}, fault);
+  };
+  const int kills = killed_at_commits(23, 4, again, [&] {
     kills_of_tiles += fs::exists(site + "/tileset.json.tessera");
     CHECK((fs::exists(workspace.at("mesh.ply")) || !fs::exists(site)));
     // What makes a site of the folder comes last: once it is there nothing else is missing, though the work may still lie around.
@@ -139,7 +137,7 @@ TEST_CASE(
       std::erase_if(now, [](const auto& file) { return file.first.find(".tessera") != std::string::npos; });
       CHECK((now == bytes));
     }
-  }
+  });
   CHECK(kills > kills_of_tiles);
   CHECK(kills_of_tiles > 0);
   CHECK((site_bytes(site) == bytes));

@@ -14,6 +14,7 @@
 #include "octree/portable_math.h"
 #include "stream/files/json.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
@@ -355,22 +356,19 @@ TEST_CASE("tiles: same bytes over threads, memory, processes, order of the input
   // Killed at commits, the same command goes on, and nothing bears the name of the tileset before all of it is there.
   const fs::path out = folder.path() / "site";
   fs::remove_all(out);
-  int kills = 0;
-  for (int round = 0; round < 100; ++round) {
-    const CommandResult r = tessera_command(words(in, out, {"-t", "2", "--tile-faces", "6000"}), 0,
-                                            "TESSERA_FAULT=commit:" + std::to_string(31 + 5 * (round % 3)));
-    if (r.code == 0) break;
-    REQUIRE(r.code == 128 + SIGKILL);
-    ++kills;
+  const auto again = [&](const std::string& fault) {
+    return tessera_command(words(in, out, {"-t", "2", "--tile-faces", "6000"}), 0, fault);
+  };
+  const int kills = killed_at_commits(31, 5, again, [&] {
     // Killed between the last name and its journal, the site is whole.
-    if (!fs::exists(out / "tileset.json")) continue;
+    if (!fs::exists(out / "tileset.json")) return;
     const auto so_far = site_bytes(out);
     for (const auto& [name, content] : bytes) {
       INFO(name);
       REQUIRE(so_far.count(name) == 1);
       CHECK((so_far.at(name) == content));
     }
-  }
+  });
   CHECK(kills > 3);
   CHECK((site_bytes(out) == bytes));
   // An older site in the folder goes with --force, without it nothing changes.
@@ -415,15 +413,10 @@ TEST_CASE("tiles: sheets nearer than a step of 16 bits get a finer grid and do n
   CHECK((run({"-t", "3", "--memory", "96M"}) == bytes));
   CHECK((run({"-t", "2", "--processes"}) == bytes));
   fs::remove_all(out);
-  int kills = 0;
-  for (int round = 0; round < 100; ++round) {
-    const CommandResult r = tessera_command(words(in, out, {"-t", "2", "--tile-faces", "1500"}), 0,
-                                            "TESSERA_FAULT=commit:" + std::to_string(23 + 4 * (round % 3)));
-    if (r.code == 0) break;
-    REQUIRE(r.code == 128 + SIGKILL);
-    ++kills;
-  }
-  CHECK(kills > 3);
+  const auto again = [&](const std::string& fault) {
+    return tessera_command(words(in, out, {"-t", "2", "--tile-faces", "1500"}), 0, fault);
+  };
+  CHECK(killed_at_commits(23, 4, again) > 3);
   CHECK((site_bytes(out) == bytes));
 }
 
