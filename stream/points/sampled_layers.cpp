@@ -53,7 +53,8 @@ double SampledLayers::double_cells_per_block(std::size_t layer) const {
   std::uint64_t blocks = 0, cells = 0;
   for (const CellSampler::Cell& c : layers_[layer].cells) {
     blocks += occupied_cells<2>(c, layers_[layer].size);
-    cells += occupied_cells<8>(c, layers_[layer].size);
+    cells +=
+        std::max(occupied_cells<8>(c, layers_[layer].size), 4 * occupied_cells<4>(c, layers_[layer].size));
   }
   return blocks > 0 ? static_cast<double>(cells) / static_cast<double>(blocks) : 16.0;
 }

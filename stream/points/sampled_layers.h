@@ -20,9 +20,9 @@ class SampledLayers {
   ScaleHistogram residuals(double radius) const;
   /// Some cells of the finest layer hold too many points to be looked at.
   bool too_dense() const { return layers_.back().crowded; }
-  /// Of cells that cut those of a layer eight times per axis, how many hold a point, for each of those that cut them twice:
-  /// with cells of 16 h, which are hit wherever the surface is, cells of 2 h in a block of 8 h. 16 without any, as a plane
-  /// has.
+  /// Of cells that cut those of a layer eight times per axis, how many the surface crosses, for each of those that cut them
+  /// twice: with cells of 16 h, which are hit wherever the surface is, cells of 2 h in a block of 8 h. Those that hold a
+  /// point, but four, as of a plane, of each of twice the edge that does: points may lie farther apart. 16 without any.
   double double_cells_per_block(std::size_t layer) const;
   const std::vector<CellSampler::Cell>& cells(std::size_t layer) const { return layers_[layer].cells; }
 

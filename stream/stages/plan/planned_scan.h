@@ -67,6 +67,9 @@ struct PlannedScan {
   std::uint32_t max_chained_edges = 0;         ///< of holes that no brick sees whole; 0 = none
   std::uint64_t filling_bytes = 0;             ///< of a batch of fillings
 
+  /// Whether it looks like rooms, which get no surface model.
+  bool is_room() const { return columns && columns->look_closed(); }
+
   int halo = 0;  ///< cells, of the field
   std::vector<TileGroup> groups = {};
   PlannedPatches patches = {};

@@ -102,7 +102,7 @@ StageForecast forecast_blunt(const PlannedScan& scan) {
           .task_bytes = scan.patches.max_of_tasks(blunt_task_bytes),
           .sure_bytes = blunt_task_bytes({}),
           .files = scan.groups.size(),
-          .processor_us = scan.faces * kBluntTime};
+          .processor_us = scan.is_room() ? 0.0 : scan.faces * kBluntTime};
 }
 
 }  // namespace tessera
