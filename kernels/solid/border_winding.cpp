@@ -58,13 +58,13 @@ void BorderWinding::split(std::uint32_t cluster) {
   if (end - first <= kClusterEdges) return;
   const std::uint32_t middle = first + (end - first) / 2;
   clusters_[cluster].left = static_cast<std::uint32_t>(clusters_.size());
-  Cluster& left = clusters_.emplace_back();
+  BorderCluster& left = clusters_.emplace_back();
   left.first = first, left.end = middle;
-  Cluster& right = clusters_.emplace_back();
+  BorderCluster& right = clusters_.emplace_back();
   right.first = middle, right.end = end;
 }
 
-void BorderWinding::sum_up(Cluster& c) const {
+void BorderWinding::sum_up(BorderCluster& c) const {
   constexpr double kAny = std::numeric_limits<double>::max();
   Double3 low = {kAny, kAny, kAny}, high = {-kAny, -kAny, -kAny};
   for (std::uint32_t e = c.first; e < c.end; ++e)
@@ -114,7 +114,7 @@ double BorderWinding::at(const Int3& node) const {
   std::size_t top = 0;
   stack[top++] = 0;
   while (top > 0) {
-    const Cluster& c = clusters_[stack[--top]];
+    const BorderCluster& c = clusters_[stack[--top]];
     const Double3 r = wide(c.centre) - x;
     const double s = norm(r), q = r[0];
     // Ribbons that pass near the node are seen from near, however far their edges are.
@@ -146,7 +146,7 @@ Double3 BorderWinding::gradient(const Double3& x) const {
   std::size_t top = 0;
   stack[top++] = 0;
   while (top > 0) {
-    const Cluster& c = clusters_[stack[--top]];
+    const BorderCluster& c = clusters_[stack[--top]];
     const Double3 r = wide(c.centre) - x;
     const double s = norm(r);
     if (c.radius < kFarGradient * s) {
@@ -175,7 +175,7 @@ double BorderWinding::change(const Double3& x, double radius) const {
   std::size_t top = 0;
   stack[top++] = 0;
   while (top > 0) {
-    const Cluster& c = clusters_[stack[--top]];
+    const BorderCluster& c = clusters_[stack[--top]];
     const Double3 r = wide(c.centre) - x;
     const double s = norm(r), free = s - c.radius - radius;
     if (c.left != 0 && (free <= 0.0 || c.radius > kFarChange * s)) {
@@ -187,7 +187,7 @@ double BorderWinding::change(const Double3& x, double radius) const {
     const double second_bound = 2.0 * c.length / (free * free * free);
     first += c.length / (free * free);
     second += second_bound;
-    left_out += second_bound * c.radius;
+    left_out += second_bound * c.radius + c.length * 0x1p-22 / (s * s);  // what floats round off the sum, too
     slope = slope + cross(r, wide(c.sum)) / (s * s * s);
   }
   const double by_first = 2.0 * radius * first;

@@ -7,6 +7,7 @@
 /// The mesh itself is never summed, only its border, and a closed one has none. Where a node lies on the shadow of a border
 /// edge, the same moved node decides as in lattice_crossings.h, so the two jumps cancel exactly.
 #pragma once
+#include <span>
 #include <vector>
 
 #include "kernels/solid/lattice_crossings.h"
@@ -19,6 +20,19 @@ struct BorderEdge {
   std::int64_t count = 0;
 };
 
+/// Edges that lie beside each other, and their moments: from afar these stand for them.
+struct BorderCluster {
+  Float3 centre{};  ///< cells
+  float radius = 0.0f;
+  Float3 sum{};                   ///< of the edges as vectors, cells
+  std::array<float, 9> moment{};  ///< of (edge, place - centre)
+  /// Of (edge, place - centre, place - centre), half, the edges' y and z: xx, yy, zz, xy, xz, yz.
+  std::array<std::array<float, 6>, 2> second{};
+  float length = 0.0f;
+  std::uint32_t first = 0, end = 0;
+  std::uint32_t left = 0;  ///< its children are left and left + 1; 0: none
+};
+
 /// Sums over clusters of edges: a pure function of the node and the set of edges, whatever their order was.
 class BorderWinding {
  public:
@@ -28,6 +42,10 @@ class BorderWinding {
 
   [[nodiscard]] bool empty() const { return edges_.empty(); }
   [[nodiscard]] std::size_t size() const { return edges_.size(); }
+  [[nodiscard]] std::span<const BorderEdge> edges() const { return edges_; }
+  /// A tree, the first one holds all.
+  [[nodiscard]] std::span<const BorderCluster> clusters() const { return clusters_; }
+  static constexpr std::size_t kStack = 128;  ///< who walks the tree waits with no more
   /// Share of the winding number at a node that the border makes. Error: 1e-4 with hundreds of edges, 1e-3 with tens of
   /// thousands that contradict each other.
   double at(const Int3& node) const;
@@ -40,29 +58,16 @@ class BorderWinding {
   /// Upper bound of what holding so many edges takes, and building.
   [[nodiscard]] static constexpr std::uint64_t bytes(std::uint64_t edges) {
     // Halves of a cluster of more than that many have half of them at least.
-    return edges * sizeof(BorderEdge) + (1 + 4 * edges / kClusterEdges) * sizeof(Cluster);
+    return edges * sizeof(BorderEdge) + (1 + 4 * edges / kClusterEdges) * sizeof(BorderCluster);
   }
 
  private:
-  friend class BorderLeaf;  ///< sums the same clusters for a leaf of nodes at once
-  static constexpr std::size_t kStack = 128;
   static constexpr std::uint32_t kClusterEdges = 4;  ///< of a cluster without children, at most
-  struct Cluster {
-    Float3 centre{};  ///< cells
-    float radius = 0.0f;
-    Float3 sum{};                   ///< of the edges as vectors, cells
-    std::array<float, 9> moment{};  ///< of (edge, place - centre)
-    /// Of (edge, place - centre, place - centre), half, the edges' y and z: xx, yy, zz, xy, xz, yz.
-    std::array<std::array<float, 6>, 2> second{};
-    float length = 0.0f;
-    std::uint32_t first = 0, end = 0;
-    std::uint32_t left = 0;  ///< its children are left and left + 1; 0: none
-  };
   void split(std::uint32_t cluster);
-  void sum_up(Cluster& c) const;
+  void sum_up(BorderCluster& c) const;
 
   std::vector<BorderEdge> edges_;
-  std::vector<Cluster> clusters_;
+  std::vector<BorderCluster> clusters_;
 };
 
 }  // namespace tessera

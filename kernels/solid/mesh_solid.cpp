@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "kernels/solid/border_leaf.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 namespace {
@@ -16,6 +18,7 @@ constexpr int kHalf = kLeafCells / 2;
 /// corner decide.
 struct LeafFill {
   const BorderWinding& border;
+  const BorderRegion& region;
   Int3 corner;
   const std::array<std::int32_t, 512>& n;                       ///< integer parts
   const std::array<std::array<std::int16_t, 512>, 3>& winding;  ///< on the edges from every node
@@ -27,8 +30,11 @@ struct LeafFill {
   }
 
   void fill() {
-    if (decide(0, kLeafCells, [&] { return border.at(corner); })) return;
-    BorderLeaf leaf(border, corner);
+    const auto at_corner = [&] {
+      return region.near().empty() ? region.far().at(corner) / (4.0 * kPi) : border.at(corner);
+    };
+    if (decide(0, kLeafCells, at_corner)) return;
+    BorderLeaf leaf(border, region, corner);
     for (std::size_t child = 0; child < 8; ++child) {
       const std::size_t first = kHalf * ((child & 1) + 8 * (child >> 1 & 1) + 64 * (child >> 2));
       if (decide(first, kHalf, [&] { return leaf.at(first); })) continue;
@@ -46,12 +52,17 @@ struct LeafFill {
   bool decide(std::size_t first, int edge, const Share& share) {
     const Int3 at = node(first);
     const double half = 0.5 * (edge - 1), radius = 1.7321 * half;
-    const double change = border.change({at[0] + half, at[1] + half, at[2] + half}, radius);
-    if (change >= 0.5 - kClusterError) return false;
-    const double here = n[first] + share();
-    const double free = std::fabs(here - (std::floor(here) + 0.5)) - kClusterError;
-    if (change >= free) return false;
-    count_windings(first, edge, here);
+    std::optional<double> here;
+    const auto is_decided = [&](double change) {
+      if (change >= 0.5 - kClusterError) return false;
+      if (!here) here = n[first] + share();
+      return change < std::fabs(*here - (std::floor(*here) + 0.5)) - kClusterError;
+    };
+    // What is known of the whole region costs nothing.
+    if (!is_decided(region.change()) &&
+        !is_decided(border.change({at[0] + half, at[1] + half, at[2] + half}, radius)))
+      return false;
+    count_windings(first, edge, *here);
     return true;
   }
 
@@ -77,8 +88,8 @@ struct LeafFill {
 
 }  // namespace
 
-void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
-                         std::span<float> out) const {
+void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out,
+                         BorderRegions& regions) const {
   // Turns on the edges from every node, per axis.
   std::array<std::array<std::int16_t, 512>, 3> winding{};
   for (const SolidCrossing& c : crossings) {
@@ -96,7 +107,7 @@ void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossi
     return;
   }
   const Int3 corner = {leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells};
-  LeafFill fill{border_, corner, n, winding, out};
+  LeafFill fill{border_, regions.of(border_, leaf), corner, n, winding, out};
   fill.fill();
 }
 
@@ -150,17 +161,22 @@ void MeshSolid::membrane_leaves(const SolidBlock& block, std::span<const std::ui
         search(block, occupied, {x, y, z}, kCube, out);
 }
 
-double MeshSolid::half_share(std::size_t maximum) const {
+MeshSolid::Shares MeshSolid::shares(std::size_t maximum) const {
   const std::vector<LeafWindings>& leaves = lines_.leaves();
   const std::size_t count = std::min(maximum, leaves.size());
-  std::size_t half = 0;
+  std::size_t half = 0, inside = 0, turned = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const Int3 leaf = leaf_of_row_key(leaves[i * leaves.size() / count].key);
-    // Faces add whole turns.
-    const double winding = border_.at({leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells});
+    const double winding = lines_.before(leaf)[0] +
+                           border_.at({leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells});
     half += std::fabs(winding - std::round(winding)) > 0.25;
+    inside += winding > 0.5;
+    turned += winding < -0.5;
   }
-  return count > 0 ? static_cast<double>(half) / static_cast<double>(count) : 0.0;
+  const auto share = [&](std::size_t n) {
+    return count > 0 ? static_cast<double>(n) / static_cast<double>(count) : 0.0;
+  };
+  return {share(half), share(inside), share(turned)};
 }
 
 Double3 MeshSolid::membrane_normal(const Double3& cells) const {

@@ -14,17 +14,22 @@ class MeshSolid : public SolidOperand {
   MeshSolid(LineWindings lines, BorderWinding border)
       : lines_(std::move(lines)), border_(std::move(border)) {}
 
-  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
-                std::span<float> out) const override;
+  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out,
+                BorderRegions& regions) const override;
   [[nodiscard]] Double3 membrane_normal(const Double3& cells) const override;
   /// Appends the leaves of a block, relative to it, that the closing membrane may pass though no face does.
   /// \param occupied  per slot of the block: a crossing of this mesh is on an edge from the leaf's nodes
   void membrane_leaves(const SolidBlock& block, std::span<const std::uint8_t> occupied,
                        std::vector<Int3>& out) const;
 
-  /// Share of the leaves that faces pass, `maximum` evenly chosen ones at most, at whose first node the winding number is
-  /// nearer to a half than to a whole: almost none of a solid with holes, almost all of an open sheet.
-  double half_share(std::size_t maximum) const;
+  /// What winding numbers are at the first nodes of leaves that faces pass, shares of all that were looked at.
+  struct Shares {
+    double half =
+        0.0;  ///< nearer to a half than to a whole: almost none of a solid with holes, almost all of an open sheet
+    double inside = 0.0, turned = 0.0;  ///< above 1/2, and below -1/2, as of a solid whose faces show inwards
+  };
+  /// \param maximum  so many leaves at most, evenly chosen
+  [[nodiscard]] Shares shares(std::size_t maximum) const;
 
   [[nodiscard]] const LineWindings& lines() const { return lines_; }
   [[nodiscard]] const BorderWinding& border() const { return border_; }

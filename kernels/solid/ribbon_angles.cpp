@@ -144,6 +144,86 @@ std::array<double, BoundaryStripRow<kVectors>::kTargets> BoundaryStripRow<kVecto
   return out;
 }
 
+namespace {
+
+/// Half the solid angle of the endless strip through an edge, times its count, seen from a place in quanta.
+void add_endless_strip(const BorderEdge& edge, const Long3& x, AngleSum& half) {
+  double ay = static_cast<double>(edge.a[1] - x[1]), az = static_cast<double>(edge.a[2] - x[2]);
+  double by = static_cast<double>(edge.b[1] - x[1]), bz = static_cast<double>(edge.b[2] - x[2]);
+  // From where the place is moved to, an end on its line lies in direction -y.
+  const bool at_a = ay == 0.0 && az == 0.0, at_b = by == 0.0 && bz == 0.0;
+  if (at_a && at_b) return;
+  if (at_a) ay = -1.0;
+  if (at_b) by = -1.0;
+  const double p = ay * bz, q = az * by, area = p - q, along = ay * by + az * bz;
+  const bool sure = std::fabs(area) > kSureArea * (std::fabs(p) + std::fabs(q));
+  const bool left = sure ? area > 0.0 : is_left(edge, x);
+  const double width = std::max(std::fabs(area), kMinAngle * std::fabs(along));
+  const double across = left != (edge.count < 0) ? width : -width;
+  for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
+}
+
+}  // namespace
+
+EndlessStripRows::EndlessStripRows(std::int64_t y, std::int64_t z) : y_(y), z_(z) {
+  for (std::size_t l = 0; l < 8; ++l) {
+    at_[l / 4][l % 4] = static_cast<double>(l);
+    re_[l / 4][l % 4] = 1.0;
+  }
+}
+
+void EndlessStripRows::scale() {
+  for (std::size_t v = 0; v < 2; ++v) {
+    const Double4 factor = 1.0 / square_root(re_[v] * re_[v] + im_[v] * im_[v]);
+    re_[v] *= factor;
+    im_[v] *= factor;
+  }
+  factors_ = 0;
+}
+
+void EndlessStripRows::add(const BorderEdge& edge) {
+  const double ay = static_cast<double>(edge.a[1] - y_) * kCellsPerQuantum,
+               az = static_cast<double>(edge.a[2] - z_) * kCellsPerQuantum,
+               by = static_cast<double>(edge.b[1] - y_) * kCellsPerQuantum,
+               bz = static_cast<double>(edge.b[2] - z_) * kCellsPerQuantum;
+  std::array<Double4, 2> along, across;
+  Mask4 sure = Mask4{} - 1;
+  for (std::size_t v = 0; v < 2; ++v) {
+    const Double4 p = (ay - at_[v]) * bz, q = az * (by - at_[v]), area = p - q;
+    const Double4 size = area < 0.0 ? -area : area, parts = (p < 0.0 ? -p : p) + (q < 0.0 ? -q : q);
+    sure &= size > kSureArea * parts;
+    along[v] = (ay - at_[v]) * (by - at_[v]) + az * bz;
+    across[v] = edge.count < 0 ? -area : area;
+  }
+  if ((sure[0] & sure[1] & sure[2] & sure[3]) == 0) {
+    any_apart_ = true;
+    for (std::size_t l = 0; l < 8; ++l)
+      add_endless_strip(edge, {0, y_ + static_cast<std::int64_t>(l) * kSolidQuanta, z_}, apart_[l]);
+    return;
+  }
+  for (std::int64_t n = std::abs(edge.count); n > 0; --n) {
+    for (std::size_t v = 0; v < 2; ++v) {
+      const Double4 r = re_[v] * along[v] - im_[v] * across[v], i = re_[v] * across[v] + im_[v] * along[v];
+      const Mask4 up = across[v] > 0.0, was_up = im_[v] >= 0.0, now_up = i >= 0.0;
+      windings_[v] -= was_up & up & ~now_up;
+      windings_[v] += ~was_up & ~up & now_up;
+      re_[v] = r;
+      im_[v] = i;
+    }
+    if (++factors_ == kFactors) scale();
+  }
+}
+
+std::array<double, 8> EndlessStripRows::value() {
+  scale();
+  std::array<double, 8> out;
+  for (std::size_t l = 0; l < 8; ++l) {
+    out[l] = angle_of(re_[l / 4][l % 4], im_[l / 4][l % 4], static_cast<double>(windings_[l / 4][l % 4]));
+    if (any_apart_) out[l] += apart_[l].value();
+  }
+  return out;
+}
+
 template class BoundaryStripRow<1>;
 template class BoundaryStripRow<2>;
 

@@ -52,4 +52,25 @@ class BoundaryStripRow {
   bool any_apart_ = false;
 };
 
+/// Half the solid angles of endless strips, from edges to infinity in both directions of x: the same from any place of a row. Eight
+/// rows at once, whose y are a cell apart.
+class EndlessStripRows {
+ public:
+  /// \param y, z  of the first row, quanta
+  EndlessStripRows(std::int64_t y, std::int64_t z);
+  void add(const BorderEdge& edge);
+  std::array<double, 8> value();
+
+ private:
+  static constexpr int kFactors = 8;
+  void scale();
+
+  std::int64_t y_, z_;
+  std::array<Double4, 2> at_{}, re_{}, im_{};  ///< at_: y, cells from y_
+  std::array<Mask4, 2> windings_{};
+  int factors_ = 0;
+  std::array<AngleSum, 8> apart_;  ///< of edges that a row meets or nearly so
+  bool any_apart_ = false;
+};
+
 }  // namespace tessera

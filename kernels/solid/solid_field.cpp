@@ -43,7 +43,12 @@ class Builder {
  public:
   Builder(const SolidBlock& block, std::vector<SolidCrossing>&& crossings,
           std::span<const SolidOperand* const> operands, const SolidTree& tree, SolidFieldReport& report)
-      : block_(block), crossings_(std::move(crossings)), operands_(operands), tree_(tree), report_(report) {
+      : block_(block),
+        crossings_(std::move(crossings)),
+        operands_(operands),
+        tree_(tree),
+        report_(report),
+        regions_(operands.size()) {
     std::sort(crossings_.begin(), crossings_.end());
     field_.origin = block.origin;
     field_.cells = block.cells;
@@ -107,7 +112,7 @@ class Builder {
       for (auto c = first; c != last; ++c)
         if (c->operand == o) own_.push_back(*c);
       const std::span<float> w = windings(l, o);
-      operands_[o]->windings(at, own_, w);
+      operands_[o]->windings(at, own_, w, regions_[o]);
       for (std::size_t z = 0; z < 8; ++z) {
         words[o][z] = 0;
         for (std::size_t b = 0; b < 64; ++b)
@@ -324,6 +329,7 @@ class Builder {
   std::vector<std::size_t> slot_;  ///< per leaf
   std::vector<float> windings_;
   std::vector<SolidCrossing> own_;
+  std::vector<BorderRegions> regions_;  ///< per operand
   std::vector<std::uint64_t> states_;
   std::vector<float> now_;
 };
@@ -365,7 +371,8 @@ DirectedField build_solid_field(const SolidBlock& block, std::vector<SolidCrossi
 std::uint64_t solid_field_bytes(std::uint64_t leaves, std::uint64_t crossings, std::uint64_t slots,
                                 std::uint64_t operands) {
   return leaves * (sizeof(BandLeaf) + 2300 + 2048 * operands + 16) +
-         crossings * (2 * sizeof(SolidCrossing) + 2 * sizeof(EdgeRoot)) + slots * 8;
+         crossings * (2 * sizeof(SolidCrossing) + 2 * sizeof(EdgeRoot)) + slots * 8 +
+         operands * BorderRegions::kBytes;
 }
 
 }  // namespace tessera

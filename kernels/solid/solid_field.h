@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "kernels/field/directed_field.h"
+#include "kernels/solid/border_region.h"
 #include "kernels/solid/lattice_crossings.h"
 #include "kernels/solid/solid_tree.h"
 
@@ -66,8 +67,9 @@ class SolidOperand {
   virtual ~SolidOperand() = default;
   /// Winding numbers at the 512 nodes of a leaf (x + 8 y + 64 z). \param leaf  global, in leaves
   /// \param crossings  its own, from the nodes of this leaf, ascending
-  virtual void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
-                        std::span<float> out) const = 0;
+  /// \param regions  of this operand alone, kept from leaf to leaf
+  virtual void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out,
+                        BorderRegions& regions) const = 0;
   /// Outward direction of the closing membrane at a point, cells of the lattice; zero where unknown.
   [[nodiscard]] virtual Double3 membrane_normal(const Double3& cells) const = 0;
 };

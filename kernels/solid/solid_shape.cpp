@@ -285,8 +285,8 @@ Double3 ShapeSolid::world(const Double3& cells) const {
 }
 
 /// Every edge whose ends differ has a crossing, so one node tells of all.
-void ShapeSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
-                          std::span<float> out) const {
+void ShapeSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out,
+                          BorderRegions&) const {
   const bool first = shape_->holds(world({leaf[0] * 8.0, leaf[1] * 8.0, leaf[2] * 8.0}));
   std::fill(out.begin(), out.end(), first ? 1.0f : 0.0f);
   if (crossings.empty()) return;

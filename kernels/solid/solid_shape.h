@@ -67,8 +67,8 @@ class SolidShape {
 class ShapeSolid : public SolidOperand {
  public:
   ShapeSolid(const SolidShape& shape, const Lattice& lattice) : shape_(&shape), lattice_(lattice) {}
-  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
-                std::span<float> out) const override;
+  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out,
+                BorderRegions& regions) const override;
   [[nodiscard]] Double3 membrane_normal(const Double3& cells) const override;
   /// Crossings on edges from the nodes of a global leaf, one at most on each. \pre the leaf lies in the block
   void find_crossings(const SolidBlock& block, const Int3& leaf, std::uint8_t operand,

@@ -207,7 +207,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/solid/solid_field", "kernels/solid",
        {"lattice_crossings", "line_windings", "mesh_solid", "solid_tree"});
     by("kernels/decimate/vertex_clustering", "kernels/decimate", {"cluster_vertex"});
-    by("kernels/solid/border_winding", "kernels/solid", {"border_leaf", "ribbon_angles"});
+    by("kernels/solid/border_winding", "kernels/solid",
+       {"border_leaf", "border_points", "border_region", "ribbon_angles"});
     by("kernels/mesh/signed_distance", "kernels/mesh", {"triangle_foot"});
     by("tools/merge", "kernels/merge", {"blend_field", "merge_sheet"});
     by("tools/merge", "stream/stages/merge",

@@ -17,13 +17,13 @@ namespace {
 using Corners = std::array<Long3, 3>;
 
 /// Triangles that share nothing, about as large as `edge` cells, some with corners on nodes and edges along the axes.
-std::vector<Corners> soup(std::size_t faces, double edge, std::uint64_t seed) {
+std::vector<Corners> soup(std::size_t faces, double edge, std::uint64_t seed, double from = 40.0) {
   std::vector<Corners> out(faces);
   std::mt19937_64 bits(seed);
   const auto draw = [&] { return static_cast<double>(bits() >> 11) * 0x1p-53; };
   for (std::size_t f = 0; f < faces; ++f) {
     Double3 at;
-    for (double& c : at) c = 40.0 + 160.0 * draw();
+    for (double& c : at) c = from + 160.0 * draw();
     for (Long3& corner : out[f])
       for (std::size_t k = 0; k < 3; ++k) {
         const double c = at[k] + edge * (draw() - 0.5);
@@ -75,7 +75,8 @@ TEST_CASE("border winding: nodes of a leaf in a soup, against the sum of solid a
     std::size_t checked = 0;
     for (int l = 0; l < 24; ++l) {
       const Int3 corner = {8 * (4 + l), 8 * (6 + 7 * l % 19), 8 * (6 + 11 * l % 19)};
-      BorderLeaf leaf(border, corner);
+      BorderRegions regions;
+      BorderLeaf leaf(border, regions.of(border, {corner[0] / 8, corner[1] / 8, corner[2] / 8}), corner);
       for (std::size_t n = 0; n < 512; n += 47) {
         const Int3 node = {corner[0] + static_cast<int>(n & 7), corner[1] + static_cast<int>(n >> 3 & 7),
                            corner[2] + static_cast<int>(n >> 6)};
@@ -97,6 +98,40 @@ TEST_CASE("border winding: nodes of a leaf in a soup, against the sum of solid a
     CHECK(leaf_error < bound);
     CHECK(node_error < bound);
   }
+}
+
+TEST_CASE("border winding: leaves far from a soup take what their region has, near ones their own part",
+          "[property]") {
+  const std::vector<Corners> faces = soup(3000, 6.0, 11, 600.0);
+  const BorderWinding border(border_of(faces));
+  BorderRegions regions;
+  std::size_t whole = 0, checked = 0;
+  double error = 0.0;
+  for (int l = 0; l < 40; ++l) {
+    // Beside it, behind it, and in the shadow of its ribbons.
+    const Int3 corner = {8 * (5 + 17 * l % 150), 8 * (l % 3 == 0 ? 80 : 10 + 13 * l % 130),
+                         8 * (l % 2 == 0 ? 85 : 20 + 7 * l % 120)};
+    const BorderRegion& region = regions.of(border, {corner[0] / 8, corner[1] / 8, corner[2] / 8});
+    whole += region.near().empty();
+    BorderLeaf leaf(border, region, corner);
+    double low = 1e9, high = -1e9;
+    for (std::size_t n = 0; n < 512; n += 61) {
+      const Double3 x = {corner[0] + static_cast<double>(n & 7), corner[1] + static_cast<double>(n >> 3 & 7),
+                         corner[2] + static_cast<double>(n >> 6)};
+      const double truth = winding_of(faces, x);
+      if (!std::isfinite(truth)) continue;
+      const double off = leaf.at(n) - truth;
+      error = std::max(error, std::fabs(off - std::round(off)));
+      low = std::min(low, truth), high = std::max(high, truth);
+      ++checked;
+    }
+    if (region.near().empty()) CHECK(high - low <= region.change());
+  }
+  INFO("error " << error << ", " << whole << " regions without near clusters");
+  CHECK(checked > 300);
+  CHECK(whole > 5);
+  CHECK(whole < 35);
+  CHECK(error < 1e-3);
 }
 
 }  // namespace border_winding_test

@@ -273,7 +273,8 @@ TEST_CASE("winding numbers: lines and border against the sum of solid angles", "
             if (c.edge / 1536 == block.slot({i & 7, j & 7, k & 7})) own.push_back(c);
           std::vector<float> w(512);
           if ((i + j + k) % 5 != 0) continue;
-          solid.windings({i, j, k}, own, w);
+          BorderRegions regions;
+          solid.windings({i, j, k}, own, w, regions);
           for (std::size_t n = 0; n < 512; n += 37) {
             const Double3 x = {8.0 * i + static_cast<double>(n & 7),
                                8.0 * j + static_cast<double>(n >> 3 & 7),
@@ -334,6 +335,7 @@ TEST_CASE("winding numbers: a million nodes are on the side that exact ray parit
       std::vector<std::vector<SolidCrossing>> own(block.slots());
       for (const SolidCrossing& c : crossings_of(mesh, block, 0)) own[c.edge / 1536].push_back(c);
       std::vector<float> w(512);
+      BorderRegions regions;
       for (std::size_t s = 0; s < block.slots(); ++s) {
         const Int3 leaf = block.leaf(s);
         if (*std::min_element(leaf.begin(), leaf.end()) < 0 ||
@@ -341,7 +343,7 @@ TEST_CASE("winding numbers: a million nodes are on the side that exact ray parit
           continue;
         const Int3 global = {leaf[0] + block.origin[0] / 8, leaf[1] + block.origin[1] / 8,
                              leaf[2] + block.origin[2] / 8};
-        solid.windings(global, own[s], w);
+        solid.windings(global, own[s], w, regions);
         for (std::size_t i = 0; i < 512; ++i, ++checked) {
           const Int3 node = {8 * global[0] + static_cast<int>(i & 7),
                              8 * global[1] + static_cast<int>(i >> 3 & 7),
@@ -372,12 +374,25 @@ TEST_CASE("winding numbers: a sheet is told from a solid with holes by a sample 
       sheet.faces.push_back({a, a + 1, b + 1});
       sheet.faces.push_back({a, b + 1, b});
     }
-  CHECK(make_solid(sheet).half_share(500) > 0.8);
+  CHECK(make_solid(sheet).shares(500).half > 0.8);
+  // Two of them 20 cells apart, without sides: most of what lies between them is inside, whichever way all faces show.
+  Mesh plate = sheet;
+  for (const Double3& p : sheet.position) plate.position.push_back(p - Double3{0.0, 0.0, 20.0});
+  const auto below = static_cast<std::uint32_t>(sheet.position.size());
+  for (const auto& f : sheet.faces) plate.faces.push_back({f[0] + below, f[2] + below, f[1] + below});
+  const MeshSolid::Shares outwards = make_solid(plate).shares(500);
+  CHECK(outwards.half < 0.5);
+  CHECK(outwards.inside > 0.2);
+  CHECK(outwards.turned == 0.0);
+  for (auto& f : plate.faces) std::swap(f[1], f[2]);
+  const MeshSolid::Shares inwards = make_solid(plate).shares(500);
+  CHECK(inwards.inside == 0.0);
+  CHECK(inwards.turned > 0.2);
   Mesh solid = ball({128.3, 127.9, 128.1}, 57.7, 30);
-  CHECK(make_solid(solid).half_share(500) == 0.0);
+  CHECK(make_solid(solid).shares(500).half == 0.0);
   solid.faces.resize(solid.faces.size() - 40);
-  CHECK(make_solid(solid).half_share(500) < 0.1);
-  CHECK(make_solid(solid).half_share(0) == 0.0);
+  CHECK(make_solid(solid).shares(500).half < 0.1);
+  CHECK(make_solid(solid).shares(0).half == 0.0);
 }
 
 TEST_CASE("winding numbers: a node in the shadow of several border edges at once", "[unit]") {
@@ -390,12 +405,13 @@ TEST_CASE("winding numbers: a node in the shadow of several border edges at once
   const SolidBlock block{{64, 64, 64}, {128, 128, 64}};
   const auto crossings = crossings_of(fan, block, 0);
   std::vector<float> w(512);
+  BorderRegions regions;
   for (int i = 16; i < 18; ++i) {  // beyond the fan
     const Int3 leaf = {i, 12, 12};
     std::vector<SolidCrossing> own;
     for (const SolidCrossing& c : crossings)
       if (c.edge / 1536 == block.slot({leaf[0] - 8, leaf[1] - 8, leaf[2] - 8})) own.push_back(c);
-    solid.windings(leaf, own, w);
+    solid.windings(leaf, own, w, regions);
     for (std::size_t n = 0; n < 512; ++n) {
       const Double3 x = {8.0 * leaf[0] + static_cast<double>(n & 7),
                          8.0 * leaf[1] + static_cast<double>(n >> 3 & 7),
