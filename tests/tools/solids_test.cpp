@@ -162,6 +162,45 @@ TEST_CASE("resurface: what cannot work is told", "[pipeline]") {
   CHECK(solid_command({"resurface", (folder / "none.off").string(), "-o", out}).code == 3);
 }
 
+TEST_CASE("resurface: two sheets without sides are the plate between them, whichever way they show",
+          "[pipeline]") {
+  const TempFolder folder;
+  constexpr int kSide = 80;
+  const auto plate = [&](bool turned) {
+    std::string text = "OFF\n" + std::to_string(2 * (kSide + 1) * (kSide + 1)) + " " +
+                       std::to_string(4 * kSide * kSide) + " 0\n";
+    for (const double depth : {0.0, 3.0})
+      for (int j = 0; j <= kSide; ++j)
+        for (int i = 0; i <= kSide; ++i) {
+          char line[96];
+          std::snprintf(line, sizeof line, "%d %d %.9g\n", i, j,
+                        4.0 * sin_cos(0.1 * i + 0.03 * j).sin + 0.1 * i - depth);
+          text += line;
+        }
+    for (const int sheet : {0, 1})
+      for (int j = 0; j < kSide; ++j)
+        for (int i = 0; i < kSide; ++i) {
+          const int a = sheet * (kSide + 1) * (kSide + 1) + i + (kSide + 1) * j, b = a + kSide + 1;
+          for (std::array<int, 3> f : {std::array{a, a + 1, b + 1}, std::array{a, b + 1, b}}) {
+            if ((sheet == 1) != turned) std::swap(f[1], f[2]);
+            text +=
+                "3 " + std::to_string(f[0]) + " " + std::to_string(f[1]) + " " + std::to_string(f[2]) + "\n";
+          }
+        }
+    const fs::path in = folder.path() / (turned ? "turned.off" : "plate.off"), out = in.string() + ".ply";
+    std::ofstream(in) << text;
+    const CommandResult r =
+        solid_command({"resurface", in.string(), "-o", out.string(), "--resolution", "0.4"});
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    const WholeMesh mesh = read_whole(out);
+    CHECK(is_closed(mesh));
+    CHECK(volume(mesh) == Approx(3.0 * kSide * kSide).epsilon(0.05));  // what closes its sides bulges
+    return file_bytes(out);
+  };
+  CHECK((plate(false) == plate(true)));
+}
+
 TEST_CASE("resurface: offsets and shells have their volumes, the same bytes whatever runs", "[pipeline]") {
   const TempFolder folder;
   const std::string box = (folder / "box.ply").string(), out = (folder / "o.ply").string();

@@ -299,11 +299,14 @@ std::vector<Record> load_all(const std::filesystem::path& path, const PackedKind
 
 }  // namespace
 
-std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work) {
+std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work, bool told) {
   std::vector<SolidLines> out;
   for (const Json& o : parse_json(read_text(work / kSummary)))
     out.push_back({o.at("leaves").get<std::uint64_t>(), o.at("border_edges").get<std::uint64_t>(),
                    o.at("inside_out").get<bool>()});
+  if (!told) return out;
+  const Json inside_out = parse_json(read_text(work / kInsideSummary));
+  for (std::size_t o = 0; o < out.size(); ++o) out[o].inside_out = inside_out.at(o).get<bool>();
   return out;
 }
 

@@ -93,7 +93,10 @@ struct SolidLines {
 
   std::uint64_t bytes() const { return leaves * sizeof(LeafWindings) + BorderWinding::bytes(borders); }
 };
-std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work);
+/// \param told  as the stage "inside" has left it; else inside_out is by volume alone
+std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work, bool told = true);
+/// Per operand whether it is inside out.
+inline constexpr const char* kInsideSummary = "inside/summary.json";
 /// With its faces outwards: crossings of an operand that is inside out are to be turned too.
 MeshSolid load_mesh_solid(const std::filesystem::path& work, std::size_t operand, const SolidLines& lines);
 
