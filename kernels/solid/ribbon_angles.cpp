@@ -218,7 +218,8 @@ std::array<double, 8> EndlessStripRows::value() {
   scale();
   std::array<double, 8> out;
   for (std::size_t l = 0; l < 8; ++l) {
-    out[l] = angle_of(re_[l / 4][l % 4], im_[l / 4][l % 4], static_cast<double>(windings_[l / 4][l % 4]));
+    const std::size_t v = l / 4, k = l % 4;
+    out[l] = angle_of(re_[v][k], im_[v][k], static_cast<double>(windings_[v][k]));
     if (any_apart_) out[l] += apart_[l].value();
   }
   return out;
