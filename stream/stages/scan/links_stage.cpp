@@ -23,8 +23,9 @@ namespace {
 constexpr std::size_t kCachedBricks = 256;
 /// Surfels of a brick's shell, two sheets everywhere.
 constexpr std::uint64_t kMaxBoundary = 6 * 32 * 32 * 2;
-/// Of the scene's columns, per brick: sixteen if up is an axis, twice, and a quarter more before they are merged.
-constexpr std::uint64_t kColumnBytes = 16 * 2 * 5 / 4 * sizeof(TopColumns::Column);
+/// Of the scene's columns, per brick: as many as it holds if up is an axis, twice, and a quarter more before they are merged.
+constexpr std::uint64_t kColumnsPerBrick = (kBrickCells / kCoarseCells) * (kBrickCells / kCoarseCells);
+constexpr std::uint64_t kColumnBytes = kColumnsPerBrick * 2 * 5 / 4 * sizeof(TopColumns::Column);
 
 /// Boundary surfels of the bricks around the current one, by voxel.
 class BoundaryCache {
