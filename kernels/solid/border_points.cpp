@@ -41,16 +41,12 @@ BorderPoints::Weights BorderPoints::line(const Weights& y, const Weights& z) con
   return line;
 }
 
-double BorderPoints::at(const Weights& x, const Weights& y, const Weights& z) const {
-  const Weights along = line(y, z);
+double BorderPoints::at(const Int3& node) const {
+  const auto along_axis = [&](std::size_t a) { return weights((node[a] - corner_[a]) / scale_); };
+  const Weights x = along_axis(0), along = line(along_axis(1), along_axis(2));
   double sum = 0.0;
   for (std::size_t i = 0; i < kPoints; ++i) sum += x[i] * along[i];
   return sum;
-}
-
-double BorderPoints::at(const Int3& node) const {
-  return at(weights((node[0] - corner_[0]) / scale_), weights((node[1] - corner_[1]) / scale_),
-            weights((node[2] - corner_[2]) / scale_));
 }
 
 void BorderPoints::add_from(const BorderPoints& wider) {

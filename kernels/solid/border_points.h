@@ -45,7 +45,7 @@ class BorderPoints {
 
   /// Lagrange's polynomials of the points at a node. \param cells  from the corner, in leaves' cells: over `scale`
   [[nodiscard]] static Weights weights(double cells);
-  [[nodiscard]] double at(const Weights& x, const Weights& y, const Weights& z) const;
+  /// Interpolated.
   [[nodiscard]] double at(const Int3& node) const;
   /// Along x, interpolated over y and z.
   [[nodiscard]] Weights line(const Weights& y, const Weights& z) const;

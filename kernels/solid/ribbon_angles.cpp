@@ -21,6 +21,13 @@ bool is_left(const BorderEdge& e, const Long3& x) {
   return by > ay;
 }
 
+/// Adds the angle of an edge, times its count. \param left  the exact sign of `area`
+void add_angle(const BorderEdge& edge, bool left, double along, double area, AngleSum& half) {
+  const double width = std::max(std::fabs(area), kMinAngle * std::fabs(along));
+  const double across = left != (edge.count < 0) ? width : -width;
+  for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
+}
+
 double angle_of(double re, double im, double windings) {
   const double angle = angle_between({1.0, 0.0, 0.0}, {re, im, 0.0});
   return (im < 0.0 ? -angle : angle) + 2.0 * kPi * windings;
@@ -43,6 +50,33 @@ double AngleSum::value() const {
   return angle_of(re_, im_, windings_);
 }
 
+template <std::size_t kVectors>
+AngleSums<kVectors>::AngleSums() {
+  re_.fill(Double4{} + 1.0);
+  im_.fill(Double4{});
+}
+
+template <std::size_t kVectors>
+void AngleSums<kVectors>::scale() {
+  for (std::size_t v = 0; v < kVectors; ++v) {
+    const Double4 factor = 1.0 / square_root(re_[v] * re_[v] + im_[v] * im_[v]);
+    re_[v] *= factor;
+    im_[v] *= factor;
+  }
+  factors_ = 0;
+}
+
+template <std::size_t kVectors>
+std::array<double, 4 * kVectors> AngleSums<kVectors>::value() {
+  scale();
+  std::array<double, 4 * kVectors> out;
+  for (std::size_t l = 0; l < out.size(); ++l) {
+    const std::size_t v = l / 4, k = l % 4;
+    out[l] = angle_of(re_[v][k], im_[v][k], static_cast<double>(windings_[v][k]));
+  }
+  return out;
+}
+
 void add_boundary_strip(const BorderEdge& edge, const Long3& x, AngleSum& half) {
   Double3 a, b;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -59,11 +93,8 @@ void add_boundary_strip(const BorderEdge& edge, const Long3& x, AngleSum& half) 
   if (at_a && at_b) return;
   if (at_a) along = -b[1], area = b[2];
   if (at_b) along = -a[1], area = a[2];
-  const bool reversed = edge.count < 0;
-  const double width = std::max(std::fabs(area), kMinAngle * std::fabs(along));
-  const double across = left != reversed ? width : -width;
   if (!(along * along + area * area > 0.0)) return;
-  for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
+  add_angle(edge, left, along, area, half);
 }
 
 template <std::size_t kVectors>
@@ -73,19 +104,7 @@ BoundaryStripRow<kVectors>::BoundaryStripRow(const std::array<std::int64_t, kTar
   for (std::size_t v = 0; v < kVectors; ++v)
     for (std::size_t l = 0; l < 4; ++l) {
       x_[v][l] = static_cast<double>(x[4 * v + l]) * kCellsPerQuantum;
-      re_[v][l] = 1.0;
-      im_[v][l] = 0.0;
     }
-}
-
-template <std::size_t kVectors>
-void BoundaryStripRow<kVectors>::scale() {
-  for (std::size_t v = 0; v < kVectors; ++v) {
-    const Double4 factor = 1.0 / square_root(re_[v] * re_[v] + im_[v] * im_[v]);
-    re_[v] *= factor;
-    im_[v] *= factor;
-  }
-  factors_ = 0;
 }
 
 template <std::size_t kVectors>
@@ -116,31 +135,15 @@ void BoundaryStripRow<kVectors>::add(const BorderEdge& edge) {
     const Double4 minimum = kMinAngle * size;
     across[v] = sign * (minimum > width ? minimum : width + 0.0 * minimum);
   }
-  for (std::int64_t n = std::abs(edge.count); n > 0; --n) {
-    for (std::size_t v = 0; v < kVectors; ++v) {
-      const Double4 r = re_[v] * along[v] - im_[v] * across[v], i = re_[v] * across[v] + im_[v] * along[v];
-      const Mask4 was_up = im_[v] >= 0.0, now_up = i >= 0.0;  // masks are -1 where true
-      if (up) {
-        windings_[v] -= was_up & ~now_up;
-      } else {
-        windings_[v] += ~was_up & now_up;
-      }
-      re_[v] = r;
-      im_[v] = i;
-    }
-    if (++factors_ == kFactors) scale();
-  }
+  std::array<Mask4, kVectors> ups;
+  ups.fill(Mask4{} - static_cast<std::int64_t>(up));
+  half_.add(along, across, ups, std::abs(edge.count));
 }
 
 template <std::size_t kVectors>
 std::array<double, BoundaryStripRow<kVectors>::kTargets> BoundaryStripRow<kVectors>::value() {
-  scale();
-  std::array<double, kTargets> out;
-  for (std::size_t l = 0; l < kTargets; ++l) {
-    const std::size_t v = l / 4, k = l % 4;
-    out[l] = angle_of(re_[v][k], im_[v][k], static_cast<double>(windings_[v][k]));
-    if (any_apart_) out[l] += apart_[l].value();
-  }
+  std::array<double, kTargets> out = half_.value();
+  for (std::size_t l = 0; l < kTargets && any_apart_; ++l) out[l] += apart_[l].value();
   return out;
 }
 
@@ -158,27 +161,13 @@ void add_endless_strip(const BorderEdge& edge, const Long3& x, AngleSum& half) {
   const double p = ay * bz, q = az * by, area = p - q, along = ay * by + az * bz;
   const bool sure = std::fabs(area) > kSureArea * (std::fabs(p) + std::fabs(q));
   const bool left = sure ? area > 0.0 : is_left(edge, x);
-  const double width = std::max(std::fabs(area), kMinAngle * std::fabs(along));
-  const double across = left != (edge.count < 0) ? width : -width;
-  for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
+  add_angle(edge, left, along, area, half);
 }
 
 }  // namespace
 
 EndlessStripRows::EndlessStripRows(std::int64_t y, std::int64_t z) : y_(y), z_(z) {
-  for (std::size_t l = 0; l < 8; ++l) {
-    at_[l / 4][l % 4] = static_cast<double>(l);
-    re_[l / 4][l % 4] = 1.0;
-  }
-}
-
-void EndlessStripRows::scale() {
-  for (std::size_t v = 0; v < 2; ++v) {
-    const Double4 factor = 1.0 / square_root(re_[v] * re_[v] + im_[v] * im_[v]);
-    re_[v] *= factor;
-    im_[v] *= factor;
-  }
-  factors_ = 0;
+  for (std::size_t l = 0; l < 8; ++l) at_[l / 4][l % 4] = static_cast<double>(l);
 }
 
 void EndlessStripRows::add(const BorderEdge& edge) {
@@ -187,6 +176,7 @@ void EndlessStripRows::add(const BorderEdge& edge) {
                by = static_cast<double>(edge.b[1] - y_) * kCellsPerQuantum,
                bz = static_cast<double>(edge.b[2] - z_) * kCellsPerQuantum;
   std::array<Double4, 2> along, across;
+  std::array<Mask4, 2> up;
   Mask4 sure = Mask4{} - 1;
   for (std::size_t v = 0; v < 2; ++v) {
     const Double4 p = (ay - at_[v]) * bz, q = az * (by - at_[v]), area = p - q;
@@ -194,6 +184,7 @@ void EndlessStripRows::add(const BorderEdge& edge) {
     sure &= size > kSureArea * parts;
     along[v] = (ay - at_[v]) * (by - at_[v]) + az * bz;
     across[v] = edge.count < 0 ? -area : area;
+    up[v] = across[v] > 0.0;
   }
   if ((sure[0] & sure[1] & sure[2] & sure[3]) == 0) {
     any_apart_ = true;
@@ -201,27 +192,12 @@ void EndlessStripRows::add(const BorderEdge& edge) {
       add_endless_strip(edge, {0, y_ + static_cast<std::int64_t>(l) * kSolidQuanta, z_}, apart_[l]);
     return;
   }
-  for (std::int64_t n = std::abs(edge.count); n > 0; --n) {
-    for (std::size_t v = 0; v < 2; ++v) {
-      const Double4 r = re_[v] * along[v] - im_[v] * across[v], i = re_[v] * across[v] + im_[v] * along[v];
-      const Mask4 up = across[v] > 0.0, was_up = im_[v] >= 0.0, now_up = i >= 0.0;
-      windings_[v] -= was_up & up & ~now_up;
-      windings_[v] += ~was_up & ~up & now_up;
-      re_[v] = r;
-      im_[v] = i;
-    }
-    if (++factors_ == kFactors) scale();
-  }
+  half_.add(along, across, up, std::abs(edge.count));
 }
 
 std::array<double, 8> EndlessStripRows::value() {
-  scale();
-  std::array<double, 8> out;
-  for (std::size_t l = 0; l < 8; ++l) {
-    const std::size_t v = l / 4, k = l % 4;
-    out[l] = angle_of(re_[v][k], im_[v][k], static_cast<double>(windings_[v][k]));
-    if (any_apart_) out[l] += apart_[l].value();
-  }
+  std::array<double, 8> out = half_.value();
+  for (std::size_t l = 0; l < 8 && any_apart_; ++l) out[l] += apart_[l].value();
   return out;
 }
 

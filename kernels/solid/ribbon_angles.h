@@ -25,6 +25,39 @@ class AngleSum {
   int windings_ = 0;
 };
 
+/// The same of several angles side by side, four to a vector. \tparam kVectors  vectors of four
+template <std::size_t kVectors>
+class AngleSums {
+ public:
+  using Vectors = std::array<Double4, kVectors>;
+  AngleSums();
+  /// Adds an angle to each, so many times. \param up  per lane, whether its imaginary part is above zero
+  [[gnu::always_inline]] void add(const Vectors& re, const Vectors& im, const std::array<Mask4, kVectors>& up,
+                                  std::int64_t times) {
+    for (; times > 0; --times) {
+      for (std::size_t v = 0; v < kVectors; ++v) {
+        const Double4 r = re_[v] * re[v] - im_[v] * im[v], i = re_[v] * im[v] + im_[v] * re[v];
+        const Mask4 was_up = im_[v] >= 0.0, now_up = i >= 0.0;  // masks are -1 where true
+        windings_[v] -= was_up & up[v] & ~now_up;
+        windings_[v] += ~was_up & ~up[v] & now_up;
+        re_[v] = r;
+        im_[v] = i;
+      }
+      if (++factors_ == kFactors) scale();
+    }
+  }
+  std::array<double, 4 * kVectors> value();
+
+ private:
+  /// Products of so many factors need no scaling: each is within 2^-24 and 2^48.
+  static constexpr int kFactors = 8;
+  void scale();
+
+  Vectors re_, im_;
+  std::array<Mask4, kVectors> windings_{};
+  int factors_ = 0;
+};
+
 /// Adds half the solid angle of the ribbon from an edge to +x infinity, times its count, seen from a place in quanta.
 void add_boundary_strip(const BorderEdge& edge, const Long3& x, AngleSum& half);
 
@@ -39,15 +72,10 @@ class BoundaryStripRow {
   std::array<double, kTargets> value();
 
  private:
-  /// Products of so many factors need no scaling: each is within 2^-24 and 2^48.
-  static constexpr int kFactors = 8;
-  void scale();
-
   std::array<std::int64_t, kTargets> quanta_;
   std::int64_t y_, z_;
-  std::array<Double4, kVectors> x_, re_, im_;
-  std::array<Mask4, kVectors> windings_{};
-  int factors_ = 0;
+  std::array<Double4, kVectors> x_;
+  AngleSums<kVectors> half_;
   std::array<AngleSum, kTargets> apart_;  ///< of edges that the line of the row meets or nearly so
   bool any_apart_ = false;
 };
@@ -62,13 +90,9 @@ class EndlessStripRows {
   std::array<double, 8> value();
 
  private:
-  static constexpr int kFactors = 8;
-  void scale();
-
   std::int64_t y_, z_;
-  std::array<Double4, 2> at_{}, re_{}, im_{};  ///< at_: y, cells from y_
-  std::array<Mask4, 2> windings_{};
-  int factors_ = 0;
+  std::array<Double4, 2> at_;  ///< y of the rows, cells from y_
+  AngleSums<2> half_;
   std::array<AngleSum, 8> apart_;  ///< of edges that a row meets or nearly so
   bool any_apart_ = false;
 };
