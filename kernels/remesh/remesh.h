@@ -33,15 +33,18 @@ struct RemeshOptions {
   double tolerance = 0.0;
   /// And in the end edges are split where faces are beyond it, or vertices of the reference, until they are as short.
   bool refine_beyond = false;
+  /// Above 0, without that: edges are split in the same way as far as this distance asks for, where a few splits do.
+  double refine_within = 0.0;
   /// Edges far shorter than they should be collapse where that folds the surface no more than it is, whatever faces turn
   /// by. Not with refine_beyond: a proof would split again what gave way.
   bool collapse_needles = false;
   double max_normal_deviation_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
   double feature_angle_deg = 25.0;        ///< edges that turn by more are creases; 0 = none
   int iterations = 4;
-  int relaxations = 3;    ///< in each of them
-  double gravity = 0.25;  ///< of a neighbour in the last ones: the share of it that follows its area, 0 to 1
-  int last_relaxations = 2;     ///< behind the last iteration
+  int relaxations = 3;  ///< in each of them
+  int last_relaxations =
+      2;  ///< behind the last iteration: they make areas of cells around vertices alike, too
+  double angle_weight = 8.0;    ///< of angles in these, against areas; above 0
   bool float_positions = true;  ///< new positions are rounded to float, as the file will hold them
   /// The block still is a part of the reference: creases are found, and lattices coarsened away. Later ones bear creases
   /// (kFaceCrease01).

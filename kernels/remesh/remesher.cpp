@@ -133,16 +133,17 @@ void Remesher::run(RemeshReport& report) {
       compact();
     }
     flip_all(report);
+    if (i > 0) glide_all(report);  // the first leaves lengths that splits and collapses change all over
     // Coarse work first: what early iterations leave is split and collapsed again.
     const int fewer = i + 2 < options_.iterations ? 1 : 0;
     for (int r = fewer; r < options_.relaxations; ++r) relax_all(report);
     if (i == 1 && is_hopeless(report)) return;
   }
   finish(report);
-  if (options_.refine_beyond) {
+  if (options_.refine_beyond || options_.refine_within > 0.0) {
     refine(report);
     mend_all(report);
-    refine(report);  // what mending took away from the tolerance
+    if (options_.refine_beyond) refine(report);  // what mending took away from the tolerance
   }
   report.guard_spent = guard_spent_;
   std::vector<Edge>().swap(edges_);  // their memory is needed for what comes out

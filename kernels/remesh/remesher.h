@@ -95,6 +95,7 @@ class Remesher {
   bool too_thin_to_split(std::uint32_t c) const;
   bool split(const Edge& e);
   void refine(RemeshReport& report);
+  bool is_as_before(const CollapseFace& face) const;
   void want_beyond(std::vector<std::uint8_t>& wanted) const;
   void want_missed(std::vector<Double3>& points, std::vector<std::uint8_t>& wanted) const;
   std::size_t split_wanted(const std::vector<std::uint8_t>& wanted, RemeshReport& report);
@@ -124,10 +125,19 @@ class Remesher {
   Refusal try_flip(std::uint32_t c);
   Refusal flip_if_sound(std::uint32_t c);
   int excess(std::uint32_t v, std::uint32_t corner) const;
+  bool wants_six(std::uint32_t v) const;
+  void glide_all(RemeshReport& report);
+  void glide(std::uint32_t c, bool forward, RemeshReport& report);
   std::size_t relax_all(RemeshReport& report);
   bool relax(std::uint32_t v, RemeshReport& report);
   bool move_vertex(std::uint32_t v, const Double3& to, RemeshReport& report);
+  bool move_if_far(std::uint32_t v, const Double3& to, RemeshReport& report);
   Double3 wish(std::uint32_t v) const;
+  double share_of_cell(std::uint32_t v, double area) const;
+  void measure_cells();
+  void add_star_to_cells(std::uint32_t v, const Double3& p, double sign);
+  Double3 wish_for_cells(std::uint32_t v) const;
+  void even_cells(RemeshReport& report);
   void finish(RemeshReport& report);
   void raise_angles(RemeshReport& report);
   void raise_rounds(RemeshReport& report);
@@ -140,7 +150,6 @@ class Remesher {
   bool is_held(std::uint32_t f) const;
   std::uint32_t corner_to_split(std::uint32_t f) const;
   std::size_t split_sharp(RemeshReport& report);
-  void weigh();
   void mend_all(RemeshReport& report);
   void mend(std::uint32_t f, RemeshReport& report);
   double sharpness_of(std::uint32_t f) const;
@@ -177,9 +186,10 @@ class Remesher {
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;
   bool mending_ = false, refining_ = false;
-  double sharp_above_ = 1.0;    ///< squared cosine of min_angle_deg, with room for rounding
-  bool blunting_ = false;       ///< of edges so short that shapes around them tell nothing
-  std::vector<float> gravity_;  ///< per vertex: how much neighbours are drawn to it; empty: all alike
+  double refine_limit_ = 0.0;  ///< how far mesh and reference may be from each other
+  double sharp_above_ = 1.0;   ///< squared cosine of min_angle_deg, with room for rounding
+  bool blunting_ = false;      ///< of edges so short that shapes around them tell nothing
+  std::vector<double> cells_;  ///< per vertex: the area of its cell, in the last relaxations
   int round_ = 0;
   std::vector<std::uint8_t> changed_;  ///< per vertex: the round behind the last one that changed its star
   CrossingGuard guard_;

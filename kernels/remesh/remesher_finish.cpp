@@ -1,4 +1,4 @@
-// The end of the loop: cells around vertices more alike (Botsch's thesis, 3.2.3), then faces with a sharp angle one by one.
+// The end of the loop: faces with a sharp angle one by one.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,8 +9,7 @@
 namespace tessera {
 namespace {
 
-constexpr double kHexagon = 0.8660254037844386;  ///< area around a vertex of equilateral triangles of edge 1
-
+constexpr double kHeight = 0.8660254037844386;  ///< of an equilateral triangle, in edges
 constexpr int kMendRounds = 2;
 // Squared cosines of angles, as sharpness() gives them.
 constexpr double kSharp = 0.75;            ///< 30 degrees
@@ -34,44 +33,9 @@ double Remesher::star_sharpness(const Double3& p) const {
   return maximum;
 }
 
-/// Gravities, by the mixed Voronoi cells (Meyer et al. 2003) against what targets ask for.
-void Remesher::weigh() {
-  gravity_.assign(info_.size(), 0.0f);
-  for (const CollapseFace& f : mesh_.faces()) {
-    if (f.state & kStateDead) continue;
-    const Double3 &a = mesh_.at(f.vertex[0]), &b = mesh_.at(f.vertex[1]), &c = mesh_.at(f.vertex[2]);
-    const Double3 ab = b - a, bc = c - b, ca = a - c;
-    const double twice = norm(cross(ab, bc));
-    if (!(twice > 0.0)) continue;
-    const double xa = -dot(ab, ca), xb = -dot(ab, bc), xc = -dot(bc, ca);  // cotangents times twice the area
-    double cell[3];
-    if (xa < 0.0 || xb < 0.0 || xc < 0.0) {
-      cell[0] = twice * (xa < 0.0 ? 0.25 : 0.125);
-      cell[1] = twice * (xb < 0.0 ? 0.25 : 0.125);
-      cell[2] = twice * (xc < 0.0 ? 0.25 : 0.125);
-    } else {
-      const double wab = dot(ab, ab) * xc, wbc = dot(bc, bc) * xa, wca = dot(ca, ca) * xb,
-                   per = 0.125 / twice;
-      cell[0] = (wab + wca) * per;
-      cell[1] = (wab + wbc) * per;
-      cell[2] = (wbc + wca) * per;
-    }
-    for (std::size_t i = 0; i < 3; ++i) gravity_[f.vertex[i]] += static_cast<float>(cell[i]);
-  }
-  for (std::size_t v = 0; v < gravity_.size(); ++v) {
-    const float hexagon = static_cast<float>(kHexagon) * info_[v].target * info_[v].target;
-    gravity_[v] = static_cast<float>(1.0 - options_.gravity) +
-                  static_cast<float>(options_.gravity) * (gravity_[v] / hexagon);
-  }
-}
-
 void Remesher::finish(RemeshReport& report) {
   flip_all(report);
-  for (int i = 0; i < options_.last_relaxations; ++i) {
-    weigh();
-    relax_all(report);
-  }
-  std::vector<float>().swap(gravity_);
+  even_cells(report);
   for (int i = 0; i < kMendRounds; ++i) mend_all(report);
 }
 
@@ -248,7 +212,7 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
     const Double3 across = up - side * (dot(up, side) / square);
     const double height = norm(across);
     if (!(height > 0.0)) continue;
-    const Double3 apex = middle + across * (kHexagon * std::sqrt(square) / height);
+    const Double3 apex = middle + across * (kHeight * std::sqrt(square) / height);
     const double s = sharpness(old, a, b), w = s * s * s * s;
     sum = sum + apex * w;
     weights += w;

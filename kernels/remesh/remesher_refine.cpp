@@ -2,6 +2,7 @@
 // reference, so that the surfaces come nearer.
 #include <algorithm>
 #include <array>
+#include <limits>
 
 #include "kernels/mesh/closest_face.h"
 #include "kernels/mesh/triangle_foot.h"
@@ -11,12 +12,17 @@ namespace tessera {
 namespace {
 
 constexpr int kRefineRounds = 12;  ///< each leaves about a third of what the one before found
-constexpr double kOutside = 4.0;   ///< tolerances: what is farther away lies beside the block
+/// Where nobody asked for a tolerance: so many splits bring a surface within one, or it is far coarser than that.
+constexpr std::size_t kFacesPerSplit = 50, kAlwaysSplits = 20;
+constexpr double kOutside = 4.0;  ///< tolerances: what is farther away lies beside the block
 
 }  // namespace
 
 void Remesher::refine(RemeshReport& report) {
   refining_ = true;
+  refine_limit_ = options_.refine_beyond ? options_.tolerance : options_.refine_within;
+  std::size_t most_splits = options_.refine_beyond ? std::numeric_limits<std::size_t>::max()
+                                                   : live_faces_ / kFacesPerSplit + kAlwaysSplits;
   changed_.assign(info_.size(), 0);
   const std::span<const Double3> all = surface_.vertices();
   std::vector<Double3> points(all.begin(), all.end());
@@ -27,7 +33,12 @@ void Remesher::refine(RemeshReport& report) {
     std::vector<std::uint8_t> wanted(mesh_.faces().size(), 0);
     want_beyond(wanted);
     want_missed(points, wanted);
-    if (split_wanted(wanted, report) == 0) return;
+    const std::size_t faces =
+        wanted.size() - static_cast<std::size_t>(std::count(wanted.begin(), wanted.end(), 0));
+    if (faces > most_splits) return;
+    const std::size_t done = split_wanted(wanted, report);
+    if (done == 0) return;
+    most_splits -= std::min(most_splits, done);
   }
 }
 
@@ -43,14 +54,18 @@ std::uint32_t Remesher::longest_corner(std::uint32_t f) const {
   return corner;
 }
 
+/// Whether the round before did not change the face.
+bool Remesher::is_as_before(const CollapseFace& face) const {
+  return std::all_of(face.vertex, face.vertex + 3, [&](std::uint32_t v) { return changed_[v] < round_; });
+}
+
 /// Marks the longest edge of every face that has a point beyond the tolerance; skips faces that the round before did not
 /// change.
 void Remesher::want_beyond(std::vector<std::uint8_t>& wanted) const {
   for (std::uint32_t f = 0; f < wanted.size(); ++f) {
     step();
     const CollapseFace& face = mesh_.face(f);
-    const auto as_before = [&](std::uint32_t v) { return changed_[v] < round_; };
-    if ((face.state & kStateDead) || std::all_of(face.vertex, face.vertex + 3, as_before)) continue;
+    if ((face.state & kStateDead) || is_as_before(face)) continue;
     if (beyond(f)) wanted[f] = static_cast<std::uint8_t>(1u << longest_corner(f));
   }
 }
@@ -60,7 +75,7 @@ bool Remesher::beyond(std::uint32_t f) const {
   const std::uint32_t* v = mesh_.face(f).vertex;
   const NewFace face{{v[0], v[1], v[2]}, {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}};
   std::uint32_t hint = ReferenceSurface::kNone;
-  const double limit = options_.tolerance;
+  const double limit = refine_limit_;
   if (bulge(face, hint) < 0.5 * limit) return false;
   constexpr int kParts = 5;
   for (int i = 0; i <= kParts; ++i)
@@ -77,18 +92,20 @@ bool Remesher::beyond(std::uint32_t f) const {
 /// the point is nearest to, else the longest one. At seams the face may lie in another block, which marks it itself.
 /// \param points  come back as those that were missed
 void Remesher::want_missed(std::vector<Double3>& points, std::vector<std::uint8_t>& wanted) const {
+  if (points.empty()) return;
   std::vector<std::array<std::uint32_t, 3>> faces;
   std::vector<std::uint32_t> number;
   for (std::uint32_t f = 0; f < wanted.size(); ++f) {
     const CollapseFace& face = mesh_.face(f);
-    if (face.state & kStateDead) continue;
+    if ((face.state & kStateDead) || is_as_before(face))
+      continue;  // no point came nearer to what is as before
     faces.push_back({face.vertex[0], face.vertex[1], face.vertex[2]});
     number.push_back(f);
   }
   std::vector<Double3> at(mesh_.vertices());
   for (std::uint32_t v = 0; v < at.size(); ++v) at[v] = mesh_.at(v);
   const ClosestFaces surface(at, faces, Double3{});
-  const double square = options_.tolerance * options_.tolerance;
+  const double square = refine_limit_ * refine_limit_;
   std::uint32_t hint = ClosestFaces::kNone;
   std::erase_if(points, [&](const Double3& p) {
     step();
@@ -113,7 +130,7 @@ void Remesher::want_missed(std::vector<Double3>& points, std::vector<std::uint8_
 
 /// Leaves edges shorter than the tolerance alone: corners lie on the reference, so splitting those brings nothing nearer.
 std::size_t Remesher::split_wanted(const std::vector<std::uint8_t>& wanted, RemeshReport& report) {
-  const double minimum = options_.tolerance * options_.tolerance;
+  const double minimum = refine_limit_ * refine_limit_;
   listed_.clear();
   make_room_in_list();
   for (std::uint32_t c = 0; c < 4 * wanted.size(); ++c) {

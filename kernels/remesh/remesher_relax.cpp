@@ -1,4 +1,4 @@
-// Relaxation along the surface: Botsch's thesis, 3.2.3, there with areas as weights.
+// Relaxation along the surface: Botsch's thesis, 3.2.3.
 #include <algorithm>
 #include <cmath>
 
@@ -38,19 +38,16 @@ Double3 Remesher::wish(std::uint32_t v) const {
     }
     return at + sum;
   }
-  // The middle of the neighbours, in the end drawn to those with large cells.
+  // The middle of the neighbours.
   Double3 centre{}, normal{};
   const std::size_t size = star_.ring_size();
-  double weights = 0.0;
   for (std::size_t i = 0; i < size; ++i) {
-    const double weight = gravity_.empty() ? 1.0 : static_cast<double>(gravity_[star_.ring[i]]);
-    centre = centre + (mesh_.at(star_.ring[i]) - at) * weight;
-    weights += weight;
+    centre = centre + (mesh_.at(star_.ring[i]) - at);
   }
   for (std::size_t i = 0; i < star_.faces; ++i)
     normal =
         normal + cross(mesh_.at(star_.ring[i]) - at, mesh_.at(star_.ring[i + 1 < size ? i + 1 : 0]) - at);
-  centre = centre * (1.0 / weights);
+  centre = centre * (1.0 / static_cast<double>(size));
   const double square = dot(normal, normal);
   return square > 0.0 ? at + centre - normal * (dot(normal, centre) / square) : at;
 }
@@ -58,7 +55,10 @@ Double3 Remesher::wish(std::uint32_t v) const {
 bool Remesher::relax(std::uint32_t v, RemeshReport& report) {
   if ((mesh_.state(v) & kVertexKept) || !mesh_.gather(v, star_)) return false;
   if (info_[v].foot == ReferenceSurface::kNone) return false;
-  const Double3 to = wish(v);
+  return move_if_far(v, wish(v), report);
+}
+
+bool Remesher::move_if_far(std::uint32_t v, const Double3& to, RemeshReport& report) {
   const double still = kStill * info_[v].target;
   return squared_distance(to, mesh_.at(v)) > still * still && move_vertex(v, to, report);
 }

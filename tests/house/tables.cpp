@@ -9,11 +9,13 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"kernels/closing/closing_growth.cpp", "kernels/closing/closing.h"},
       {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
       {"kernels/remesh/remesher_angles.cpp", "kernels/remesh/remesher.h"},
+      {"kernels/remesh/remesher_areas.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_finish.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_needles.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_refine.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_relax.cpp", "kernels/remesh/remesher.h"},
+      {"kernels/remesh/remesher_valence.cpp", "kernels/remesh/remesher.h"},
       {"kernels/scene/sensor_source.cpp", "kernels/scene/sample_source.h"},
       {"stream/check/mesh_check_report.cpp", "stream/check/mesh_check.h"},
       {"stream/check/mesh_compare_report.cpp", "stream/check/mesh_compare.h"},
@@ -194,8 +196,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"caption", "gl_functions", "picture", "picture_shaders", "rasterizer"});
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
     by("kernels/remesh/remesh", "kernels/remesh",
-       {"reference_surface", "remesher", "remesher_angles", "remesher_checks", "remesher_finish",
-        "remesher_refine", "remesher_relax"});
+       {"reference_surface", "remesher", "remesher_angles", "remesher_areas", "remesher_checks",
+        "remesher_finish", "remesher_refine", "remesher_relax", "remesher_valence"});
     by("kernels/scene/scene", "kernels/scene",
        {"fractal_noise", "implicit_scene", "sample_source", "scene_models", "scene_smooth", "scene_solid",
         "sensor_source", "solid", "surface_sampler"});

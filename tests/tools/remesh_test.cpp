@@ -198,6 +198,24 @@ TEST_CASE("remesh: even angles or even areas, at the other's expense", "[pipelin
   CHECK(areas(both) < areas(a));
 }
 
+TEST_CASE("remesh: edges that follow the surface keep within a tenth of their length, others as they can",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const auto run = [&](const std::vector<std::string>& more) {
+    const fs::path out = folder.path() / "out.ply";
+    const CommandResult r = tessera_command(words(in, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    const Json report = report_of(out);
+    return report.at("certificate").at("certified_max").get<double>() /
+           report.at("quality").at("edge").get<double>();
+  };
+  CHECK(run({"--edge", "2", "--no-html", "--force"}) <= 0.1);
+  CHECK(run({"--edge", "2", "--even", "angles", "--no-html", "--force"}) > 0.1);
+  CHECK(run({"--edge", "8", "--no-html", "--force"}) > 0.1);
+}
+
 TEST_CASE("remesh: creases that bend get shorter edges, the same whatever must not matter", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");

@@ -16,8 +16,11 @@ constexpr double kLoopShare = 0.75;
 constexpr double kSizingShare = kLoopShare * (3.0 / 4.0) * (3.0 / 4.0);
 /// Without a tolerance operations keep within this share of the length: enough for any circle that edges can follow.
 constexpr double kShapeShare = 0.2;
-/// Of a preset. Two bring angles of the bunny to 4.99 degrees off 60 and these to 4.90, areas to 8.6 % off and these to 8.0.
-constexpr int kEvenRelaxations = 8;
+/// Where edges follow the surface closely, these and a few splits bring it to a tenth.
+constexpr double kFineShare = 0.06, kFineSplitShare = 0.08;
+/// Of the presets: more iterations leave more regular vertices, around which angles and areas can be more alike.
+constexpr int kEvenRelaxations = 8, kTimesForAngles = 2, kTimesForAreas = 4;
+constexpr double kWeightForAngles = 20.0, kWeightForAreas = 0.8;
 /// Of the length: how far the chord of an edge may leave the crease that it follows.
 constexpr double kCreaseShare = 0.02;
 
@@ -37,7 +40,9 @@ OptionTable option_table(RemeshJobOptions& o) {
         "largest distance between result and input, both ways, units of the mesh; alone: the length of the "
         "edges "
         "follows from it and the curvature; 0 = the distance is measured and reported, single operations "
-        "keep within a fifth of the edges")
+        "keep within a fifth of the edges, or where these follow nearly all of the surface closely so near "
+        "that "
+        "the distance comes to about a tenth of them")
       .at_least(0);
   t.add("adaptive", &o.adaptive,
         "edges are short where the surface bends and long where it does not, as the tolerance asks for");
@@ -58,9 +63,11 @@ OptionTable option_table(RemeshJobOptions& o) {
         "is told; 0 = none, e.g. remesh mesh.ply --faces 100000 --min-angle 30 -o even.ply")
       .within(0, 40);
   t.add("iterations", &o.iterations, "of splits, collapses, flips and relaxation in each pass").within(1, 50);
-  t.add("even", &o.even,
-        "what the last relaxations make alike: angles, areas of the cells around vertices at the expense of "
-        "angles, or both a little, e.g. remesh mesh.ply --faces 100000 --even areas -o even.ply")
+  t.add(
+       "even", &o.even,
+       "what becomes most alike: angles, by twice as many iterations, or areas of the cells around vertices "
+       "at the expense of angles, by four times as many, both farther from the input; or both a little, e.g. "
+       "remesh mesh.ply --faces 100000 --even areas -o even.ply")
       .one_of({"both", "angles", "areas"});
   t.add(
        "creases", &o.creases,
@@ -99,12 +106,14 @@ void RemeshJobOptions::validate() const {
     throw UsageError("--edge and --faces both say how long edges are to be: give one of them");
 }
 
-RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool float_positions) const {
+RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool fine,
+                                       bool float_positions) const {
   RemeshOptions k;
   k.edge = length;
   k.min_edge = shortest;
   if (adaptive) k.sizing_tolerance = kSizingShare * tolerance;
-  k.tolerance = tolerance > 0.0 ? kLoopShare * tolerance : kShapeShare * length;
+  k.tolerance = tolerance > 0.0 ? kLoopShare * tolerance : (fine ? kFineShare : kShapeShare) * length;
+  if (fine) k.refine_within = kFineSplitShare * length;
   if (creases == "graded") k.crease_tolerance = kCreaseShare * length;
   k.refine_beyond = tolerance > 0.0;
   k.collapse_needles = !k.refine_beyond;
@@ -113,7 +122,9 @@ RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool floa
   k.iterations = iterations;
   k.float_positions = float_positions;
   if (even != "both") {
-    k.gravity = even == "areas" ? 1.0 : 0.0;
+    const bool angles = even == "angles";
+    k.iterations *= angles ? kTimesForAngles : kTimesForAreas;
+    k.angle_weight = angles ? kWeightForAngles : kWeightForAreas;
     k.last_relaxations = kEvenRelaxations;
   }
   return k;

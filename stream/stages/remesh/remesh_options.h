@@ -32,8 +32,11 @@ struct RemeshJobOptions {
   static constexpr int kAnglePasses = 2;
   /// \throws UsageError naming the option
   void validate() const;
+  /// Whether edges that follow the surface closely are to keep within a tenth of their length of it.
+  bool may_be_fine() const { return !(tolerance > 0.0) && even == "both"; }
   /// What blocks are remeshed with. \param edge  length of edges, the longest one where they adapt
-  RemeshOptions kernel(double edge, double shortest, bool float_positions) const;
+  /// \param fine  may_be_fine(), and they are
+  RemeshOptions kernel(double edge, double shortest, bool fine, bool float_positions) const;
 };
 
 OptionTable option_table(RemeshJobOptions& options);

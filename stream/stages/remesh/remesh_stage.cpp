@@ -38,6 +38,8 @@ constexpr double kNeedleTimesFaces = 9.0 * kMostTimesFaces;
 constexpr double kEndTimesFaces = 1.5;
 /// Percent of the faces: where more have an angle below 25 degrees the result is no better than what was given.
 constexpr double kMostNarrow = 25.0, kWarnOffDegrees = 8.0;
+/// Where edges could keep less near to the input.
+constexpr double kFinestNarrow = 1.0;
 /// Edges get longer as long as a round leaves no more than this share of what the one before left.
 constexpr double kWorthWhile = 0.95;
 /// What creases keep grows less than the square of the length tells.
@@ -76,7 +78,7 @@ class RemeshStage : public Stage {
                  first_round_of_size(state.work, pass.round)}),
         in_(blocks_.in()),
         reference_(blocks_.reference()) {
-    kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
+    kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, sizing_.fine, !in_.info().double_positions);
     kernel_.find_creases = pass_.pass == 0;
     if (raises()) kernel_.min_angle_deg = options_.min_angle_deg;
     sharp_above_ = std::pow(cosine_of_degrees(options_.min_angle_deg), 2.0);
@@ -88,7 +90,7 @@ class RemeshStage : public Stage {
                                           static_cast<double>(options_.faces));
       };
       kernel_.useless_faces = times(kMostTimesFaces);
-      if (pass_.pass == 0 && pass_.round == 0) kernel_.hopeless_faces = times(kNeedleTimesFaces);
+      if (pass_.pass == 0 && is_first_coarse()) kernel_.hopeless_faces = times(kNeedleTimesFaces);
     }
     largest_bytes_ = largest_guess_bytes(state.run.memory_bytes);
   }
@@ -149,6 +151,11 @@ class RemeshStage : public Stage {
     }
     if (!is_last()) return refuse_needles(sum);
     sum["quality"] = quality_report(quality, sizing_.edge);
+    if (sizing_.fine && options_.keeps_faces() && (are_far_more(quality.faces) || is_poor(sum))) {
+      write_durably(context.create(sizing_file(pass_.round + 1)), dump_json(sizing_.coarser().to_json()));
+      sum["less_near"] = true;
+      return sum;
+    }
     if (!are_far_more(quality.faces)) return judge_shape(sum);
     const bool helped = sizing_.left == 0 ||
                         static_cast<double>(quality.faces) <= kWorthWhile * static_cast<double>(sizing_.left);
@@ -162,6 +169,8 @@ class RemeshStage : public Stage {
   }
 
  private:
+  /// Whether no edges were made longer yet, and none keep nearer to the input than they need.
+  bool is_first_coarse() const { return !sizing_.fine && sizing_.left == 0; }
   /// A tolerance asks for as many as it needs; edges of a length for as many as there are.
   bool are_far_more(std::uint64_t faces, double times = kMostTimesFaces) const {
     return options_.keeps_faces() && faces > options_.faces + kAlwaysMoreFaces &&
@@ -178,16 +187,24 @@ class RemeshStage : public Stage {
   /// After the first pass of all: what later ones cannot make good. \throws ValidationError  as refuse_far_more()
   const Json& refuse_needles(const Json& sum) const {
     const auto count = [&](const char* key) { return sum.value(key, std::uint64_t{0}); };
-    if (pass_.pass == 0 && pass_.round == 0 && count("locked_vertices") == 0 &&
+    if (pass_.pass == 0 && is_first_coarse() && count("locked_vertices") == 0 &&
         count("refused_by_room") > 0 && are_far_more(count("faces_out"), kNeedleTimesFaces))
       refuse_far_more(count("faces_out"));
     return sum;
   }
+  static double off_degrees(const Json& sum) {
+    return sum.at("quality").value("mean_angle_deviation_deg", 0.0);
+  }
+  static double percent_narrow(const Json& sum) {
+    return 100.0 * sum.at("quality").value("share_below_25_deg", 0.0);
+  }
+  static bool is_poor(const Json& sum) {
+    return percent_narrow(sum) > kFinestNarrow || off_degrees(sum) > kWarnOffDegrees;
+  }
   /// Warns of poor shapes. \throws ValidationError  where they are no shapes to go on with
   const Json& judge_shape(Json& sum) const {
     if (!options_.keeps_faces()) return sum;
-    const double off = sum.at("quality").value("mean_angle_deviation_deg", 0.0),
-                 narrow = 100.0 * sum.at("quality").value("share_below_25_deg", 0.0);
+    const double off = off_degrees(sum), narrow = percent_narrow(sum);
     const std::string
         edge = number_text(sizing_.edge),
         why = "creases, borders, needles or walls of this mesh lie closer together than edges of " + edge;

@@ -26,6 +26,9 @@ constexpr double kLongestShare = 0.1;  ///< of the diagonal: no edge gets longer
 constexpr double kMoreFaces = 1.125;
 /// With a tolerance alone: more faces than so many times those of the input, whose facets they would trace, are refused.
 constexpr double kMaxTimes = 1000.0, kAlwaysFaces = 0x1p22;
+/// An edge over an arc of this angle is within 0.06 of its length of it. Where so much of the surface bends no more, nearly
+/// all edges keep as near, and a few splits do for the others; on the rest of the catalogue's meshes shapes would pay.
+constexpr double kFineTurn = 0.5, kFineCalm = 0.99;
 constexpr double kAreaUnits = 0x1p40;  ///< the squared diagonal in units of weights
 
 /// Adaptive lengths, if not given: around the one for the calm share. Most of a machined part is flat, which says nothing
@@ -111,7 +114,8 @@ class SizingStage : public Stage {
       for (const auto& f : block.faces)
         area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
       areas.push_back(area);
-      if (by_curvature()) measure_curvatures(block, options_.feature_angle_deg, unit, all);
+      if (by_curvature() || options_.may_be_fine())
+        measure_curvatures(block, options_.feature_angle_deg, unit, all);
       context.advance(block.faces.size());
     }
     Json curvatures = Json::array();
@@ -147,6 +151,7 @@ class SizingStage : public Stage {
     const double face = std::sqrt(3.0) / 4.0 * calm * calm;
     Sizing sizing;
     sizing.edge = edge, sizing.shortest = shortest;
+    sizing.fine = options_.may_be_fine() && calm_share(curvatures, kFineTurn / edge) >= kFineCalm;
     double sum = 0.0;
     for (std::size_t p = 0; p < areas.size(); ++p) {
       const double faces = std::ceil(areas[p] / face);
@@ -180,6 +185,16 @@ class SizingStage : public Stage {
                           " faces: the least --tolerance that can do is " +
                           number_text(round_up_2_digits(options_.tolerance * faces / maximum)) +
                           (options_.adaptive ? ", or give --min-edge" : ", or give --edge or --faces too"));
+  }
+
+  /// What share of the surface bends no more than that.
+  static double calm_share(const Curvatures& curvatures, double curvature) {
+    double all = 0.0, calm = 0.0;
+    for (const auto& [c, weight] : curvatures) {
+      all += static_cast<double>(weight);
+      if (curvature_of_class(c) <= curvature) calm += static_cast<double>(weight);
+    }
+    return all > 0.0 ? calm / all : 1.0;
   }
 
   double edge_for(double area, const Curvatures& curvatures) const {
@@ -216,15 +231,22 @@ Sizing Sizing::longer(double times, std::uint64_t found) const {
   Sizing out = *this;
   out.edge *= times, out.shortest *= times;
   out.left = found;
+  out.fine = false;
   for (auto& [key, expected] : out.faces)
     expected = static_cast<std::uint64_t>(std::ceil(static_cast<double>(expected) / (times * times)));
+  return out;
+}
+
+Sizing Sizing::coarser() const {
+  Sizing out = *this;
+  out.fine = false;
   return out;
 }
 
 Json Sizing::to_json() const {
   Json expected = Json::array();
   for (const auto& [key, count] : faces) expected.push_back({key, count});
-  return {{"edge", edge}, {"shortest", shortest}, {"left", left}, {"faces", expected}};
+  return {{"edge", edge}, {"shortest", shortest}, {"fine", fine}, {"left", left}, {"faces", expected}};
 }
 
 Sizing Sizing::of_work(const std::filesystem::path& work, int round) {
@@ -232,6 +254,7 @@ Sizing Sizing::of_work(const std::filesystem::path& work, int round) {
   Sizing sizing;
   j.at("edge").get_to(sizing.edge);
   j.at("shortest").get_to(sizing.shortest);
+  j.at("fine").get_to(sizing.fine);
   sizing.left = j.value("left", std::uint64_t{0});
   for (const Json& brick : j.at("faces"))
     sizing.faces.emplace(brick[0].get<std::uint64_t>(), brick[1].get<std::uint64_t>());

@@ -86,7 +86,7 @@ TEST_CASE("remesh: a noisy sphere gets triangles near equilateral, on the sphere
     CHECK(q.smallest > 28000);
     CHECK(q.mean_cell_deviation() < 0.14);
     CHECK(static_cast<double>(q.length_off) * 1e-6 / (3.0 * faces) < 0.15);
-    CHECK(static_cast<double>(q.valences[6]) > 0.75 * static_cast<double>(out.key.size()));
+    CHECK(static_cast<double>(q.valences[6]) > 0.83 * static_cast<double>(out.key.size()));
     CHECK(certified(out, sphere, 0.01) < 0.2 * edge);
     const ClosestFaces reference(sphere.position, sphere.faces, {});
     for (const Double3& p : out.position)
@@ -98,9 +98,9 @@ TEST_CASE("remesh: the last relaxations make angles alike, or areas", "[unit]") 
   MeshBlock sphere = sphere_block(6);
   add_noise(sphere, 0.002, 3);
   constexpr double kEdge = 0.033;
-  const auto quality = [&](double gravity, int relaxations) {
+  const auto quality = [&](double weight, int relaxations) {
     RemeshOptions o = options_for(kEdge);
-    o.gravity = gravity;
+    o.angle_weight = weight;
     o.last_relaxations = relaxations;
     const MeshBlock out = remeshed(sphere, o);
     CHECK(checks_of(out).defects() == 0);
@@ -112,11 +112,39 @@ TEST_CASE("remesh: the last relaxations make angles alike, or areas", "[unit]") 
   const auto off = [](const TriangleQuality& q) {
     return static_cast<double>(q.angle_off) / static_cast<double>(q.faces);
   };
-  const TriangleQuality both = quality(0.25, 2), angles = quality(0.0, 8), areas = quality(1.0, 8);
+  const TriangleQuality both = quality(8.0, 2), angles = quality(20.0, 8), areas = quality(0.8, 8);
   CHECK(off(angles) < 0.97 * off(both));
-  CHECK(areas.mean_cell_deviation() < 0.75 * both.mean_cell_deviation());
-  CHECK(areas.mean_cell_deviation() < 0.09);
-  CHECK(off(areas) < 1.4 * off(angles));
+  CHECK(areas.mean_cell_deviation() < 0.5 * both.mean_cell_deviation());
+  CHECK(areas.mean_cell_deviation() < 0.06);
+  CHECK(off(areas) < 1.7 * off(angles));
+}
+
+TEST_CASE("remesh: a few splits bring a surface within a share of the edges, many are not made", "[unit]") {
+  constexpr double kEdge = 6.0, kWithin = 0.08 * kEdge;
+  /// Of bumps no wider than some edges, `apart` from each other.
+  const auto bumps = [](double apart) {
+    return grid_block(120, 120, [=](double x, double y) {
+      const double u = std::remainder(x - 60, apart), v = std::remainder(y - 60, apart);
+      return 4.0 * std::exp(-(u * u + v * v) / 40.0);
+    });
+  };
+  const auto distance = [&](const MeshBlock& block, double within, RemeshReport& report) {
+    RemeshOptions o = options_for(kEdge);
+    o.tolerance = 0.2 * kEdge;
+    o.refine_within = within;
+    const MeshBlock out = remeshed(block, o, &report);
+    CHECK(checks_of(out).defects() == 0);
+    return certified(out, block, 0.25 * kEdge);
+  };
+  RemeshReport plain, few, many, none;
+  const MeshBlock one = bumps(120), all = bumps(15);
+  CHECK(distance(one, 0.0, plain) > 1.5 * kWithin);
+  CHECK(distance(one, kWithin, few) <= 1.05 * kWithin);
+  CHECK(few.faces_out > plain.faces_out);
+  CHECK(few.faces_out < plain.faces_out + plain.faces_out / 10);
+  CHECK(distance(all, kWithin, many) > 1.5 * kWithin);
+  distance(all, 0.0, none);
+  CHECK(many.faces_out < none.faces_out + none.faces_out / 20);
 }
 
 TEST_CASE("remesh: vertices on the creases of a cube stay exactly on them, its corners stay", "[unit]") {
@@ -519,7 +547,10 @@ TEST_CASE("remesh: no more faces than there is room for, and options that make n
   o.tolerance = -1.0;
   CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
   o.tolerance = 0.0;
-  o.gravity = 1.5;
+  o.angle_weight = 0.0;
+  CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
+  o.angle_weight = 1.0;
+  o.refine_within = -1.0;
   CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
 }
 
