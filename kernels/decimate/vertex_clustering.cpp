@@ -73,13 +73,10 @@ std::uint64_t ClusterLattice::key(const Double3& p) const {
   return static_cast<std::uint64_t>(cell[0] | cell[1] << kBits | cell[2] << (2 * kBits));
 }
 
-std::array<std::uint64_t, 3> ClusterLattice::keys(const std::array<Double3, 3>& corners) const {
-  const auto of = [&](std::size_t a) {
-    return cells_of(Double4{corners[0][a], corners[1][a], corners[2][a], 0.0}, inverse_);
-  };
-  const Long4 key = of(0) | of(1) << kBits | of(2) << (2 * kBits);
-  return {static_cast<std::uint64_t>(key[0]), static_cast<std::uint64_t>(key[1]),
-          static_cast<std::uint64_t>(key[2])};
+ClusterSize::ClusterSize(std::size_t max_cells, double first_cell) : max_(max_cells) {
+  occupied_.reserve(max_cells + 1);
+  coarse_.reserve(max_cells + 1);
+  begin(first_cell);
 }
 
 void ClusterSize::begin(double cell) {
@@ -89,9 +86,9 @@ void ClusterSize::begin(double cell) {
 }
 
 void ClusterSize::coarsen() {
-  KeyTable coarse;
-  for (const std::uint64_t key : occupied_.keys()) coarse.add(parent(key));
-  occupied_ = std::move(coarse);
+  coarse_.clear();
+  for (const std::uint64_t key : occupied_.keys()) coarse_.add(parent(key));
+  std::swap(occupied_, coarse_);
   begin(2.0 * cell_);
 }
 
@@ -139,60 +136,71 @@ double ClusterSize::cell() const {
 VertexClustering::VertexClustering(double cell, std::size_t max_faces)
     : cell_(cell), grid_(cell), max_faces_(max_faces), max_cells_(max_faces * 5 / 8 + 3) {
   clusters_.reserve(max_cells_);
+  number_.reserve(max_cells_ + 1);
+  seen_.reserve(max_faces + 1);
+  faces_.reserve(max_faces);
 }
 
-std::uint32_t VertexClustering::find(std::uint64_t key, const Double3& corner) {
+std::uint32_t VertexClustering::add_vertex(const Double3& p, std::uint32_t rgba) {
+  if (!finite(p) || !fits_) return kNoCell;
+  const std::uint64_t key = grid_.key(p);
   Recent& recent = recent_[recent_slot(key)];
-  if (recent.key == key) return recent.number;
-  const auto [number, is_new] = number_.add(key);
-  if (is_new) {
-    clusters_.emplace_back();
-    clusters_.back().first = corner;
+  if (recent.key != key) {
+    const auto [number, is_new] = number_.add(key);
+    if (is_new) {
+      fits_ = clusters_.size() < max_cells_;
+      if (!fits_) return kNoCell;
+      clusters_.emplace_back();
+      clusters_.back().first = p;
+    }
+    recent = {key, number};
   }
-  recent = {key, number};
-  return number;
+  Cluster& cluster = clusters_[recent.number];
+  cluster.vertex.add(p - cluster.first, 1.0);
+  if (rgba != 0) cluster.vertex.add_colour(rgba, 1.0);
+  return recent.number;
 }
 
-bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba) {
-  const Double3 sum = corners[0] + corners[1] + corners[2];
-  if (!finite(sum)) return true;
-  // Weighted by the area squared, as Lindstrom does.
-  const Double3 wide = cross(corners[1] - corners[0], corners[2] - corners[0]);
-  const bool coloured = (rgba[0] | rgba[1] | rgba[2]) != 0;
-  const std::array<std::uint64_t, 3> keys = grid_.keys(corners);
-  // Most faces of a fine mesh lie in one cell.
-  if (keys[0] == keys[1] && keys[0] == keys[2]) {
-    Cluster& cluster = clusters_[find(keys[0], corners[0])];
-    const Double3 at = corners[0] - cluster.first;
-    const Double3 mean = sum * (1.0 / 3.0);
-    PlaneQuadric(wide, dot(wide, at), 3.0).add_to(cluster.vertex.quadric);
-    cluster.vertex.add(mean - cluster.first, 3.0);
-    if (coloured)
-      for (const std::uint32_t colour : rgba) cluster.vertex.add_colour(colour, 1.0);
-    return clusters_.size() + 3 <= max_cells_;
-  }
-  std::array<std::uint32_t, 3> face{};
-  for (std::size_t k = 0; k < 3; ++k) {
-    face[k] = find(keys[k], corners[k]);
-    Cluster& cluster = clusters_[face[k]];
-    PlaneQuadric(wide, dot(wide, corners[0] - cluster.first), 1.0).add_to(cluster.vertex.quadric);
-    cluster.vertex.add(corners[k] - cluster.first, 1.0);
-    if (coloured) cluster.vertex.add_colour(rgba[k], 1.0);
-  }
-  if (clusters_.size() + 3 > max_cells_) return false;
-  if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) return true;
+std::uint32_t VertexClustering::cell_of(const Double3& p) const {
+  if (!finite(p)) return kNoCell;
+  const std::uint64_t key = grid_.key(p);
+  const Recent& recent = recent_[recent_slot(key)];
+  if (recent.key == key) return recent.number;
+  const std::size_t number = number_.find(key);
+  return number < clusters_.size() ? static_cast<std::uint32_t>(number) : kNoCell;
+}
+
+void VertexClustering::add_face(const std::array<std::uint32_t, 3>& cells) {
+  if (cells[0] == cells[1] || cells[1] == cells[2] || cells[2] == cells[0]) return;
+  std::array<std::uint32_t, 3> face = cells;
   std::rotate(face.begin(), std::min_element(face.begin(), face.end()), face.end());
+  if (*std::max_element(face.begin(), face.end()) == kNoCell || !fits_) return;
   const std::uint64_t name =
       face[0] | std::uint64_t{face[1]} << kBits | std::uint64_t{face[2]} << (2 * kBits);
-  if (!seen_.add(name).second) return true;
-  if (faces_.size() == max_faces_) return false;
-  faces_.push_back(face);
-  return true;
+  if (!seen_.add(name).second) return;
+  fits_ = faces_.size() < max_faces_;
+  if (fits_) faces_.push_back(face);
+}
+
+void VertexClustering::add_shape(const std::array<Double3, 3>& corners,
+                                 const std::array<std::uint32_t, 3>& cells) {
+  if (std::max({cells[0], cells[1], cells[2]}) == kNoCell) return;
+  // Weighted by the area squared, as Lindstrom does.
+  const Double3 wide = cross(corners[1] - corners[0], corners[2] - corners[0]);
+  const auto add = [&](std::uint32_t cell, double corners_in_it) {
+    Cluster& cluster = clusters_[cell];
+    PlaneQuadric(wide, dot(wide, corners[0] - cluster.first), corners_in_it).add_to(cluster.vertex.quadric);
+  };
+  // Most faces of a fine mesh lie in one cell.
+  if (cells[0] == cells[1] && cells[0] == cells[2]) return add(cells[0], 3.0);
+  for (const std::uint32_t cell : cells) add(cell, 1.0);
 }
 
 ClusteredMesh VertexClustering::finish() const {
   ClusteredMesh mesh;
   std::vector<std::uint32_t> number(clusters_.size(), ~0u);
+  mesh.position.reserve(clusters_.size());
+  mesh.rgba.reserve(clusters_.size());
   mesh.faces = faces_;
   for (auto& face : mesh.faces)
     for (std::uint32_t& corner : face) {

@@ -21,8 +21,6 @@ class ClusterLattice {
   explicit ClusterLattice(double cell) : inverse_(1.0 / cell) {}
   /// Names the cell that holds p. \pre finite
   [[nodiscard]] std::uint64_t key(const Double3& p) const;
-  /// Those of the corners of a face. \pre finite
-  [[nodiscard]] std::array<std::uint64_t, 3> keys(const std::array<Double3, 3>& corners) const;
 
  private:
   double inverse_;
@@ -36,9 +34,7 @@ inline constexpr std::size_t kRecentCells = 2048;
 class ClusterSize {
  public:
   /// \param first_cell  the finest that is tried; 0: as far as the first two points are apart
-  explicit ClusterSize(std::size_t max_cells, double first_cell = 0.0) : max_(max_cells) {
-    begin(first_cell);
-  }
+  explicit ClusterSize(std::size_t max_cells, double first_cell = 0.0);
   void add(const Double3& p);  ///< what is not finite is skipped
   /// The finest of the sizes told (fourth roots of two apart) that keeps to the limit; 0 without two different points.
   [[nodiscard]] double cell() const;
@@ -52,7 +48,7 @@ class ClusterSize {
   std::size_t max_;
   double cell_ = 0.0, farthest_ = 0.0;                ///< as far from zero as its keys reach
   std::array<std::uint64_t, kRecentCells> recent_{};  ///< keys
-  KeyTable occupied_;
+  KeyTable occupied_, coarse_;
   Double3 first_{};
   bool has_first_ = false, is_settled_ = false;
 };
@@ -63,21 +59,31 @@ struct ClusteredMesh {
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
-/// One grid of `cell`. Faces whose corners lie in three cells stay, once each; all others only shape the vertices.
+/// One grid of `cell`. Faces whose corners lie in three cells stay, once each. First come all vertices, then the faces.
 class VertexClustering {
  public:
+  static constexpr std::uint32_t kNoCell = 0xffffffffu;
+
   VertexClustering(double cell, std::size_t max_faces);
-  /// \param corners  counter-clockwise; a face with one that is not finite is skipped
-  /// \return false once more than max_faces would stay, or 5/8 as many cells are touched: take a larger cell and begin anew
-  bool add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba);
-  /// \post a pure function of cell and faces in their order; cells are numbered as they come
+  /// \param rgba  0: has no colour
+  /// \return number of its cell; kNoCell for what is not finite, or once 5/8 as many cells as faces are touched
+  std::uint32_t add_vertex(const Double3& p, std::uint32_t rgba = 0);
+  /// The cell of a vertex that came, found again.
+  [[nodiscard]] std::uint32_t cell_of(const Double3& p) const;
+  /// \param cells  of its corners; one without a cell is skipped
+  void add_face(const std::array<std::uint32_t, 3>& cells);
+  /// Draws the vertices of its cells towards the plane of a face. Of a fine mesh some of the faces of each cell are enough.
+  void add_shape(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& cells);
+  /// false once more faces or cells came than may: take a larger cell and begin anew
+  [[nodiscard]] bool fits() const { return fits_; }
+  /// \post a pure function of cell, vertices and faces in their order; cells are numbered as they come
   [[nodiscard]] ClusteredMesh finish() const;
   /// Upper bound of what it holds.
   [[nodiscard]] static std::size_t bytes(std::size_t max_faces) { return 288 * max_faces; }
 
  private:
   struct Cluster {
-    ClusterVertex vertex;  ///< relative to the first corner of the cell
+    ClusterVertex vertex;  ///< relative to the first vertex of the cell
     Double3 first{};
   };
 
@@ -85,11 +91,11 @@ class VertexClustering {
     std::uint64_t key = ~std::uint64_t{0};  ///< no cell has it
     std::uint32_t number = 0;
   };
-  std::uint32_t find(std::uint64_t key, const Double3& corner);
 
   double cell_;
   ClusterLattice grid_;
   std::size_t max_faces_, max_cells_;
+  bool fits_ = true;
   std::array<Recent, kRecentCells> recent_;
   KeyTable number_;  ///< of cells
   std::vector<Cluster> clusters_;

@@ -21,9 +21,11 @@ namespace {
 // A surface has about two faces a vertex; where it has more, the next larger cell serves.
 constexpr std::uint64_t kMaxCells = kMaxPreviewFaces * 19 / 40;
 constexpr std::uint64_t kStoreBytes = std::uint64_t{8} << 20;
+// Of a fine mesh so many faces a cell, on average, tell its shape, and the figures of all faces.
+constexpr std::uint64_t kShapesPerCell = 12;
 constexpr double kNextCell = 1.189207115002721;  // fourth root of two, as ClusterSize tries them
 
-/// Counts what every face has, whatever becomes of it. Positions are floats, so that squares of their differences neither vanish nor
+/// Counts what faces have, whatever becomes of them. Positions are floats, so that squares of their differences neither vanish nor
 /// overflow in doubles.
 class FaceFigures {
  public:
@@ -83,6 +85,19 @@ class FaceFigures {
   std::array<std::array<std::uint64_t, 2048>, 3> lengths_{};
 };
 
+/// One face in so many, by a golden section of their numbers: even over any stretch of the file, and out of step with whatever pattern
+/// faces follow (Weyl 1916).
+class FaceSample {
+ public:
+  explicit FaceSample(std::uint64_t one_in)
+      : limit_(~std::uint64_t{0} / std::max<std::uint64_t>(one_in, 1)) {}
+  /// Of the next face.
+  bool takes() { return (at_ += 0x9e3779b97f4a7c15u) <= limit_; }
+
+ private:
+  std::uint64_t limit_, at_ = 0;
+};
+
 Float3 to_float(const Double3& p) {
   return {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
 }
@@ -91,10 +106,11 @@ Float3 to_float(const Double3& p) {
 class Vertices {
  public:
   Vertices(MeshReader& mesh, const std::filesystem::path& temp, std::uint64_t memory_bytes)
-      : has_colour_(mesh.header().colour), size_(kMaxCells) {
+      : has_colour_(mesh.header().colour) {
     const std::uint64_t count = mesh.header().vertices;
     // Some formats do not say how many they have.
-    if (count > 0 && count <= memory_bytes / (sizeof(Float3) + (has_colour_ ? sizeof(std::uint32_t) : 0))) {
+    constexpr std::uint64_t kWord = sizeof(std::uint32_t);  // a cell's number, or a colour
+    if (count > 0 && count <= memory_bytes / (sizeof(Float3) + kWord + (has_colour_ ? kWord : 0))) {
       near_.reserve(count);
       if (has_colour_) near_rgba_.reserve(count);
     } else {
@@ -113,41 +129,84 @@ class Vertices {
         }
         Double3 q = p - origin_;
         for (double& c : q) c = static_cast<double>(static_cast<float>(c));  // as it will be read back
-        size_.add(q);
         local_[i] = q;
       }
       keep(rgba);
     });
-    find_finer_cell();
   }
 
   const Double3& origin() const { return origin_; }
-  double cell() const { return size_.cell(); }
   bool has_colour() const { return has_colour_; }
 
   /// Calls use(corners, colours, face) for every face.
   template <class Use>
   void each_face(MeshReader& mesh, const Use& use) {
-    if (far_)
-      each_face_of(
-          mesh, [&](std::uint64_t i) { return far_->at(i); },
-          [&](std::uint64_t i) {
-            const Double3 c = far_rgba_->at(i);
-            return 0xff000000u | static_cast<std::uint32_t>(c[0]) | static_cast<std::uint32_t>(c[1]) << 8 |
-                   static_cast<std::uint32_t>(c[2]) << 16;
-          },
-          use);
-    else
-      each_face_of(
-          mesh,
-          [&](std::uint64_t i) {
-            const Float3& p = near_[i];
-            return Double3{p[0], p[1], p[2]};
-          },
-          [&](std::uint64_t i) { return near_rgba_[i] | 0xff000000u; }, use);
+    with_vertices([&](const auto& at, const auto& colour) {
+      mesh.read_faces([&](std::span<const MeshFace> batch) {
+        throw_if_stopped();
+        for (const MeshFace& face : batch) {
+          std::array<std::uint32_t, 3> rgba{};
+          if (has_colour_) rgba = {colour(face[0]), colour(face[1]), colour(face[2])};
+          use(std::array<Double3, 3>{at(face[0]), at(face[1]), at(face[2])}, rgba, face);
+        }
+      });
+    });
+  }
+  /// The edge of cells of which there are as many as may be; 0 without two different vertices.
+  double find_cell() {
+    constexpr double kFiner = 1024.0;
+    double first = 0.0, cell = 0.0;
+    with_vertices([&](const auto& at, const auto&) {
+      // Anew where the first two vertices lie farther apart than others do, as of a sphere that was divided again and again.
+      for (int round = 0; round < 4; ++round, first = cell / kFiner) {
+        ClusterSize size(kMaxCells, first);
+        for (std::uint64_t i = 0; i < count(); ++i) {
+          if (i % kChecked == 0) throw_if_stopped();
+          size.add(at(i));
+        }
+        cell = size.cell();
+        if (count() <= kMaxCells || size.is_settled() || !(cell > 0.0)) return;
+      }
+    });
+    return cell;
+  }
+  /// All vertices and faces into the cells; those that the sample takes shape them, and are counted in the figures.
+  /// \return how many faces there are, as far as cells fit
+  std::uint64_t cluster(MeshReader& mesh, FaceSample sample, VertexClustering& clustering,
+                        FaceFigures& figures) {
+    std::uint64_t faces = 0;
+    with_vertices([&](const auto& at, const auto& colour) {
+      std::vector<std::uint32_t> cells;  // by vertex, where that is in memory
+      if (!far_) cells.resize(count());
+      for (std::uint64_t i = 0; i < count() && clustering.fits(); ++i) {
+        if (i % kChecked == 0) throw_if_stopped();
+        const std::uint32_t cell = clustering.add_vertex(at(i), has_colour_ ? colour(i) : 0);
+        if (!far_) cells[i] = cell;
+      }
+      if (!clustering.fits()) return;
+      mesh.read_faces([&](std::span<const MeshFace> batch) {
+        throw_if_stopped();
+        faces += batch.size();
+        for (const MeshFace& face : batch) {
+          const bool taken = sample.takes();
+          std::array<Double3, 3> corners;
+          if (taken || far_) corners = {at(face[0]), at(face[1]), at(face[2])};
+          std::array<std::uint32_t, 3> in;
+          for (std::size_t k = 0; k < 3; ++k) in[k] = far_ ? clustering.cell_of(corners[k]) : cells[face[k]];
+          clustering.add_face(in);
+          if (!taken) continue;
+          clustering.add_shape(corners, in);
+          figures.add(corners);
+        }
+      });
+    });
+    return faces;
   }
 
  private:
+  static constexpr std::uint64_t kChecked = std::uint64_t{1} << 16;  ///< vertices between two looks at a stop
+
+  std::uint64_t count() const { return far_ ? far_->size() : near_.size(); }
   void keep(std::span<const std::uint32_t> rgba) {
     if (!far_) {
       for (const Double3& p : local_) near_.push_back(to_float(p));
@@ -161,27 +220,23 @@ class Vertices {
       local_.push_back({double(c & 0xff), double((c >> 8) & 0xff), double((c >> 16) & 0xff)});
     far_rgba_->append(local_);
   }
-  /// Where the first two vertices lie farther apart than others do, as of a sphere that was divided again and again.
-  void find_finer_cell() {
-    constexpr double kFiner = 1024.0;
-    const std::uint64_t count = far_ ? far_->size() : near_.size();
-    for (int round = 0; round < 3 && count > kMaxCells && !size_.is_settled() && size_.cell() > 0.0;
-         ++round) {
-      size_ = ClusterSize(kMaxCells, size_.cell() / kFiner);
-      for (std::uint64_t i = 0; i < count; ++i)
-        size_.add(far_ ? far_->at(i) : Double3{near_[i][0], near_[i][1], near_[i][2]});
-    }
-  }
-  template <class At, class Colour, class Use>
-  void each_face_of(MeshReader& mesh, const At& at, const Colour& colour, const Use& use) {
-    mesh.read_faces([&](std::span<const MeshFace> batch) {
-      throw_if_stopped();
-      for (const MeshFace& face : batch) {
-        std::array<std::uint32_t, 3> rgba{};
-        if (has_colour_) rgba = {colour(face[0]), colour(face[1]), colour(face[2])};
-        use(std::array<Double3, 3>{at(face[0]), at(face[1]), at(face[2])}, rgba, face);
-      }
-    });
+  /// Calls use(at, colour), both of the number of a vertex.
+  template <class Use>
+  void with_vertices(const Use& use) {
+    if (far_)
+      use([&](std::uint64_t i) { return far_->at(i); },
+          [&](std::uint64_t i) {
+            const Double3 c = far_rgba_->at(i);
+            return 0xff000000u | static_cast<std::uint32_t>(c[0]) | static_cast<std::uint32_t>(c[1]) << 8 |
+                   static_cast<std::uint32_t>(c[2]) << 16;
+          });
+    else
+      use(
+          [&](std::uint64_t i) {
+            const Float3& p = near_[i];
+            return Double3{p[0], p[1], p[2]};
+          },
+          [&](std::uint64_t i) { return near_rgba_[i] | 0xff000000u; });
   }
 
   bool has_colour_;
@@ -189,7 +244,6 @@ class Vertices {
   std::vector<std::uint32_t> near_rgba_;
   std::optional<VertexStore> far_, far_rgba_;
   std::vector<Double3> local_;  ///< of a batch
-  ClusterSize size_;
   Double3 origin_{};
 };
 
@@ -197,6 +251,10 @@ class Vertices {
 void copy_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
   FaceFigures figures;
   KeyTable number;
+  const auto most = static_cast<std::size_t>(std::min(mesh.header().vertices, 3 * kMaxPreviewFaces));
+  number.reserve(most);
+  preview.position.reserve(most), preview.rgba.reserve(most);
+  preview.faces.reserve(static_cast<std::size_t>(mesh.header().faces));
   vertices.each_face(mesh, [&](const auto& corners, const auto& rgba, const MeshFace& face) {
     figures.add(corners);
     if (++preview.mesh_faces > kMaxPreviewFaces) return;
@@ -213,19 +271,15 @@ void copy_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
   figures.store(preview);
 }
 
-void cluster_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
+/// \param faces  of the mesh
+void cluster_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices, std::uint64_t faces) {
   preview.position.clear(), preview.rgba.clear(), preview.faces.clear();
-  for (preview.cell = vertices.cell(); preview.cell > 0.0; preview.cell *= kNextCell) {
+  for (preview.cell = vertices.find_cell(); preview.cell > 0.0; preview.cell *= kNextCell) {
     FaceFigures figures;
     VertexClustering clustering(preview.cell, kMaxPreviewFaces);
-    preview.mesh_faces = 0;
-    bool fits = true;
-    vertices.each_face(mesh, [&](const auto& corners, const auto& rgba, const MeshFace&) {
-      ++preview.mesh_faces;
-      figures.add(corners);
-      fits = fits && clustering.add(corners, rgba);
-    });
-    if (!fits) continue;
+    preview.mesh_faces =
+        vertices.cluster(mesh, FaceSample(faces / (kMaxCells * kShapesPerCell)), clustering, figures);
+    if (!clustering.fits()) continue;
     ClusteredMesh clustered = clustering.finish();
     for (const Double3& p : clustered.position) preview.position.push_back(to_float(p));
     preview.rgba = std::move(clustered.rgba);
@@ -249,10 +303,12 @@ PreviewMesh make_preview(const std::filesystem::path& path, const std::filesyste
   const auto mesh = open_mesh_file(path);
   Vertices vertices(*mesh, temp, memory_bytes - VertexClustering::bytes(kMaxPreviewFaces));
   PreviewMesh preview;
-  if (mesh->header().faces <= kMaxPreviewFaces) copy_faces(preview, *mesh, vertices);
-  // Some formats do not say how many faces they have.
-  if (preview.mesh_faces == 0 || preview.mesh_faces > kMaxPreviewFaces)
-    cluster_faces(preview, *mesh, vertices);
+  std::uint64_t faces = mesh->header().faces;
+  if (faces <= kMaxPreviewFaces) {
+    copy_faces(preview, *mesh, vertices);
+    faces = preview.mesh_faces;  // some formats do not say how many they have
+  }
+  if (faces > kMaxPreviewFaces) cluster_faces(preview, *mesh, vertices, faces);
   if (!vertices.has_colour()) preview.rgba.clear();
   preview.origin = vertices.origin();
   return preview;

@@ -2,7 +2,7 @@
 /// A copy of a finished mesh that is small enough to be turned in a browser, and figures of all its faces on the way.
 /// A mesh of at most kMaxPreviewFaces comes as it is; of a larger one the vertices are clustered
 /// (kernels/decimate/vertex_clustering.h): two passes over the file at any size, where decimation would take as long as
-/// the job itself.
+/// the job itself. Of a mesh of millions of faces an even sample shapes the vertices of cells and is counted in the figures.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -23,6 +23,7 @@ struct PreviewMesh {
   double cell = 0.0;             ///< vertices of one such cell are one; 0: the mesh itself
   std::uint64_t mesh_faces = 0;  ///< read
 
+  // Of all faces, or of that sample of them.
   /// Faces by their smallest angle, in steps of 5 degrees.
   std::array<std::uint64_t, 12> smallest_angle{};
   /// Sides of faces by length: bin i holds those in [2^(i/2), 2^((i+1)/2)) times shortest_edge_bin.

@@ -31,4 +31,22 @@ TEST_CASE("key table: numbers keys as they come, as a map would", "[property]") 
   CHECK(KeyTable().find(7) == 0);
 }
 
+TEST_CASE("key table: room made before, and used again, changes no number", "[unit]") {
+  const std::size_t room = GENERATE(1u, 200u, 5'000u, 70'000u);
+  KeyTable grown, roomy;
+  roomy.reserve(room);
+  for (int round = 0; round < 2; ++round) {
+    for (std::uint64_t i = 0; i < 9'000; ++i) {
+      const std::uint64_t key = (i * i) % 4'001 * 0x10001;
+      REQUIRE(grown.add(key) == roomy.add(key));
+    }
+    REQUIRE(grown.size() == roomy.size());
+    CHECK(grown.size() > 2'000);
+    grown = KeyTable();
+    roomy.clear();
+    CHECK(roomy.size() == 0);
+    CHECK(roomy.find(0) == 0);
+  }
+}
+
 }  // namespace key_table_test

@@ -82,6 +82,54 @@ TEST_CASE("preview: figures are those of every face, of copies and of clustered 
     CHECK(preview.edge_length[static_cast<std::size_t>(bin - want.lengths.begin()->first)] == count);
 }
 
+TEST_CASE("preview: of millions of faces a sample tells figures and shape, the same from memory and disk",
+          "[unit]") {
+  constexpr std::uint64_t kWide = 1'700, kLong = 750;  // 2.55 M faces: every other one is taken
+  const auto height = [](double x, double y) { return 9.0 * std::sin(0.01 * x) * std::cos(0.013 * y); };
+  const TempFolder folder;
+  WholeMesh mesh;
+  for (std::uint64_t j = 0; j <= kLong; ++j)
+    for (std::uint64_t i = 0; i <= kWide; ++i) {
+      const double x = static_cast<double>(i), y = (1.0 + 0.001 * x) * static_cast<double>(j);
+      mesh.points.push_back({x, y, height(x, y)});
+    }
+  for (std::uint64_t j = 0; j < kLong; ++j)
+    for (std::uint64_t i = 0; i < kWide; ++i) {
+      const std::uint64_t a = j * (kWide + 1) + i, b = a + kWide + 1;
+      mesh.faces.push_back({a, a + 1, b + 1});
+      mesh.faces.push_back({a, b + 1, b});
+    }
+  for (Double3& p : mesh.points)
+    for (double& x : p) x = static_cast<double>(static_cast<float>(x));
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  write_whole(folder.path() / "m.ply", mesh);
+  const PreviewMesh preview = make_preview(folder.path() / "m.ply", folder.path(), kMemory);
+  CHECK(preview.mesh_faces == mesh.faces.size());
+
+  const Measured want(mesh);
+  std::uint64_t taken = 0;
+  for (const std::uint64_t n : preview.smallest_angle) taken += n;
+  CHECK(taken == Approx(0.5 * static_cast<double>(mesh.faces.size())).epsilon(0.001));
+  for (std::size_t i = 0; i < 12; ++i)
+    CHECK(static_cast<double>(preview.smallest_angle[i]) / static_cast<double>(taken) ==
+          Approx(static_cast<double>(want.angles[i]) / static_cast<double>(mesh.faces.size())).margin(0.001));
+  double farthest = 0.0;
+  for (const Float3& p : preview.position) {
+    const Double3 at = preview.origin + Double3{p[0], p[1], p[2]};
+    farthest = std::max(farthest, std::abs(at[2] - height(at[0], at[1])));
+  }
+  CHECK(farthest < 0.05);  // cells are about 4 wide
+  CHECK(preview.faces.size() > kMaxPreviewFaces / 2);
+
+  const PreviewMesh again =
+      make_preview(folder.path() / "m.ply", folder.path(), preview_bytes() + (std::uint64_t{8} << 20));
+  CHECK(again.position == preview.position);
+  CHECK(again.faces == preview.faces);
+  CHECK(again.smallest_angle == preview.smallest_angle);
+  CHECK(again.edge_length == preview.edge_length);
+}
+
 TEST_CASE("preview: a clustered mesh has about as many faces as it may, and is near the mesh", "[unit]") {
   const int level = GENERATE(7, 8);
   const TempFolder folder;
