@@ -85,12 +85,16 @@ double middle_sample(int samples) {
 }  // namespace
 
 BandRasterizer::BandRasterizer(const PictureView& view, const PictureBand& band, int samples)
-    : view_(view),
-      band_(band),
-      samples_(samples),
-      width_(view.width),
-      rows_(band.drawn_high - band.drawn_low),
-      light_(view.camera, view.width, view.height, band.drawn_low, rows_, middle_sample(samples)) {
+    : samples_(samples) {
+  begin(view, band);
+}
+
+void BandRasterizer::begin(const PictureView& view, const PictureBand& band) {
+  view_ = view;
+  band_ = band;
+  width_ = view.width;
+  rows_ = band.drawn_high - band.drawn_low;
+  light_.begin(view.camera, view.width, view.height, band.drawn_low, rows_, middle_sample(samples_));
   const std::size_t count =
       static_cast<std::size_t>(width_ * samples_) * static_cast<std::size_t>(rows_ * samples_);
   nearness_.assign(count, kNothing);

@@ -18,6 +18,8 @@ class BandRasterizer {
  public:
   /// Empty. \param samples  a pixel and axis
   BandRasterizer(const PictureView& view, const PictureBand& band, int samples);
+  /// Empty again, of another band, in the same memory where that is enough.
+  void begin(const PictureView& view, const PictureBand& band);
 
   /// Three corners per face, counter-clockwise seen from outside, relative to `offset` from the scene origin; the normal is that of the
   /// first corner. \param cut_backs  leaves out what is seen from behind; else it is kBackFace
@@ -58,7 +60,7 @@ class BandRasterizer {
 
   PictureView view_;
   PictureBand band_;
-  int samples_, width_, rows_;  ///< of the band: samples a side of a pixel; pixels
+  int samples_, width_ = 0, rows_ = 0;  ///< of the band: samples a side of a pixel; pixels
   std::array<float, 12> eye_{};
   // By sample: rows from below.
   std::vector<float> nearness_;

@@ -334,9 +334,15 @@ void Picture::begin(std::span<const PictureBand> bands) {
   State& s = *state_;
   s.resident.assign(bands.begin(), bands.end());
   if (s.options.only_faces) {
-    s.bands.clear();
-    for (const PictureBand& band : bands)
-      s.bands.emplace_back(s.views[band.view], band, s.options.supersample);
+    if (s.bands.size() > bands.size())
+      s.bands.erase(s.bands.begin() + static_cast<std::ptrdiff_t>(bands.size()), s.bands.end());
+    for (std::size_t k = 0; k < bands.size(); ++k) {
+      const PictureView& view = s.views[bands[k].view];
+      if (k < s.bands.size())
+        s.bands[k].begin(view, bands[k]);
+      else
+        s.bands.emplace_back(view, bands[k], s.options.supersample);
+    }
     return;
   }
   const GlFunctions& gl = s.gl();

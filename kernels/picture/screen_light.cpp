@@ -63,18 +63,17 @@ Int8 floor_of(Float8 v) {
 
 }  // namespace
 
-ScreenLight::ScreenLight(const Camera& camera, int width, int height, int first, int rows, double middle)
-    : camera_(camera),
-      width_(width),
-      height_(height),
-      first_(first),
-      rows_(rows),
-      middle_(middle),
-      stride_(stride_of(width)) {
-  const std::size_t pixels = stride_ * static_cast<std::size_t>(rows_ + 2 * kPad);
-  distance_.assign(pixels, static_cast<float>(camera_.far_plane));
-  open_.assign(pixels, 1.0f);
-  for (std::vector<float>* plane : {&nx_, &ny_, &nz_}) plane->assign(pixels, 0.0f);
+void ScreenLight::begin(const Camera& camera, int width, int height, int first, int rows, double middle) {
+  camera_ = camera;
+  width_ = width, height_ = height;
+  first_ = first, rows_ = rows;
+  middle_ = middle;
+  stride_ = stride_of(width);
+  plane_size_ = stride_ * static_cast<std::size_t>(rows_ + 2 * kPad);
+  planes_.reserve(kPlanes * plane_size_);
+  planes_.assign(plane_size_, static_cast<float>(camera_.far_plane));
+  planes_.resize((kOpen + 1) * plane_size_, 1.0f);
+  planes_.resize(kPlanes * plane_size_, 0.0f);
 }
 
 std::uint64_t ScreenLight::bytes(int width, int rows) {
@@ -84,8 +83,8 @@ std::uint64_t ScreenLight::bytes(int width, int rows) {
 /// Repeats what lies at the border beyond it.
 void ScreenLight::pad() {
   constexpr std::size_t kBeyond = 2;
-  for (std::vector<float>* plane : {&distance_, &open_, &nx_, &ny_, &nz_}) {
-    float* p = plane->data();
+  for (const Plane some : {kDistance, kOpen, kX, kY, kZ}) {
+    float* p = plane(some);
     for (std::size_t y = kPad; y < static_cast<std::size_t>(rows_) + kPad; ++y) {
       float* row = p + y * stride_ + kPad;
       const auto end = static_cast<std::size_t>(width_);
@@ -111,17 +110,18 @@ void ScreenLight::find_occlusion(double strength, double radius) {
   const auto up = [&](Float8 row) { return row * static_cast<float>(step_y) + first_y; };
   const Float8 lanes = __builtin_convertvector(kLaneNumbers, Float8);
   const auto stride = static_cast<std::int32_t>(stride_);
+  const float* distance = plane(kDistance);
   for (int y = 0; y < rows_; ++y) {
     const auto& taps = kTaps.by_row[static_cast<std::size_t>((y + first_) & 3)];
     const Float8 row = all(y);
     for (int x = 0; x < width_; x += 8) {
       const std::size_t pixel = index(x, y);
-      const Float8 z = load(distance_.data() + pixel);
+      const Float8 z = load(distance + pixel);
       const Mask8 there_is = z < far;
       if (bits_of(there_is) == 0) continue;
       const Float8 column = lanes + static_cast<float>(x), wide = c.orthographic ? one : z;
       const Float8x3 at = {across(column) * wide, up(row) * wide, zero - z};
-      const Float8x3 normal = {load(nx_.data() + pixel), load(ny_.data() + pixel), load(nz_.data() + pixel)};
+      const Float8x3 normal = {load(plane(kX) + pixel), load(plane(kY) + pixel), load(plane(kZ) + pixel)};
       const Float8 per_unit = all(height_ / (2.0 * c.half_height)) / wide;
       const Float8 reach = clamped(per_unit * static_cast<float>(radius), all(4.0), all(0.3 * height_));
       // Squares of distances are compared with nine squares of a tap's own.
@@ -134,7 +134,7 @@ void ScreenLight::find_occlusion(double strength, double radius) {
         const Mask8 in = (tx >= 0) & (tx < width_) & (ty >= 0) & (ty < rows_);
         const Int8 there = ((ty + kPad) * stride + tx + kPad) & in;
         Float8 tz;
-        for (int i = 0; i < 8; ++i) tz[i] = distance_[static_cast<std::size_t>(there[i])];
+        for (int i = 0; i < 8; ++i) tz[i] = distance[static_cast<std::size_t>(there[i])];
         const Mask8 counts = in & (tz < far);
         const Float8 tap_wide = c.orthographic ? one : tz;
         const Float8x3 v = {across(__builtin_convertvector(tx, Float8)) * tap_wide - at[0],
@@ -147,7 +147,7 @@ void ScreenLight::find_occlusion(double strength, double radius) {
       const Float8 hidden =
           clamped(sum * static_cast<float>(strength * 1.9 / double{Taps::kCount}), zero, all(0.85));
       const Float8 open = there_is ? one - hidden : one;
-      _mm256_storeu_ps(open_.data() + pixel, open);
+      _mm256_storeu_ps(plane(kOpen) + pixel, open);
     }
   }
   pad();
@@ -156,27 +156,26 @@ void ScreenLight::find_occlusion(double strength, double radius) {
 void ScreenLight::shares(int row, double near_size, std::span<float> light) const {
   const Float8 near = all(near_size), one = all(1.0), zero = all(0.0), far = all(camera_.far_plane);
   const auto stride = static_cast<std::ptrdiff_t>(stride_);
+  const float* distance = plane(kDistance);
   for (int x = 0; x < width_; x += 8) {
     const auto pixel = static_cast<std::ptrdiff_t>(index(x, row));
-    const Float8 mine = load(distance_.data() + pixel);
+    const Float8 mine = load(distance + pixel);
     Float8 sum = zero, weights = zero;
     for (std::ptrdiff_t dy = -2; dy < 2; ++dy)
       for (std::ptrdiff_t dx = -2; dx < 2; ++dx) {
         const std::ptrdiff_t at = pixel + dy * stride + dx;
-        const Float8 apart = absolute(load(distance_.data() + at) - mine);
+        const Float8 apart = absolute(load(distance + at) - mine);
         const Float8 weight = larger(one - apart / near, all(0.001));
-        sum += weight * load(open_.data() + at);
+        sum += weight * load(plane(kOpen) + at);
         weights += weight;
       }
     Float8 edge = zero;
     for (const std::ptrdiff_t at : {pixel + 1, pixel + stride}) {
-      const Float8 other = load(distance_.data() + at);
+      const Float8 other = load(distance + at);
       const Mask8 joined = (absolute(other - mine) <= near) & (mine < far) & (other < far);
-      const auto times = [&](const std::vector<float>& n) {
-        return load(n.data() + pixel) * load(n.data() + at);
-      };
+      const auto times = [&](Plane n) { return load(plane(n) + pixel) * load(plane(n) + at); };
       // Faces that meet at 50 degrees or more.
-      const Float8 t = clamped((times(nx_) + times(ny_) + times(nz_) - 0.40f) / (0.75f - 0.40f), zero, one);
+      const Float8 t = clamped((times(kX) + times(kY) + times(kZ) - 0.40f) / (0.75f - 0.40f), zero, one);
       edge = larger(edge, joined ? one - t * t * (3.0f - 2.0f * t) : zero);
     }
     const Float8 share = sum / weights * (one - edge * 0.45f);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <utility>
 
 #include "kernels/picture/camera.h"
 #include "kernels/picture/caption.h"
@@ -31,6 +32,8 @@ constexpr std::uint64_t kMinWorkBytes = std::uint64_t{32} << 20;  // vertex rang
 constexpr std::uint64_t kMissingBytes = std::uint64_t{64}
                                         << 20;  // its sample, a patch of the mesh and its index
 constexpr int kGap = 2;                         // between views, pixels
+/// Drawing so few faces once more for each band takes less than the memory of all bands: pages of a system are slow to come.
+constexpr std::uint64_t kFewFaces = 250'000;
 
 /// One picture: what is in it, and where it goes.
 struct Panel {
@@ -454,7 +457,8 @@ RenderReport render(const RenderOptions& given) {
   Image sheet;
   sheet.width = options.width;
   sheet.height = options.height;
-  sheet.rgb.assign(3 * static_cast<std::size_t>(sheet.width) * static_cast<std::size_t>(sheet.height), 160);
+  if (panels > 1)
+    sheet.rgb.assign(3 * static_cast<std::size_t>(sheet.width) * static_cast<std::size_t>(sheet.height), 160);
   std::vector<Float3> fit_points;  // of the first panel: all panels have its cameras
   std::vector<ViewSpec> specs;
   Double3 origin{};
@@ -462,7 +466,9 @@ RenderReport render(const RenderOptions& given) {
   for (int i = 0; i < panels; ++i) {
     const std::vector<std::string> inputs =
         i == 0 ? options.inputs : std::vector<std::string>{options.compare[static_cast<std::size_t>(i - 1)]};
+    const std::uint64_t faces_before = report.faces;
     Panel panel = open_panel(inputs, options, work, report);
+    const bool has_few = only_faces && report.faces - faces_before <= kFewFaces;
     if (i == 0) {
       if (!options.missing.empty() && report.measured_points == 0)
         throw UsageError(
@@ -477,9 +483,13 @@ RenderReport render(const RenderOptions& given) {
       report.notices.push_back(options.compare[static_cast<std::size_t>(i - 1)] +
                                ": lies outside of what the first picture shows");
     }
-    const Image image = draw_panel(panel, specs, fit_points, origin, options,
-                                   picture_options(options, panel_width, only_faces), pixels.at_once, report);
-    paste(sheet, image, i * (panel_width + kGap), 0);
+    Image image =
+        draw_panel(panel, specs, fit_points, origin, options,
+                   picture_options(options, panel_width, only_faces), has_few ? 1 : pixels.at_once, report);
+    if (panels == 1)
+      sheet = std::move(image);
+    else
+      paste(sheet, image, i * (panel_width + kGap), 0);
   }
   write_png(options.output, sheet, PngContent::kShades);
   return report;
