@@ -47,9 +47,16 @@ std::string escape(std::string_view text) {
 }
 
 std::string base64(std::string_view bytes) {
+  std::string text;
+  append_base64(text, bytes);
+  return text;
+}
+
+void append_base64(std::string& text, std::string_view bytes) {
   static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text((bytes.size() + 2) / 3 * 4, '=');
-  char* to = text.data();
+  const std::size_t before = text.size();
+  text.resize(before + base64_size(bytes.size()), '=');
+  char* to = text.data() + before;
   const auto byte = [&](std::size_t i) { return std::uint32_t{static_cast<unsigned char>(bytes[i])}; };
   const auto digits = [&](std::uint32_t word, int count) {
     for (int k = 0; k < count; ++k) to[k] = kDigits[(word >> (18 - 6 * k)) & 63];
@@ -59,7 +66,6 @@ std::string base64(std::string_view bytes) {
   for (; i + 3 <= bytes.size(); i += 3) digits(byte(i) << 16 | byte(i + 1) << 8 | byte(i + 2), 4);
   if (bytes.size() - i == 1) digits(byte(i) << 16, 2);
   if (bytes.size() - i == 2) digits(byte(i) << 16 | byte(i + 1) << 8, 3);
-  return text;
 }
 
 std::string table(const std::vector<std::pair<std::string, std::string>>& rows) {
@@ -123,9 +129,12 @@ std::string histogram(const Histogram& h) {
 }
 
 std::string picture(std::string_view png, const std::string& alternative, const std::string& caption) {
-  return fmt::format(
-      "<figure><img alt=\"{}\" src=\"data:image/png;base64,{}\"><figcaption>{}</figcaption></figure>\n",
-      escape(alternative), base64(png), escape(caption));
+  std::string text = fmt::format("<figure><img alt=\"{}\" src=\"data:image/png;base64,", escape(alternative));
+  const std::string end = fmt::format("\"><figcaption>{}</figcaption></figure>\n", escape(caption));
+  text.reserve(text.size() + base64_size(png.size()) + end.size());
+  append_base64(text, png);
+  text += end;
+  return text;
 }
 
 std::string tile(const std::string& value, const std::string& what) {
@@ -151,14 +160,16 @@ std::string head(const std::string& generator, const std::string& title, bool sc
              scripts ? "; script-src 'unsafe-inline'" : "", escape(title), kPageStyle);
 }
 
-std::string section(const std::string& id, const std::string& title, const std::string& body) {
+std::string section_begin(const std::string& id, const std::string& title) {
+  return fmt::format("<section id=\"{0}\" aria-labelledby=\"{0}-title\">\n<h2 id=\"{0}-title\">{1}</h2>\n",
+                     id, escape(title));
+}
+
+std::string section(const std::string& id, const std::string& title, std::string_view body) {
   // Bodies hold pictures: they are copied once.
-  std::string text =
-      fmt::format("<section id=\"{0}\" aria-labelledby=\"{0}-title\">\n<h2 id=\"{0}-title\">{1}</h2>\n", id,
-                  escape(title));
-  constexpr std::string_view kEnd = "</section>\n";
-  text.reserve(text.size() + body.size() + kEnd.size());
-  return text.append(body).append(kEnd);
+  std::string text = section_begin(id, title);
+  text.reserve(text.size() + body.size() + kSectionEnd.size());
+  return text.append(body).append(kSectionEnd);
 }
 
 std::string paragraph(const std::string& text, const std::string& css_class) {

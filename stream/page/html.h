@@ -14,6 +14,11 @@ namespace tessera::html {
 std::string escape(std::string_view text);
 
 std::string base64(std::string_view bytes);
+constexpr std::size_t base64_size(std::size_t bytes) {
+  return (bytes + 2) / 3 * 4;
+}
+/// The same behind a text.
+void append_base64(std::string& text, std::string_view bytes);
 
 /// Two columns; names are escaped here, values are HTML already.
 std::string table(const std::vector<std::pair<std::string, std::string>>& rows);
@@ -51,7 +56,10 @@ std::string begin(const std::string& generator);
 std::string head(const std::string& generator, const std::string& title, bool scripts);
 
 /// <section> with a heading.
-std::string section(const std::string& id, const std::string& title, const std::string& body);
+std::string section(const std::string& id, const std::string& title, std::string_view body);
+/// What stands before its body and behind it.
+std::string section_begin(const std::string& id, const std::string& title);
+inline constexpr std::string_view kSectionEnd = "</section>\n";
 std::string paragraph(const std::string& text, const std::string& css_class = "");
 
 }  // namespace tessera::html

@@ -385,34 +385,38 @@ std::string run_figures(const Json& report) {
   return text + "<details><summary>all stages</summary>\n" + table + "</table></details>\n";
 }
 
-std::string preview_data(const PreviewMesh& mesh) {
+void add_preview_data(std::string& text, const PreviewMesh& mesh) {
   Float3 low = mesh.position.front(), high = low;
   for (const Float3& p : mesh.position)
     for (std::size_t a = 0; a < 3; ++a) low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
   const double size =
       std::max({double{high[0]} - low[0], double{high[1]} - low[1], double{high[2]} - low[2], 1e-300});
-  std::string position, faces, colour;
-  position.reserve(6 * mesh.position.size());
-  faces.reserve(sizeof(mesh.faces.front()) * mesh.faces.size());
+  std::vector<std::uint16_t> position;
+  position.reserve(3 * mesh.position.size());
   for (const Float3& p : mesh.position)
-    for (std::size_t a = 0; a < 3; ++a) {
-      const auto word = static_cast<std::uint16_t>(65535.0 * ((double{p[a]} - low[a]) / size));
-      append_bytes(position, &word, sizeof word);
-    }
-  for (const auto& f : mesh.faces) append_bytes(faces, f.data(), sizeof f);
+    for (std::size_t a = 0; a < 3; ++a)
+      position.push_back(static_cast<std::uint16_t>(65535.0 * ((double{p[a]} - low[a]) / size)));
+  std::string colour;
+  colour.reserve(3 * mesh.rgba.size());
   for (const std::uint32_t c : mesh.rgba) append_bytes(colour, &c, 3);
-  std::string text = fmt::format("<div id=\"view-box\" hidden data-size=\"{:.6g},{:.6g},{:.6g}\"></div>\n",
-                                 (double{high[0]} - low[0]) / size, (double{high[1]} - low[1]) / size,
-                                 (double{high[2]} - low[2]) / size);
-  const auto block = [&](const char* id, const std::string& bytes) {
+  text += fmt::format("<div id=\"view-box\" hidden data-size=\"{:.6g},{:.6g},{:.6g}\"></div>\n",
+                      (double{high[0]} - low[0]) / size, (double{high[1]} - low[1]) / size,
+                      (double{high[2]} - low[2]) / size);
+  const auto bytes_of = [](const auto& values) {
+    return std::string_view(reinterpret_cast<const char*>(values.data()),
+                            values.size() * sizeof(values.front()));
+  };
+  constexpr std::size_t kTags = 1024;
+  text.reserve(text.size() + kTags + html::base64_size(bytes_of(position).size()) +
+               html::base64_size(bytes_of(mesh.faces).size()) + html::base64_size(colour.size()));
+  const auto block = [&](const char* id, std::string_view bytes) {
     text += fmt::format("<script type=\"application/octet-stream\" id=\"{}\">", id);
-    text += html::base64(bytes);
+    html::append_base64(text, bytes);
     text += "</script>\n";
   };
-  block("view-positions", position);
-  block("view-faces", faces);
+  block("view-positions", bytes_of(position));
+  block("view-faces", bytes_of(mesh.faces));
   if (!colour.empty()) block("view-colours", colour);
-  return text;
 }
 
 }  // namespace tessera

@@ -18,7 +18,7 @@ std::string deviation_figures(const Json& report);
 std::string shape_figures(const Json& report, const PageParts& parts);
 /// Stages with their time, memory against the cap, disk.
 std::string run_figures(const Json& report);
-/// Positions of 16 bits an axis, faces and colours for the script of the page.
-std::string preview_data(const PreviewMesh& mesh);
+/// Positions of 16 bits an axis, faces and colours for the script of the page, behind a text.
+void add_preview_data(std::string& text, const PreviewMesh& mesh);
 
 }  // namespace tessera

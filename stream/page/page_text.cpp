@@ -1,6 +1,7 @@
 #include "stream/page/page_text.h"
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 
 #include <fmt/format.h>
@@ -22,6 +23,7 @@ using html::tile;
 using Rows = std::vector<std::pair<std::string, std::string>>;
 
 constexpr const char* kGenerator = "tessera report";
+constexpr std::size_t kOtherBytes = std::size_t{64} << 10;  // about what stands behind the long sections
 
 std::string name_of(const std::string& path) {
   return path.substr(path.find_last_of('/') + 1);
@@ -130,7 +132,7 @@ std::string textures(const Json& report, const PageParts& parts) {
 std::string pictures(const PageParts& parts) {
   std::string body;
   if (!parts.pictures.empty())
-    body += html::picture(
+    body = html::picture(
         parts.pictures, "The result from four sides: twice from above a corner, from the front, from the top",
         parts.pictures_note);
   else if (!parts.pictures_note.empty())
@@ -222,8 +224,8 @@ std::string preview(const PageParts& parts) {
                     ": a copy for looking at, by clustering of vertices in cells of " +
                     number_text(round_up_2_digits(mesh.cell)) + "; it proves nothing about the mesh."
               : ", the mesh itself.";
-  return html::section(
-      "preview", "Preview",
+  std::string text = html::section_begin("preview", "Preview");
+  text +=
       "<div class=\"stage\"><canvas id=\"view\" tabindex=\"0\" role=\"img\" aria-label=\"The result in three "
       "dimensions; drag or use the arrow keys to turn it, plus and minus to come closer\"></canvas></div>\n"
       "<p class=\"note\" id=\"view-note\">Turning it needs scripts and WebGL 2; the pictures above show the "
@@ -231,8 +233,11 @@ std::string preview(const PageParts& parts) {
       "<p><button type=\"button\" id=\"view-home\">Back to the start</button> <label><input "
       "type=\"checkbox\" "
       "id=\"view-wire\"> edges</label> Drag turns, Shift and drag moves, the wheel or + and - come closer, "
-      "arrow keys turn.</p>\n" +
-          html::paragraph(said) + preview_data(mesh));
+      "arrow keys turn.</p>\n";
+  text += html::paragraph(said);
+  add_preview_data(text, mesh);
+  text += html::kSectionEnd;
+  return text;
 }
 
 }  // namespace
@@ -249,11 +254,16 @@ std::string page_text(const Json& report, const PageParts& parts) {
       escape(text_at(report, "/command")), escape(text_at(report, "/finished")),
       escape(text_at(report, "/version")), escape(text_at(report, "/machine/host")),
       escape(text_at(report, "/machine/processor")), escape(text_at(report, "/machine/cores")));
-  for (const std::string& part :
-       {refusal(report), summary(report, parts), warnings(report), went_in(report), came_out(report, parts),
-        pictures(parts), textures(report, parts), preview(parts), deviation(report, parts),
-        completeness(report, parts), uncertainty(report, parts)})
-    text += part;
+  const std::array sections = {refusal(report),           summary(report, parts),
+                               warnings(report),          went_in(report),
+                               came_out(report, parts),   pictures(parts),
+                               textures(report, parts),   preview(parts),
+                               deviation(report, parts),  completeness(report, parts),
+                               uncertainty(report, parts)};
+  std::size_t size = text.size() + kOtherBytes;
+  for (const std::string& section : sections) size += section.size();
+  text.reserve(size);  // it grows in one place
+  for (const std::string& section : sections) text += section;
   if (const std::string shape = shape_figures(report, parts); !shape.empty())
     text += html::section("shape", "Shape", shape);
   text += html::section("run", "How it ran", run_figures(report)) + options(report);

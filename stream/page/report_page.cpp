@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <chrono>
+#include <span>
+#include <vector>
 
 #include <fmt/format.h>
 
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/files/output_file.h"
@@ -71,18 +74,32 @@ RenderOptions sheet(const PageRequest& request, const fs::path& input, const fs:
   return options;
 }
 
+/// At most `size` of the values from one on; of none none.
+template <class T>
+std::span<const T> batch_of(const std::vector<T>& values, std::size_t first, std::size_t size) {
+  const std::size_t from = std::min(first, values.size());
+  return std::span(values).subspan(from, std::min(size, values.size() - from));
+}
+
 void write_copy(const fs::path& path, const PreviewMesh& preview) {
   MeshHeader header;
   header.vertices = preview.position.size();
   header.faces = preview.faces.size();
   header.colour = !preview.rgba.empty();
   const auto file = create_mesh_file(path, header);
+  constexpr std::size_t kBatch = 4096;
   std::vector<Double3> positions;
-  for (const Float3& p : preview.position) positions.push_back({p[0], p[1], p[2]});
+  for (std::size_t i = 0; i < preview.position.size(); i += positions.size()) {
+    positions.clear();
+    for (const Float3& p : batch_of(preview.position, i, kBatch)) positions.push_back(wide(p));
+    file->vertices(positions, batch_of(preview.rgba, i, kBatch));
+  }
   std::vector<MeshFace> faces;
-  for (const auto& f : preview.faces) faces.push_back({f[0], f[1], f[2]});
-  file->vertices(positions, preview.rgba);
-  file->faces(faces);
+  for (std::size_t i = 0; i < preview.faces.size(); i += faces.size()) {
+    faces.clear();
+    for (const auto& f : batch_of(preview.faces, i, kBatch)) faces.push_back({f[0], f[1], f[2]});
+    file->faces(faces);
+  }
   file->finish();
 }
 
