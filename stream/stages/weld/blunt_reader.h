@@ -11,6 +11,7 @@
 #include "kernels/mesh/box_mask.h"
 #include "kernels/smooth/crease_blunting.h"
 #include "stream/stages/weld/numbered_patches.h"
+#include "stream/stages/weld/patch_cache.h"
 #include "stream/stages/weld/patch_positions.h"
 
 namespace tessera {

@@ -10,6 +10,7 @@
 #include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/face_contact.h"
 #include "stream/stages/weld/numbered_patches.h"
+#include "stream/stages/weld/patch_cache.h"
 
 namespace tessera {
 

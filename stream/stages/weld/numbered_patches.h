@@ -20,34 +20,6 @@ std::vector<std::size_t> kept_patches_around(const PatchStore& store, const Numb
 /// Faces of a patch one after the other lie beside each other: who looks for those in a place keeps a box of so many.
 inline constexpr std::size_t kFaceRun = 32;
 
-/// What was read of patches, kept as long as it is small; the smallest bricks, which came first, go first.
-/// \tparam Read  has bytes(), what it holds
-template <class Read>
-class PatchCache {
- public:
-  explicit PatchCache(std::uint64_t max_bytes) : max_bytes_(max_bytes) {}
-
-  /// \param load  (Read&) fills it where the patch is not kept
-  /// \returns a reference that holds until another patch is asked for
-  template <class Load>
-  const Read& get(std::size_t patch, const Load& load) {
-    const auto found = read_.find(patch);
-    if (found != read_.end()) return found->second;
-    while (bytes_ > max_bytes_ && !read_.empty()) {
-      bytes_ -= read_.begin()->second.bytes();
-      read_.erase(read_.begin());
-    }
-    Read& out = read_[patch];
-    load(out);
-    bytes_ += out.bytes();
-    return out;
-  }
-
- private:
-  std::uint64_t max_bytes_, bytes_ = 0;
-  std::map<std::size_t, Read> read_;
-};
-
 /// The faces of one patch, with what each of its vertices is called outside.
 struct PatchFaces {
   std::vector<PatchFace> faces;         ///< of the patch, dropped islands among them

@@ -29,7 +29,7 @@ class UncrossStage : public Stage {
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
-    NearFaces near(work_, store_, numbering_, round_, written_);
+    NearFaces near(work_, store_, numbering_, round_, written_, rims_);
     std::vector<std::uint64_t> back;
     std::uint64_t pairs = 0;
     const auto [first, last] = store_.file_range(task);
@@ -78,6 +78,7 @@ class UncrossStage : public Stage {
   PatchStore store_;
   Numbering numbering_;
   bool needed_;
+  mutable PatchRims rims_;
 };
 
 }  // namespace
