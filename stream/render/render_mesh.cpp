@@ -35,7 +35,8 @@ template <typename T>
 class Chunked {
  public:
   void push_back(const T& value) {
-    if (size_ % kChunkVertices == 0) chunks_.push_back(std::make_unique<std::array<T, kChunkVertices>>());
+    if (size_ % kChunkVertices == 0)
+      chunks_.push_back(std::make_unique_for_overwrite<std::array<T, kChunkVertices>>());
     (*chunks_.back())[size_++ % kChunkVertices] = value;
   }
   T& operator[](std::uint64_t i) { return (*chunks_[i / kChunkVertices])[i % kChunkVertices]; }
