@@ -91,4 +91,21 @@ BlockSigns solve_block_signs(const SignBlock& block) {
   return out;
 }
 
+void settle_doubt(const PatchGroups& groups, std::span<const PatchVote> links,
+                  std::span<const std::int8_t> sign, std::span<const float> lean,
+                  std::span<std::uint8_t> doubtful) {
+  std::vector<std::uint8_t> decided(groups.count(), 0);
+  for (std::size_t p = 0; p < doubtful.size(); ++p)
+    if (doubtful[p] == 0 || lean[p] >= kClearLook) decided[groups.of[p]] = 1;
+  std::vector<PatchVote> votes;
+  for (const PatchVote& v : links) {
+    const std::uint32_t a = groups.of[v.a], b = groups.of[v.b];
+    if (a == b || (decided[a] != 0 && decided[b] != 0)) continue;
+    const bool keep = sign[v.a] == sign[v.b];
+    votes.push_back({a, b, keep ? v.same : v.opposite, keep ? v.opposite : v.same});
+  }
+  decide_told(votes, decided);
+  for (std::size_t p = 0; p < doubtful.size(); ++p) doubtful[p] = decided[groups.of[p]] != 0 ? 0 : 1;
+}
+
 }  // namespace tessera

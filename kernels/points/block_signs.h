@@ -50,4 +50,16 @@ struct BlockSigns {
 /// \pre links are merged, a < b; groups are numbered without gaps
 [[nodiscard]] BlockSigns solve_block_signs(const SignBlock& block);
 
+/// Least lean of what a group in doubt sees (GroupView) that settles it.
+inline constexpr float kClearLook = 0.25f;
+
+/// Settles groups in doubt that look again: those whose looks clearly speak for their sign, then what votes of settled ones
+/// tell (decide_told). No sign changes: what looks speak against stays in doubt.
+/// \param links  between the patches of a block \param sign  of its patches, final
+/// \param lean  per patch: of its group, for the side that the final sign shows; 0 = nothing was seen
+/// \param doubtful  per patch, all of a group alike
+void settle_doubt(const PatchGroups& groups, std::span<const PatchVote> links,
+                  std::span<const std::int8_t> sign, std::span<const float> lean,
+                  std::span<std::uint8_t> doubtful);
+
 }  // namespace tessera

@@ -147,91 +147,55 @@ class Flips {
   Lists<std::uint32_t, std::uint64_t> touching_;
 };
 
+/// The nodes of each component that clear votes joined: per node the smallest of them.
+std::vector<std::uint32_t> find_clusters(const Contraction& tree, std::span<const std::uint32_t> component,
+                                         std::span<const std::int8_t> sign) {
+  const auto n = static_cast<std::uint32_t>(component.size());
+  UnionFind sets(n);
+  for (const SignJoin& j : tree.joins)  // flips may have torn what joined
+    if (j.confidence >= kUncertain && sign[j.a] * sign[j.b] == j.sign) sets.unite(j.a, j.b);
+  const std::vector<std::uint32_t> joined = sets.roots();
+  std::vector<std::uint32_t> order(n), cluster(n);
+  std::iota(order.begin(), order.end(), 0u);
+  const auto key = [&](std::uint32_t v) { return std::array{joined[v], component[v], v}; };
+  std::sort(order.begin(), order.end(), [&](std::uint32_t l, std::uint32_t r) { return key(l) < key(r); });
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const std::uint32_t v = order[i], before = i > 0 ? order[i - 1] : v;
+    const bool goes_on = i > 0 && joined[v] == joined[before] && component[v] == component[before];
+    cluster[v] = goes_on ? cluster[before] : v;
+  }
+  return cluster;
+}
+
 /// Which signs are beyond doubt. Pairs join in the order of their votes, so a node may hang on a group by split votes that others
-/// outvoted since. Nodes that joined by clear votes are clusters; those with an anchor or a root are decided, and so is, one
-/// after the other, every cluster for whose signs votes of decided ones speak, clearly and whatever the open ones turn out to be.
-class DecidedClusters {
- public:
-  /// \param component, sign  SignSolution's
-  DecidedClusters(const Contraction& tree, std::span<const PatchVote> votes,
-                  std::span<const std::uint32_t> component, std::span<const std::int8_t> sign)
-      : votes_(votes), component_(component), sign_(sign) {
-    const auto n = static_cast<std::uint32_t>(component.size());
-    UnionFind joined(n);
-    for (const SignJoin& j : tree.joins)  // flips may have torn what joined
-      if (j.confidence >= kUncertain && sign[j.a] * sign[j.b] == j.sign) joined.unite(j.a, j.b);
-    find_clusters(joined.roots());
-    decided_.assign(n, 0);
-    for (std::uint32_t v = 0; v < n; ++v)
-      if (component[v] == v) decided_[cluster_[v]] = 1;
-    touching_ = make_lists<std::uint32_t, std::uint64_t>(n, [&](const auto& put) {
-      for (std::uint32_t v = 0; v < votes.size(); ++v) {
-        const std::uint32_t a = cluster_[votes[v].a], b = cluster_[votes[v].b];
-        if (a != b) put(a, v), put(b, v);
-      }
-    });
-    decide();
-  }
-
-  bool has(std::uint32_t node) const { return decided_[cluster_[node]] != 0; }
-
- private:
-  /// Of what joined, the nodes of each component.
-  void find_clusters(std::span<const std::uint32_t> joined) {
-    std::vector<std::uint32_t> order(joined.size());
-    std::iota(order.begin(), order.end(), 0u);
-    const auto key = [&](std::uint32_t v) { return std::array{joined[v], component_[v], v}; };
-    std::sort(order.begin(), order.end(), [&](std::uint32_t l, std::uint32_t r) { return key(l) < key(r); });
-    cluster_.resize(joined.size());
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      const std::uint32_t v = order[i], before = i > 0 ? order[i - 1] : v;
-      const bool goes_on = i > 0 && joined[v] == joined[before] && component_[v] == component_[before];
-      cluster_[v] = goes_on ? cluster_[before] : v;
+/// outvoted since. Nodes that joined by clear votes are clusters; those with an anchor or a root are decided, and so is every
+/// one that they tell.
+std::vector<std::uint8_t> find_uncertain(const Contraction& tree, std::span<const PatchVote> votes,
+                                         std::span<const std::uint32_t> component,
+                                         std::span<const std::int8_t> sign) {
+  const std::vector<std::uint32_t> cluster = find_clusters(tree, component, sign);
+  const auto n = static_cast<std::uint32_t>(cluster.size());
+  std::vector<std::uint8_t> decided(n, 0);
+  for (std::uint32_t v = 0; v < n; ++v)
+    if (component[v] == v) decided[cluster[v]] = 1;
+  std::vector<PatchVote> between;
+  for (const PatchVote& v : votes) {
+    const std::uint32_t a = cluster[v.a], b = cluster[v.b];
+    if (a == b) continue;
+    const bool keep = sign[v.a] == sign[v.b];
+    const std::int64_t kept = keep ? v.same : v.opposite, broken = keep ? v.opposite : v.same;
+    if (component[v.a] == component[v.b]) {
+      between.push_back({a, b, kept, broken});
+    } else {  // the signs of two components against each other are found later
+      between.push_back({a, n, kept, broken});
+      between.push_back({b, n, kept, broken});
     }
   }
-
-  /// In the order of their smallest members; those that votes join to one that is decided are asked again behind all others.
-  void decide() {
-    std::vector<std::uint32_t> asked;
-    std::vector<std::uint8_t> waits(cluster_.size(), 0);
-    const auto ask = [&](std::uint32_t c) {
-      if (decided_[c] == 0 && waits[c] == 0) asked.push_back(c), waits[c] = 1;
-    };
-    for (std::uint32_t v = 0; v < cluster_.size(); ++v)
-      if (cluster_[v] == v) ask(v);
-    for (std::size_t i = 0; i < asked.size(); ++i) {
-      const std::uint32_t c = asked[i];
-      waits[c] = 0;
-      if (!is_told(c)) continue;
-      decided_[c] = 1;
-      for (const std::uint32_t k : touching_[c]) ask(cluster_[votes_[k].a]), ask(cluster_[votes_[k].b]);
-    }
-  }
-
-  bool is_told(std::uint32_t cluster) const {
-    std::int64_t kept = 0, broken = 0, open = 0;
-    for (const std::uint32_t k : touching_[cluster]) {
-      const PatchVote& v = votes_[k];
-      const std::uint32_t a = cluster_[v.a];
-      // The signs of two components against each other are found later.
-      const bool known =
-          component_[v.a] == component_[v.b] && decided_[a == cluster ? cluster_[v.b] : a] != 0;
-      const bool keep = sign_[v.a] == sign_[v.b];
-      kept += known ? (keep ? v.same : v.opposite) : 0;
-      broken += known ? (keep ? v.opposite : v.same) : 0;
-      open += known ? 0 : std::abs(v.same - v.opposite);
-    }
-    const std::int64_t net = kept - broken;
-    return net > open && static_cast<double>(net) >= double{kUncertain} * static_cast<double>(kept + broken);
-  }
-
-  std::span<const PatchVote> votes_;
-  std::span<const std::uint32_t> component_;
-  std::span<const std::int8_t> sign_;
-  std::vector<std::uint32_t> cluster_;            ///< per node, its smallest member
-  std::vector<std::uint8_t> decided_;             ///< per cluster
-  Lists<std::uint32_t, std::uint64_t> touching_;  ///< per cluster, votes with other ones
-};
+  decide_told(between, decided);
+  std::vector<std::uint8_t> uncertain(n);
+  for (std::uint32_t v = 0; v < n; ++v) uncertain[v] = decided[cluster[v]] != 0 ? 0 : 1;
+  return uncertain;
+}
 
 }  // namespace
 
@@ -248,6 +212,43 @@ void merge_votes(std::vector<PatchVote>& votes) {
     }
   }
   votes.resize(out);
+}
+
+void decide_told(std::span<const PatchVote> votes, std::vector<std::uint8_t>& decided) {
+  const auto n = static_cast<std::uint32_t>(decided.size());
+  const auto touching = make_lists<std::uint32_t, std::uint64_t>(n, [&](const auto& put) {
+    for (std::uint32_t k = 0; k < votes.size(); ++k) {
+      if (votes[k].a < n) put(votes[k].a, k);
+      if (votes[k].b < n) put(votes[k].b, k);
+    }
+  });
+  const auto is_told = [&](std::uint32_t node) {
+    std::int64_t kept = 0, broken = 0, open = 0;
+    for (const std::uint32_t k : touching[node]) {
+      const PatchVote& v = votes[k];
+      const std::uint32_t other = v.a == node ? v.b : v.a;
+      const bool known = other < n && decided[other] != 0;
+      kept += known ? v.same : 0;
+      broken += known ? v.opposite : 0;
+      open += known ? 0 : std::abs(v.same - v.opposite);
+    }
+    const std::int64_t net = kept - broken;
+    return net > open && static_cast<double>(net) >= double{kUncertain} * static_cast<double>(kept + broken);
+  };
+  std::vector<std::uint32_t> asked;
+  std::vector<std::uint8_t> waits(n, 0);
+  const auto ask = [&](std::uint32_t node) {
+    if (node < n && decided[node] == 0 && waits[node] == 0) asked.push_back(node), waits[node] = 1;
+  };
+  for (std::uint32_t v = 0; v < n; ++v)
+    if (touching[v].size() > 0) ask(v);
+  for (std::size_t i = 0; i < asked.size(); ++i) {
+    const std::uint32_t node = asked[i];
+    waits[node] = 0;
+    if (!is_told(node)) continue;
+    decided[node] = 1;
+    for (const std::uint32_t k : touching[node]) ask(votes[k].a), ask(votes[k].b);
+  }
 }
 
 Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<PatchVote> votes,
@@ -334,7 +335,6 @@ SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const 
   SignSolution out;
   out.sign.assign(n, 1);
   out.component.resize(n);
-  out.uncertain.resize(n);
   for (const std::uint32_t v : tree.joined_last) {
     const std::uint32_t p = tree.parent[v];
     const bool anchor = p == v || (!anchors.empty() && anchors[v] != 0);
@@ -343,8 +343,7 @@ SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const 
     out.sign[v] = static_cast<std::int8_t>(out.sign[p] * tree.relation[v]);
   }
   Flips(tree, votes, out.sign).run();
-  const DecidedClusters decided(tree, votes, out.component, out.sign);
-  for (std::uint32_t v = 0; v < n; ++v) out.uncertain[v] = decided.has(v) ? 0 : 1;
+  out.uncertain = find_uncertain(tree, votes, out.component, out.sign);
   for (const PatchVote& v : votes) {
     out.frustrated_votes += static_cast<std::uint64_t>(out.sign[v.a] == out.sign[v.b] ? v.opposite : v.same);
     out.total_votes += static_cast<std::uint64_t>(v.same + v.opposite);

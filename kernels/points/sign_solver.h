@@ -22,6 +22,13 @@ struct PatchVote {
 /// Ascending by (a, b), repeats added up.
 void merge_votes(std::vector<PatchVote>& votes);
 
+/// Decides nodes one after the other, lowest first: those for whose signs votes of decided ones speak, three to one and whatever
+/// the open ones turn out to be.
+/// \param votes  between nodes in their signs: `same` is kept, `opposite` broken; ends behind the nodes stay open
+/// \param decided  per node, not 0 where known
+/// \cost O(V + E) a node asked; one is asked again when a neighbour is decided
+void decide_told(std::span<const PatchVote> votes, std::vector<std::uint8_t>& decided);
+
 struct ContractionLimits {
   double min_score = 0.0;       ///< pairs below join no more; score = (same - opposite)^2 / (same + opposite)
   double min_confidence = 0.0;  ///< nor do those below in |same - opposite| / (same + opposite)

@@ -132,20 +132,37 @@ std::vector<std::uint32_t> disk_numbers(std::span<const JobSurfel> surfels) {
 
 class Looker {
  public:
-  Looker(const SurfelParts& parts, const Float3& up, double scale, const SightRun& run)
+  /// \param asked  the groups that look; null = all
+  Looker(const SurfelParts& parts, const Float3& up, double scale, const SightRun& run,
+         std::function<bool(std::uint32_t)> asked = nullptr)
       : parts_(parts),
         run_(run),
         scene_(parts, run.bytes, run.for_each),
         up_(up),
         scale_(scale),
+        asked_(std::move(asked)),
         shared_(parts.first_shared, parts.shared) {
     survey();
     choose_lookers();
   }
 
   VisibilityVotes run(std::optional<SceneKind> known) {
-    std::vector<Answer> answers(lookers_.size());
     std::vector<PatchVote> pairs;
+    const std::vector<Answer> answers = look(pairs);
+    return result(known, answers, std::move(pairs));
+  }
+
+  std::vector<GroupView> views(SceneKind scene, double sight) {
+    std::vector<PatchVote> pairs;
+    std::vector<GroupView> out;
+    for (const auto& [group, of] : add_up(look(pairs))) out.push_back({group, lean(of.first, scene, sight)});
+    return out;
+  }
+
+ private:
+  /// \param pairs  groups that see each other, merged
+  std::vector<Answer> look(std::vector<PatchVote>& pairs) {
+    std::vector<Answer> answers(lookers_.size());
     std::vector<SightRay> rays;
     const std::size_t batch = std::max<std::uint64_t>(run_.lookers, 1);
     for (std::size_t first = 0; first < lookers_.size(); first += batch) {
@@ -155,10 +172,9 @@ class Looker {
       if (pairs.size() > kMergePairs) merge_votes(pairs);
     }
     merge_votes(pairs);
-    return result(known, answers, std::move(pairs));
+    return answers;
   }
 
- private:
   /// Looks of a surfel in the mean, while its group of so many has `per_group`.
   double rate(std::uint64_t members, double per_group) const {
     return std::min(std::max(static_cast<double>(kLooks) / static_cast<double>(surfels_),
@@ -179,11 +195,16 @@ class Looker {
   /// What is asked of all surfels. Few surfels look often rather than many seldom: what shuts a surfel in shows in many
   /// looks only. Where groups are too many for their share of looks, as in a crown of leaves, all of them get less.
   void survey() {
-    for (const SurfelParts::Part& p : parts_.parts) surfels_ += p.surfels;
+    if (!asked_)
+      for (const SurfelParts::Part& p : parts_.parts) surfels_ += p.surfels;
     std::array<double, kHalvings> all{};  // looks, per halving of per_group; without it they are kLooks
     for (std::size_t p = 0; p < parts_.parts.size(); ++p) {
-      const std::vector<JobSurfel> surfels = parts_.load(p);
+      std::vector<JobSurfel> surfels = parts_.load(p);
       scene_.add(p, surfels);
+      if (asked_) {
+        std::erase_if(surfels, [&](const JobSurfel& s) { return !asked_(s.patch); });
+        surfels_ += surfels.size();
+      }
       for (const JobSurfel& s : surfels) {
         const double points = double{s.points}, weight = s.surfels;
         none_ += weight, once_ += weight * points, twice_ += weight * points * points;
@@ -205,10 +226,11 @@ class Looker {
     for (std::uint32_t p = 0; p < parts_.parts.size(); ++p) {
       const std::vector<JobSurfel> surfels = parts_.load(p);
       GroupSizes sizes(parts_.parts[p].first_group);
-      sizes.add(surfels, parts_.first_shared);
+      sizes.add(surfels, parts_.first_shared);  // a group that looks does so as a whole
       std::vector<std::uint32_t> disks;
       for (std::size_t i = 0; i < surfels.size(); ++i) {
         const JobSurfel& s = surfels[i];
+        if (asked_ && !asked_(s.patch)) continue;
         const GroupSizes& of = s.patch >= parts_.first_shared ? shared_ : sizes;
         const double looks = rate(of.coarse[s.patch - of.first], per_group_);
         if (rounded(looks / static_cast<double>(kMax), seed_of(s)) == 0) continue;
@@ -292,31 +314,52 @@ class Looker {
   /// a scanner, so it is near 1 where all stood far away.
   double density_spread() const { return once_ > 0.0 ? twice_ * none_ / (once_ * once_) : 0.0; }
 
-  VisibilityVotes result(std::optional<SceneKind> known, const std::vector<Answer>& answers,
-                         std::vector<PatchVote> pairs) const {
-    VisibilityVotes out;
-    std::map<std::uint32_t, std::pair<Views, std::uint64_t>> views;  // and fine surfels, per group
-    double looked = 0.0, enclosed = 0.0, shells = 0.0;
+  using GroupViews = std::map<std::uint32_t, std::pair<Views, std::uint64_t>>;  ///< and fine surfels
+
+  GroupViews add_up(const std::vector<Answer>& answers) const {
+    GroupViews views;
     for (std::size_t k = 0; k < answers.size(); ++k) {
-      const Answer& a = answers[k];
+      const Views& seen = answers[k].views;
       const double w = weight(lookers_[k]);
-      looked += w;
-      enclosed += a.enclosed ? w : 0.0, shells += a.shell ? w : 0.0;
       auto& [sum, fine] = views[lookers_[k].surfel.patch];
       fine = lookers_[k].fine;
       for (std::size_t side = 0; side < 2; ++side) {
-        sum.open[side] += w * a.views.open[side];
-        sum.bright[side] += w * a.views.bright[side];
-        sum.ended[side] += w * a.views.ended[side];
-        sum.deep[side] += w * a.views.deep[side];
+        sum.open[side] += w * seen.open[side];
+        sum.bright[side] += w * seen.bright[side];
+        sum.ended[side] += w * seen.ended[side];
+        sum.deep[side] += w * seen.deep[side];
       }
     }
+    return views;
+  }
+
+  /// What a group sees with one side against the other. \param sight  mean length
+  static double lean(const Views& v, SceneKind scene, double sight) {
+    const double as =
+        scene == SceneKind::kRoom ? kOpenInRoom * sight : std::max(kMinOpen, kOpenOnLand * sight);
+    std::array<double, 2> worth{};
+    for (std::size_t side = 0; side < 2; ++side)
+      worth[side] = scene == SceneKind::kObject ? v.bright[side] : v.deep[side] + as * v.bright[side];
+    const double sum = worth[0] + worth[1];
+    return sum > 0.0 ? (worth[0] - worth[1]) / sum : 0.0;
+  }
+
+  VisibilityVotes result(std::optional<SceneKind> known, const std::vector<Answer>& answers,
+                         std::vector<PatchVote> pairs) const {
+    VisibilityVotes out;
+    double looked = 0.0, enclosed = 0.0, shells = 0.0;
+    for (std::size_t k = 0; k < answers.size(); ++k) {
+      const double w = weight(lookers_[k]);
+      looked += w;
+      enclosed += answers[k].enclosed ? w : 0.0, shells += answers[k].shell ? w : 0.0;
+    }
+    const GroupViews views = add_up(answers);
     double ended = 0.0, deep = 0.0;
     for (const auto& [group, of] : views) {
       const Views& v = of.first;
       ended += v.ended[0] + v.ended[1], deep += v.deep[0] + v.deep[1];
     }
-    const double mean = ended > 0.0 ? deep / ended : 0.0;
+    out.sight = ended > 0.0 ? deep / ended : 0.0;
     out.enclosed = looked > 0.0 ? enclosed / looked : 0.0;
     out.shells = looked > 0.0 ? shells / looked : 0.0;
     out.density_spread = density_spread();
@@ -331,18 +374,12 @@ class Looker {
     const bool room = out.scene == SceneKind::kRoom;
     if (!room) out.pairs = std::move(pairs);
     const double sides = room ? kRoomSides : kSides;
-    const double as = room ? kOpenInRoom * mean : std::max(kMinOpen, kOpenOnLand * mean);
     for (const auto& [group, of] : views) {
-      const auto& [v, fine] = of;
-      std::array<double, 2> worth{};
-      for (std::size_t side = 0; side < 2; ++side)
-        worth[side] = out.scene == SceneKind::kObject ? v.bright[side] : v.deep[side] + as * v.bright[side];
-      const double sum = worth[0] + worth[1];
-      const double lean = sum > 0.0 ? (worth[0] - worth[1]) / sum : 0.0;
+      const double leans = lean(of.first, out.scene, out.sight);
       const auto vote = static_cast<std::int64_t>(
-          std::floor(sides * scale_ * static_cast<double>(fine) * std::fabs(lean) + 0.5));
+          std::floor(sides * scale_ * static_cast<double>(of.second) * std::fabs(leans) + 0.5));
       if (vote > 0)
-        out.sides.push_back({group, SurfelDisks::kNobody, lean > 0.0 ? vote : 0, lean > 0.0 ? 0 : vote});
+        out.sides.push_back({group, SurfelDisks::kNobody, leans > 0.0 ? vote : 0, leans > 0.0 ? 0 : vote});
     }
     return out;
   }
@@ -353,6 +390,7 @@ class Looker {
   SurfelScene scene_;
   Float3 up_;
   double scale_;
+  std::function<bool(std::uint32_t)> asked_;
   double per_group_ = 0.0;
   std::uint64_t surfels_ = 0, fine_ = 0;
   double none_ = 0.0, once_ = 0.0, twice_ = 0.0;  ///< sums of powers of the points in a surfel
@@ -487,6 +525,12 @@ std::uint64_t sight_bytes(const SightRun& run, std::uint64_t surfels, std::uint6
 VisibilityVotes vote_by_visibility(const SurfelParts& parts, const Float3& up, double scale,
                                    std::optional<SceneKind> known, const SightRun& run) {
   return Looker(parts, up, scale, run).run(known);
+}
+
+std::vector<GroupView> look_from_groups(const SurfelParts& parts, const Float3& up,
+                                        const std::function<bool(std::uint32_t)>& asked, double sight,
+                                        const SightRun& run) {
+  return Looker(parts, up, 0.0, run, asked).views(SceneKind::kRoom, sight);
 }
 
 void vote_by_sensors(const SurfelParts& parts, std::span<const Float3> sensors, double scale,

@@ -32,6 +32,7 @@ struct VisibilityVotes {
   double enclosed = 0.0;         ///< share of the surfels that cannot be seen from outside the job
   double shells = 0.0;           ///< share of them with one side that sees next to nothing of the open
   double density_spread = 0.0;   ///< 1: points lie evenly; far more where a scanner stood amid its scene
+  double sight = 0.0;            ///< mean length of the looks that end on something, cells
   SceneKind scene = SceneKind::kLand;
 };
 
@@ -52,6 +53,20 @@ std::uint64_t sight_bytes(const SightRun& run, std::uint64_t surfels, std::uint6
 /// \cost some millions of rays, whatever the job's size and whatever it shows
 [[nodiscard]] VisibilityVotes vote_by_visibility(const SurfelParts& parts, const Float3& up, double scale,
                                                  std::optional<SceneKind> known, const SightRun& run);
+
+/// What the surfels of one group see: the two sides against each other.
+struct GroupView {
+  std::uint32_t group = 0;
+  double lean = 0.0;  ///< 1: the side that it shows sees all, -1: the other
+};
+
+/// Looks of some groups of a room alone, so that every one of them has its share.
+/// \param asked  whether a group is one of them \param sight  VisibilityVotes::sight of all groups
+/// \returns ascending; groups of which no surfel can look are left out
+/// \cost as vote_by_visibility at most
+[[nodiscard]] std::vector<GroupView> look_from_groups(const SurfelParts& parts, const Float3& up,
+                                                      const std::function<bool(std::uint32_t)>& asked,
+                                                      double sight, const SightRun& run);
 
 /// Votes of sensors that nothing hides, for points that do not say which one saw them: the nearest of these
 /// says most, and less the more it looks along the surface.

@@ -191,6 +191,10 @@ std::string uncertainty(const Json& report, const PageParts& parts) {
     rows.emplace_back("points whose side is in doubt",
                       fmt::format("{} %, {} points", number_text(100.0 * share.get<double>()),
                                   escape(count_text(value_at(orient, "/uncertain_points")))));
+  if (const Json& strewn = value_at(orient, "/uncertain_strewn_fraction"); strewn.is_number())
+    rows.emplace_back("strewn points whose side is in doubt",
+                      fmt::format("{} %, {} points", number_text(100.0 * strewn.get<double>()),
+                                  escape(count_text(value_at(orient, "/uncertain_strewn_points")))));
   if (const std::string scene = text_at(orient, "/scene"); !scene.empty())
     rows.emplace_back("told as a scan", escape(scene));
   std::string body = html::table(rows);

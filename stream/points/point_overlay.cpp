@@ -134,6 +134,16 @@ std::vector<PointOverlayRecord> PointOverlay::load_records(std::size_t brick, st
   return records;
 }
 
+VolumetricUse OverlayDecisions::use_of(const PointOverlayRecord& point) const {
+  const std::uint16_t strewn =
+      volumetric == VolumetricUse::kBodies ? kVolumetric | kAmongVolumetric : kVolumetric;
+  return (point.supporters & strewn) != 0 ? volumetric : VolumetricUse::kSurface;
+}
+
+bool OverlayDecisions::shows_side(const PointOverlayRecord& point) const {
+  return use_of(point) == VolumetricUse::kSurface && (point.supporters & kSupporters) >= min_supporters;
+}
+
 VolumetricUse PointOverlay::volumetric() const {
   return impl_->decisions.volumetric;
 }
@@ -155,9 +165,7 @@ void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<Point
     const PointOverlayRecord& o = overlay[i];
     PointRecord& p = records[i];
     const OverlayDecisions& d = impl_->decisions;
-    const std::uint16_t strewn =
-        d.volumetric == VolumetricUse::kBodies ? kVolumetric | kAmongVolumetric : kVolumetric;
-    const VolumetricUse volumetric = (o.supporters & strewn) != 0 ? d.volumetric : VolumetricUse::kSurface;
+    const VolumetricUse volumetric = d.use_of(o);
     if (volumetric == VolumetricUse::kDrop || (o.supporters & kSupporters) < d.min_supporters)
       p.flags |= kPointOutlier;
     if (volumetric == VolumetricUse::kTop) p.flags |= kPointVolumetric;

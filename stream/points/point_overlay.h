@@ -79,6 +79,11 @@ struct OverlayDecisions {
   VolumetricUse volumetric = VolumetricUse::kSurface;
   std::vector<std::uint8_t> patch;  ///< PatchDecision bits of all patches over all bricks, in brick order
 
+  /// Of a point: as a surface unless it is strewn.
+  VolumetricUse use_of(const PointOverlayRecord& point) const;
+  /// Whether its normal shows a side: it is no outlier, and nothing stands in for it.
+  bool shows_side(const PointOverlayRecord& point) const;
+
   void save(const std::filesystem::path& path) const;
   static OverlayDecisions load(const std::filesystem::path& path);
 };

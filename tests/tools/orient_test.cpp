@@ -77,6 +77,31 @@ TEST_CASE("orient: a furnished room shows inwards, with no viewpoint given", "[p
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.98);
 }
 
+TEST_CASE("orient: what stays in doubt in a room is a toss of a coin, and what is decided is right",
+          "[pipeline]") {
+  const TempFolder folder;
+  const auto in = folder.path() / "indoor.ply";
+  REQUIRE(
+      tessera_command({"synth", "--scene", "indoor", "--mode", "terrestrial", "--points", "300k", "--noise",
+                       "0.3s", "--outliers", "0.01", "--normals", "-o", in.string(), "-t", "2"})
+          .code == 0);
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = reconstruct(in, out, {});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const tessera::Json entry = orient_entry(out);
+  INFO(tessera::dump_json(entry));
+  REQUIRE(entry.at("scene") == "room");
+  CHECK(entry.at("uncertain_fraction").get<double>() < 0.004);  // 0.0069 where nothing looks again
+  CHECK(entry.at("uncertain_strewn_points").get<int>() > 0);
+  CHECK(entry.at("uncertain_strewn_fraction").get<double>() < 0.001);
+  const tessera::Json &all = entry.at("agreement"), &doubt = all.at("uncertain");
+  const auto wrong = all.at("disagree").get<double>() - doubt.at("disagree").get<double>();
+  const auto right = all.at("agree").get<double>() - doubt.at("agree").get<double>();
+  CHECK(wrong / (wrong + right) < 0.004);
+  CHECK(doubt.at("fraction").get<double>() < 0.6);  // 0.71 right where nothing looks again
+}
+
 TEST_CASE("orient: a city scanned from the air shows upwards, roofs too, with nothing given", "[pipeline]") {
   const TempFolder folder;
   const auto out = folder.path() / "mesh.ply";

@@ -52,6 +52,10 @@ OrientNeeds orient_needs(const PlannedScan& scan) {
   needs.task = solve_block_bytes(rounded_up(largest), rounded_up(votes * part), rounded_up(coarse * part));
   needs.finish =
       block_orientation_bytes(rounded_up(patches), rounded_up(largest), rounded_up(border), 2 * border_votes);
+  if (!scan.knows_sides && !scan.oriented_in_blocks)
+    needs.finish = std::max(needs.finish,
+                            settle_doubt_bytes(rounded_up(patches), rounded_up(largest), rounded_up(coarse),
+                                               rounded_up(coarse * part), bricks, scan.run.memory_bytes));
   return needs;
 }
 

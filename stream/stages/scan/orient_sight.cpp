@@ -13,7 +13,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kSightKind = {"TSSIGHT1", "a file of what surfels see"};
+constexpr PackedKind kSightKind = {"TSSIGHT2", "a file of what surfels see"};
 /// Votes of what surfels see, of one surfel, against those of its links.
 constexpr double kVisibilityScale = kVoteScale;
 /// Of the job's memory: disks of surfels, as many bytes again while they are made, and rays. What else is held takes 75 MiB in large
@@ -34,10 +34,21 @@ std::string name_of(SceneKind scene) {
   return "";
 }
 
-SightRun sight_run(std::uint64_t coarse, std::uint64_t memory) {
+SightRun sight_sizes(std::uint64_t coarse, std::uint64_t memory) {
   SightRun run;
   run.bytes = std::min(memory / kDisksShare, SurfelDisks::bytes(coarse));
   run.lookers = std::clamp(memory / kRaysShare / kRayBytes, kMinLookers, kMaxLookers);
+  return run;
+}
+
+SightRun sight_run(std::uint64_t coarse, std::uint64_t memory, const TaskContext& context) {
+  SightRun run = sight_sizes(coarse, memory);
+  run.for_each = [&context](std::size_t count, const std::function<void(std::size_t)>& body) {
+    parallel_for(count, [&](std::size_t i) {
+      context.check_stop();
+      body(i);
+    });
+  };
   return run;
 }
 
@@ -159,14 +170,7 @@ void look_around(const PointOverlay& overlay, const std::vector<PatchBlock>& blo
     }
     return surfels;
   };
-  SightRun run = sight_run(coarse, memory);
-  run.for_each = [&](std::size_t count, const std::function<void(std::size_t)>& body) {
-    parallel_for(count, [&](std::size_t i) {
-      context.check_stop();
-      body(i);
-    });
-  };
-
+  const SightRun run = sight_run(coarse, memory, context);
   PackedWriter file(path, kSightKind);
   std::vector<SightVotes::Entry> table;
   SightVotes::Facts facts;
@@ -188,7 +192,7 @@ void look_around(const PointOverlay& overlay, const std::vector<PatchBlock>& blo
     VisibilityVotes seen = vote_by_visibility(parts, viewers.up, kVisibilityScale, known, run);
     joined->share_out(seen);
     facts.enclosed = seen.enclosed, facts.shells = seen.shells;
-    facts.density_spread = seen.density_spread, facts.scene = seen.scene;
+    facts.density_spread = seen.density_spread, facts.sight = seen.sight, facts.scene = seen.scene;
     std::span<const PatchVote> sides = seen.sides, pairs = seen.pairs;
     std::vector<std::uint32_t> groups;
     for (const PatchBlock& block : blocks) {
@@ -214,10 +218,62 @@ void look_around(const PointOverlay& overlay, const std::vector<PatchBlock>& blo
   file.finish(table, std::as_bytes(std::span(info)));
 }
 
+std::vector<float> look_again(const PointOverlay& overlay, const std::vector<PatchBlock>& blocks,
+                              const PatchLinks& links, const Viewers& viewers, const SightVotes& sight,
+                              const std::vector<std::uint8_t>& asked, std::uint64_t memory,
+                              const TaskContext& context) {
+  std::vector<float> leans(asked.size(), 0.0f);
+  SurfelParts parts;
+  std::uint64_t coarse = 0;
+  for (const PatchBlock& b : blocks) {
+    parts.parts.push_back({b.coarse, static_cast<std::uint32_t>(b.first_patch)});
+    coarse += b.coarse;
+  }
+  const auto groups_of = [&](std::size_t b) {
+    return links.groups(b, std::vector<std::uint64_t>(blocks[b].patches, 0));
+  };
+  parts.load = [&](std::size_t b) {
+    context.check_stop();
+    std::vector<JobSurfel> surfels = load_surfels(overlay, blocks[b], load_stats(overlay, blocks[b]));
+    const PatchGroups groups = groups_of(b);
+    for (JobSurfel& s : surfels) {
+      for (float& a : s.area) a *= static_cast<float>(groups.sign[s.patch]);
+      s.patch = static_cast<std::uint32_t>(blocks[b].first_patch) + groups.of[s.patch];
+    }
+    return surfels;
+  };
+  std::vector<std::uint8_t> asks(asked.size(), 0);  // by group
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const PatchGroups groups = groups_of(b);
+    for (std::size_t p = 0; p < groups.of.size(); ++p)
+      asks[blocks[b].first_patch + groups.of[p]] |= asked[blocks[b].first_patch + p];
+  }
+  const std::vector<GroupView> views = look_from_groups(
+      parts, viewers.up, [&](std::uint32_t g) { return asks[g] != 0; }, sight.sight(),
+      sight_run(coarse, memory, context));
+  auto view = views.begin();
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const PatchGroups groups = groups_of(b);
+    std::vector<float> of(groups.count(), 0.0f);
+    for (; view != views.end() && view->group < blocks[b].first_patch + blocks[b].patches; ++view)
+      of[view->group - blocks[b].first_patch] = static_cast<float>(view->lean);
+    for (std::size_t p = 0; p < groups.of.size(); ++p)
+      leans[blocks[b].first_patch + p] = of[groups.of[p]] * static_cast<float>(groups.sign[p]);
+  }
+  return leans;
+}
+
+/// \param patches  of the largest block
+std::uint64_t look_again_bytes(std::uint64_t coarse, std::uint64_t largest, std::uint64_t patches,
+                               std::uint64_t bricks, std::uint64_t memory) {
+  return sight_bytes(sight_sizes(coarse, memory), coarse, largest, bricks) +
+         patches * (sizeof(PatchStats) + 40) + (4u << 20);
+}
+
 std::uint64_t look_around_bytes(std::uint64_t coarse, std::uint64_t largest, std::uint64_t patches,
                                 std::uint64_t outer, std::uint64_t bricks, std::uint64_t memory) {
   const std::uint64_t looks =
-      sight_bytes(sight_run(coarse, memory), coarse, largest, bricks) + JobGroups::held_bytes(outer);
+      sight_bytes(sight_sizes(coarse, memory), coarse, largest, bricks) + JobGroups::held_bytes(outer);
   return std::max(looks, JobGroups::bytes(outer)) + patches * (sizeof(PatchStats) + 40) + (4u << 20);
 }
 

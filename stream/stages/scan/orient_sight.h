@@ -29,6 +29,7 @@ class SightVotes {
   std::vector<PatchVote> outer() const;  ///< between patches of two blocks, numbered over all bricks
   std::uint64_t outer_count() const { return table_.back().pairs.bytes / sizeof(PatchVote); }
   bool is_room() const { return facts_.scene == SceneKind::kRoom; }
+  double sight() const { return facts_.sight; }  ///< VisibilityVotes::sight
   /// Scene, and what told it.
   void tell(Json& entry) const;
 
@@ -36,7 +37,7 @@ class SightVotes {
   friend void look_around(const PointOverlay&, const std::vector<PatchBlock>&, const PatchLinks&,
                           const Viewers&, std::uint64_t, const TaskContext&, const std::filesystem::path&);
   struct Facts {
-    double enclosed = 0.0, shells = 0.0, density_spread = 0.0;
+    double enclosed = 0.0, shells = 0.0, density_spread = 0.0, sight = 0.0;
     SceneKind scene = SceneKind::kLand;
     std::uint8_t by_sensors = 0;
     std::array<std::uint8_t, 6> unused{};
@@ -53,6 +54,15 @@ class SightVotes {
 void look_around(const PointOverlay& overlay, const std::vector<PatchBlock>& blocks, const PatchLinks& links,
                  const Viewers& viewers, std::uint64_t memory, const TaskContext& context,
                  const std::filesystem::path& file);
+/// What groups in doubt see when all of them look: per patch over all bricks, the lean of its group for the side that the
+/// patch's surfels show. \param asked  per patch: whether its group is in doubt
+/// \pre the scene is a room
+std::vector<float> look_again(const PointOverlay& overlay, const std::vector<PatchBlock>& blocks,
+                              const PatchLinks& links, const Viewers& viewers, const SightVotes& sight,
+                              const std::vector<std::uint8_t>& asked, std::uint64_t memory,
+                              const TaskContext& context);
+std::uint64_t look_again_bytes(std::uint64_t coarse, std::uint64_t largest, std::uint64_t patches,
+                               std::uint64_t bricks, std::uint64_t memory);
 /// Bytes that it holds at most. \param coarse  surfels \param largest  of the block that has most
 /// \param patches  of the largest block \param outer  links between blocks
 std::uint64_t look_around_bytes(std::uint64_t coarse, std::uint64_t largest, std::uint64_t patches,

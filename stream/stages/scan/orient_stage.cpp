@@ -34,6 +34,13 @@ constexpr std::uint64_t kMaxStrays = 20;  ///< one in so many
 constexpr double kMinTopLevel = 0.3;
 constexpr double kNotable = 0.01;  ///< share of points in doubt from which the user is told
 
+/// Shares of the points.
+struct Doubts {
+  double surface = 0.0;
+  double strewn = 0.0;
+  double all() const { return surface + strewn; }
+};
+
 class OrientStage : public Stage {
  public:
   explicit OrientStage(const JobState& state)
@@ -89,19 +96,25 @@ class OrientStage : public Stage {
   std::uint64_t finish_bytes() const override {
     const std::uint64_t patches = overlay_.first_patch().back();
     if (!mode_.propagate()) return patches + (1u << 20);  // a decision each, nothing to solve
-    std::uint64_t outer = sight_ ? sight_->outer_count() : 0, largest = 0;
+    std::uint64_t outer = sight_ ? sight_->outer_count() : 0, largest = 0, surfels = 0, coarse = 0;
     for (std::size_t b = 0; b < links_.block_count(); ++b) {
       outer += links_.outer_count(b);
       largest = std::max<std::uint64_t>(largest, blocks_[b].patches);
+      surfels = std::max(surfels, blocks_[b].coarse);
+      coarse += blocks_[b].coarse;
     }
-    return block_orientation_bytes(patches, largest, scene_.border.size(),
-                                   outer + PatchAnchors(work_).vote_count());
+    const std::uint64_t solving = block_orientation_bytes(patches, largest, scene_.border.size(),
+                                                          outer + PatchAnchors(work_).vote_count());
+    if (!sight_) return solving;
+    return std::max(solving, settle_doubt_bytes(patches, largest, coarse, surfels, overlay_.bricks().size(),
+                                                memory_bytes_));
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
     if (!mode_.needed()) return {{"needed", false}};
     OverlayDecisions decisions;
     Json entry = {{"needed", true}};
+    if (mode_.clean) clean(decisions, entry);
     if (mode_.propagate()) {
       decisions.volumetric =
           volumetric_use(viewers_.own ? is_from_above(viewers_.scene) : scene_.from_above && shows_top());
@@ -112,14 +125,14 @@ class OrientStage : public Stage {
                       {"ground_fraction", scene_.ground}});
       if (viewers_.own || scene_.from_above) entry["scene"] = viewers_.own ? viewers_.scene : kSeenFromAbove;
       if (sight_) sight_->tell(entry);
-      solve_block_orientation(overlay_, links_, scene_, PatchAnchors(work_), sight(), viewers_, context,
-                              decisions, entry);
-      const double uncertain = entry.at("uncertain_fraction").get<double>();
-      if (uncertain > std::min(kNotable, max_uncertain_)) tell(uncertain, decisions, context, entry);
+      solve_block_orientation(overlay_, links_, scene_, PatchAnchors(work_), sight(), viewers_, memory_bytes_,
+                              context, decisions, entry);
+      const Doubts doubts = {entry.at("uncertain_fraction").get<double>(),
+                             entry.at("uncertain_strewn_fraction").get<double>()};
+      if (doubts.all() > std::min(kNotable, max_uncertain_)) tell(doubts, decisions, context, entry);
     } else {
       decisions.patch.assign(overlay_.first_patch().back(), 0);
     }
-    if (mode_.clean) clean(decisions, entry);
     const std::string scene = entry.value("scene", "");
     if (surface_ != "all" && !is_from_above(scene))
       throw UsageError("--surface " + surface_ + ": the scene was not seen from above (" + scene +
@@ -153,7 +166,7 @@ class OrientStage : public Stage {
   const SightVotes* sight() const { return sight_ ? &*sight_ : nullptr; }
 
   /// Many signs in doubt: a picture of where, and a warning, or the end where they are too many.
-  void tell(double uncertain, const OverlayDecisions& decisions, const TaskContext& context,
+  void tell(const Doubts& doubts, const OverlayDecisions& decisions, const TaskContext& context,
             Json& entry) const {
     const std::filesystem::path picture = uncertain_picture_path(output_);
     std::string shown = picture.string() + " shows where in red";
@@ -162,9 +175,11 @@ class OrientStage : public Stage {
     } catch (const ResourceError& e) {  // a small cap must not end a job that needs no picture
       shown = fmt::format("without a picture of where ({})", e.what());
     }
-    const std::string where =
-        fmt::format("the sides of {:.3g} % of the points are in doubt, {}: ", 100.0 * uncertain, shown);
-    if (uncertain > max_uncertain_)
+    const std::string strewn =
+        doubts.strewn > 0.0 ? fmt::format(", and of {:.3g} % that are strewn", 100.0 * doubts.strewn) : "";
+    const std::string where = fmt::format(
+        "the sides of {:.3g} % of the points are in doubt{}, {}: ", 100.0 * doubts.surface, strewn, shown);
+    if (doubts.all() > max_uncertain_)
       throw ValidationError(where +
                             fmt::format("give --viewpoint or --from, or allow more than {:.3g} % with "
                                         "--max-uncertain",

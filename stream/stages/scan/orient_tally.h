@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <span>
 
 #include "kernels/points/orientation.h"
 #include "stream/files/json.h"
@@ -19,12 +20,17 @@ inline double share_of(std::uint64_t part, std::uint64_t all) {
 
 class OrientationTally {
  public:
-  /// Points that `decisions.volumetric` takes out are not in doubt.
   /// \param component  patches that votes of points, sensors or up join
-  void add(const PatchStats& stats, int sign, Decider decider, std::uint64_t component,
-           OverlayDecisions& decisions);
-  /// Entry gets: patches, components, points by who decided (`decided`), uncertain_points and _fraction; and where given
-  /// normals were kept aside, `agreement` with them (`near_axis`: with those within 60 degrees of the plane's axis).
+  void add(const PatchStats& stats, int sign, std::uint64_t component);
+  /// Appends the decision of the next patch.
+  void decide(const PatchStats& stats, int sign, Decider decider, OverlayDecisions& decisions);
+  /// Points of a brick whose patches are in doubt: those that show a side, strewn ones apart.
+  /// \param decided  PatchDecision bits of the brick's patches
+  void add_doubt(std::span<const PointOverlayRecord> points, std::span<const std::uint8_t> decided,
+                 const OverlayDecisions& decisions);
+  /// Entry gets: patches, components, points by who decided (`decided`), uncertain_points and _fraction of points on a surface,
+  /// uncertain_strewn_points and _fraction; and where given normals were kept aside, `agreement` with them (`near_axis`: with
+  /// those within 60 degrees of the plane's axis, `uncertain`: of patches in doubt).
   /// \param all_points  of the scan, with those that have no patch
   void write(std::uint64_t all_points, Json& entry) const;
 
@@ -35,8 +41,9 @@ class OrientationTally {
   };
   std::uint64_t patches_ = 0;
   std::map<std::uint64_t, Agreement> by_component_;
-  Agreement near_;
-  std::array<std::uint64_t, 4> decided_{};
+  Agreement near_, uncertain_;
+  std::array<std::uint64_t, 3> decided_{};
+  std::uint64_t doubtful_ = 0, doubtful_strewn_ = 0;
 };
 
 }  // namespace tessera

@@ -176,6 +176,21 @@ TEST_CASE("block signs: patches of a group take its sign, in their own", "[unit]
   CHECK(signs.patches[1].shown == -1);
 }
 
+TEST_CASE("block signs: doubt is settled by what looks and then links speak for, and no sign is turned",
+          "[unit]") {
+  // Group 0 looks clearly and is linked to group 1 against its sign, to group 2 with it; 3 hangs on 2; 4 looks too little;
+  // looks speak against 5.
+  PatchGroups groups = single(7);
+  groups.of = {0, 0, 1, 2, 3, 4, 5}, groups.sign = {1, -1, 1, 1, 1, 1, 1};
+  groups.size = {20, 10, 10, 10, 10, 10};
+  const std::vector<PatchVote> links = {{1, 2, kLink, 0}, {1, 3, 0, kLink}, {3, 4, kLink, 0}};
+  const std::vector<std::int8_t> sign = {1, -1, 1, 1, 1, 1, 1};
+  const std::vector<float> lean = {0.3f, 0.3f, 0.0f, 0.0f, 0.0f, 0.2f, -0.9f};
+  std::vector<std::uint8_t> doubtful(7, 1);
+  settle_doubt(groups, links, sign, lean, doubtful);
+  CHECK(doubtful == std::vector<std::uint8_t>{0, 0, 1, 0, 0, 1, 1});
+}
+
 TEST_CASE("block signs: a strip has the same signs in one block and in many", "[unit]") {
   const std::uint64_t seed = GENERATE(range(1, 9));
   CAPTURE(seed);

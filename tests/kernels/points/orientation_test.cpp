@@ -254,6 +254,16 @@ TEST_CASE("signs: what a flip tears off is in doubt unless decided ones speak fo
   CHECK(s.uncertain == std::vector<std::uint8_t>{0, 0, 1, 0});
 }
 
+TEST_CASE("signs: decided ones tell one after the other, unless what stays open outweighs them", "[unit]") {
+  // 0 tells 1, and that 2 (the tie between 1 and 2 is open at first); 3 is told three to two, 4 by less than its tie to what
+  // stays open, 5 and 6 by each other alone.
+  const std::vector<PatchVote> votes = {{1, 2, 80, 0}, {0, 1, 100, 10}, {0, 3, 30, 20},
+                                        {0, 4, 50, 0}, {4, 7, 0, 50},   {5, 6, 90, 0}};
+  std::vector<std::uint8_t> decided = {1, 0, 0, 0, 0, 0, 0};
+  decide_told(votes, decided);
+  CHECK(decided == std::vector<std::uint8_t>{1, 1, 1, 0, 0, 0, 0});
+}
+
 TEST_CASE("signs: no more votes are broken than by the signs that most votes were made from", "[property]") {
   std::uint64_t state = 11;
   const std::size_t n = 400;

@@ -89,4 +89,32 @@ TEST_CASE("sight: the same votes when few parts fit and few surfels look at once
   CHECK(all.scene == few.scene);
 }
 
+TEST_CASE("sight: groups of a room that look again see by what all looked before, whatever fits", "[unit]") {
+  // A shut ball, 64 cells a part; every part turned the other way round than the last one.
+  SurfelParts parts = cut(ball(), 64.0f);
+  const auto load = parts.load;
+  parts.load = [load](std::size_t p) {
+    std::vector<JobSurfel> surfels = load(p);
+    for (JobSurfel& s : surfels)
+      if (p % 2 != 0) s.area = -s.area;
+    return surfels;
+  };
+  SightRun run;
+  run.for_each = in_order;
+  const double sight = vote_by_visibility(parts, {0, 0, 1}, kScale, SceneKind::kRoom, run).sight;
+  CHECK(sight > 20.0);
+  const auto asked = [](std::uint32_t g) { return g % 3 == 0; };
+  const std::vector<GroupView> all = look_from_groups(parts, {0, 0, 1}, asked, sight, run);
+  run.bytes = 1, run.lookers = 200;
+  const std::vector<GroupView> few = look_from_groups(parts, {0, 0, 1}, asked, sight, run);
+  REQUIRE(all.size() == (parts.parts.size() + 2) / 3);  // each of them, and no other
+  REQUIRE(few.size() == all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    CHECK(all[i].group == 3 * i);
+    CHECK(few[i].lean == all[i].lean);
+    CHECK((all[i].lean > 0.0) == (all[i].group % 2 != 0));  // the inside is what a room shows
+    CHECK(std::fabs(all[i].lean) > 0.1);
+  }
+}
+
 }  // namespace visibility_test
