@@ -189,8 +189,9 @@ OptionTable option_table(ReconstructOptions& o) {
        "where nine in ten have one; given: either kind; estimate")
       .one_of({"auto", "given", "estimate"});
   t.add("max-uncertain", &o.max_uncertain,
-        "estimated normals: share of points whose side may stay in doubt; above it exit code 6, from 0.01 on "
-        "a warning; OUT.uncertain.png shows where; 1 = never stop")
+        "estimated normals: share of points whose side may stay in doubt, strewn ones (leaves, spray, "
+        "edges) with them; above it exit code 6, from 0.01 on a warning; OUT.uncertain.png shows where; "
+        "1 = never stop")
       .within(0, 1);
   t.add("viewpoint", &o.viewpoints,
         "estimated normals: position of a scanner, scan units; they point to it (repeatable)");

@@ -183,7 +183,7 @@ TEST_CASE("block signs: doubt is settled by what looks and then links speak for,
   PatchGroups groups = single(7);
   groups.of = {0, 0, 1, 2, 3, 4, 5}, groups.sign = {1, -1, 1, 1, 1, 1, 1};
   groups.size = {20, 10, 10, 10, 10, 10};
-  const std::vector<PatchVote> links = {{1, 2, kLink, 0}, {1, 3, 0, kLink}, {3, 4, kLink, 0}};
+  const std::vector<PatchVote> links = {{1, 2, kLink, 0}, {1, 3, 0, kLink}, {3, 4, kLink / 2, 0}};
   const std::vector<std::int8_t> sign = {1, -1, 1, 1, 1, 1, 1};
   const std::vector<float> lean = {0.3f, 0.3f, 0.0f, 0.0f, 0.0f, 0.2f, -0.9f};
   std::vector<std::uint8_t> doubtful(7, 1);
