@@ -41,6 +41,13 @@ void print_solved(const Json& report, const std::string& islands) {
              edit.at("solver").get<std::string>(), edit.at("solutions").get<std::uint64_t>(),
              edit.at("prepare_s").get<double>(), edit.at("residual").get<double>(),
              edit.at("energy").get<double>());
+  if (report.at("base").contains("split")) {
+    const Json& split = report.at("base").at("split");
+    fmt::print(
+        "its edges were {:.4g} long around the support, which wants {:.4g}: split, from {} vertices on\n",
+        split.at("edge_before").get<double>(), split.at("edge").get<double>(),
+        split.at("vertices_before").get<std::uint64_t>());
+  }
   if (const auto pieces = edit.at("loose_pieces").get<std::uint64_t>(); pieces > 0)
     fmt::print("{} loose pieces of the support, {} vertices, touch nothing that holds them: --islands {}\n",
                pieces, edit.at("loose_vertices").get<std::uint64_t>(), islands);

@@ -155,22 +155,26 @@ EditBasis framed_basis(std::span<const Double3> position, const EditRegions& reg
 }
 
 /// n x width(): rows of vertices that are given; zero for the support.
-std::vector<double> given_values(const EditBasis& basis, std::span<const Double3> position) {
+/// \param position  where targets are meant from \param fair  of all, as the smooth base has them
+std::vector<double> given_values(const EditBasis& basis, std::span<const Double3> position,
+                                 std::span<const Double3> fair) {
   const std::size_t w = basis.width(), first = basis.first_handle();
   std::vector<double> values(position.size() * w, 0.0);
   for (std::size_t v = 0; v < position.size(); ++v) {
     const std::int32_t role = basis.role[v];
     if (role == kFixedVertex || role == kTargetVertex) {
-      const Double3& goes = role == kTargetVertex ? basis.target[v] : position[v];
+      Double3 goes = fair[v];
+      if (role == kTargetVertex)
+        goes = fair[v] == position[v] ? basis.target[v] : fair[v] + (basis.target[v] - position[v]);
       for (std::size_t c = 0; c < 3; ++c) {
-        values[v * w + c] = position[v][c];
+        values[v * w + c] = fair[v][c];
         if (!basis.target.empty()) values[v * w + 3 + c] = goes[c];
       }
     }
     if (role < 0) continue;
     const auto h = static_cast<std::size_t>(role);
     for (std::size_t c = 0; c < 3; ++c)
-      values[v * w + first + 4 * h + c] = (position[v][c] - basis.centre[h][c]) / basis.radius[h];
+      values[v * w + first + 4 * h + c] = (fair[v][c] - basis.centre[h][c]) / basis.radius[h];
     values[v * w + first + 4 * h + 3] = 1.0;
   }
   return values;
@@ -264,13 +268,15 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
     }
   }();
   const std::size_t w = basis.width();
-  std::vector<double> values = given_values(basis, position);
+  std::vector<double> values = given_values(basis, position, regions.fair.empty() ? position : regions.fair);
   model->solve(values, static_cast<int>(w));
   basis.active = model->free_vertices();
   if (regions.loose == LoosePieces::kFollow) follow_all(loose, position, basis, values);
   basis.columns = rows_of(basis.active, values, w);
   report.model = model->report();
-  const std::vector<Double3> rest = rest_base(basis, position);
+  std::vector<Double3> rest = rest_base(basis, position);
+  for (std::size_t v = 0; v < regions.fair.size(); ++v)
+    if (basis.role[v] != kSupportVertex) rest[v] = regions.fair[v];
   report.energy = model->energy({rest.front().data(), 3 * position.size()}, 3);
   basis.rotation_columns = rotation_columns(rest, base.faces, basis.active,
                                             {values, w, basis.first_handle(), !basis.target.empty()});

@@ -37,6 +37,8 @@ struct EditRegions {
   std::vector<double> smoothness;  ///< n, read where not support: C^0 to C^(order-1)
   std::vector<std::string> handles;
   std::vector<Double3> target;  ///< n, read where the role is kTargetVertex: where they go; or empty
+  /// n, or empty: where the smooth base has what is held, instead of where it is. Its roughness is then no condition.
+  std::vector<Double3> fair{};
   LoosePieces loose = LoosePieces::kFollow;
 };
 

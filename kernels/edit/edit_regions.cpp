@@ -92,17 +92,13 @@ std::string described(const EditRegion& r, std::size_t number) {
 
 }  // namespace
 
-std::vector<double> surface_distance(std::span<const Double3> position, Faces faces,
-                                     std::span<const Double3> sources) {
+// Shortest paths (Dijkstra 1959).
+void spread_distance(std::span<const Double3> position, Faces faces, std::vector<double>& distance) {
   const Lists<PathEdge> edges = path_edges(position, faces);
-  std::vector<double> distance(position.size(), kInfinite);
   using Item = std::pair<double, std::uint32_t>;
   std::priority_queue<Item, std::vector<Item>, std::greater<>> queue;
-  for (const Double3& s : sources) {
-    const std::uint32_t v = nearest_vertex(position, s);
-    distance[v] = std::min(distance[v], norm(position[v] - s));
-    queue.emplace(distance[v], v);
-  }
+  for (std::uint32_t v = 0; v < distance.size(); ++v)
+    if (distance[v] < kInfinite) queue.emplace(distance[v], v);
   while (!queue.empty()) {
     const auto [d, v] = queue.top();
     queue.pop();
@@ -113,6 +109,16 @@ std::vector<double> surface_distance(std::span<const Double3> position, Faces fa
         queue.emplace(distance[w.to], w.to);
       }
   }
+}
+
+std::vector<double> surface_distance(std::span<const Double3> position, Faces faces,
+                                     std::span<const Double3> sources) {
+  std::vector<double> distance(position.size(), kInfinite);
+  for (const Double3& s : sources) {
+    const std::uint32_t v = nearest_vertex(position, s);
+    distance[v] = std::min(distance[v], norm(position[v] - s));
+  }
+  spread_distance(position, faces, distance);
   return distance;
 }
 

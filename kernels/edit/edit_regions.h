@@ -64,5 +64,8 @@ struct EditSurface {
 [[nodiscard]] std::vector<double> surface_distance(std::span<const Double3> position,
                                                    std::span<const std::array<std::uint32_t, 3>> faces,
                                                    std::span<const Double3> sources);
+/// The same from vertices whose distance is given: every other one, infinite or too far, becomes what leads there.
+void spread_distance(std::span<const Double3> position, std::span<const std::array<std::uint32_t, 3>> faces,
+                     std::vector<double>& distance);
 
 }  // namespace tessera

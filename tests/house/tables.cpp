@@ -239,8 +239,8 @@ const std::map<std::string, std::string>& covering_tests() {
         "onto_write_stage"});
     by("tools/deform", "stream/stages/deform",
        {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_needs", "deform_options",
-        "deform_crossings", "deform_output", "deform_stages", "deform_write_stage", "edit_script",
-        "pose_base", "shape_stage", "vertex_batches"});
+        "deform_crossings", "deform_output", "deform_stages", "deform_write_stage", "edit_roles",
+        "edit_script", "pose_base", "shape_stage", "vertex_batches"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_region", "remesh_stage", "sizing_stage"});

@@ -1,7 +1,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <string>
 
+#include "kernels/edit/refined_base.h"
+#include "kernels/edit/self_intersections.h"
 #include "kernels/edit/short_edges.h"
 #include "kernels/edit/thin_body.h"
 #include "kernels/edit/thin_faces.h"
@@ -15,6 +18,9 @@
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
+#include "stream/stages/deform/edit_roles.h"
+#include "stream/stages/deform/edit_script.h"
+#include "stream/stages/deform/vertex_batches.h"
 
 namespace tessera {
 namespace {
@@ -29,10 +35,20 @@ constexpr double kCreaseAngle = 60.0;
 constexpr double kThinBody = 4.0, kMaxThinBody = 0.5;  ///< edges; share of the area
 constexpr double kShortest = 0.25;  ///< of the edges: shorter ones that are left are merged
 
+/// Edges across the support of an edit. A mesh with so many stays as it is, but for a share of the area around it.
+constexpr double kEnough = 60.0, kMaxCoarse = 0.05;
+/// A coarser one gets so many, and within a few edges of what is held, where regions end between vertices, twice as many twice.
+/// Not of order 3: second derivatives beside the support want even faces.
+constexpr double kAcross = 40.0, kEvenAcross = 80.0;
+constexpr int kEdgeRounds = 2;
+
 class BaseStage : public SerialStage {
  public:
-  BaseStage(const DeformOptions& options, bool own, MeshStore store)
-      : options_(options), own_(own), store_(std::move(store)) {}
+  BaseStage(const JobState& state, const DeformOptions& options, bool own, MeshStore store)
+      : options_(options),
+        source_{state.inputs.at(0), vertex_window(state.run)},
+        own_(own),
+        store_(std::move(store)) {}
   std::string name() const override { return "base"; }
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
@@ -42,7 +58,7 @@ class BaseStage : public SerialStage {
     // What decimation leaves of a large mesh lies in patches of a few dozen faces, most vertices in several of them: of a surface,
     // borders and islands included, as many vertices as faces are there at the most.
     if (!own_) input.vertices = std::min(input.vertices, input.faces);
-    return base_stage_bytes(own_, input, options_.base_vertices);
+    return base_stage_bytes(own_, input, options_.base_vertices) + (own_ ? split_base_bytes(options_) : 0);
   }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
@@ -50,9 +66,10 @@ class BaseStage : public SerialStage {
     MeshBlock block = store_.load(all());
     if (block.faces.empty()) throw EmptyError("the mesh has no faces: there is nothing to deform");
     Json out = {{"own", own_}};
-    BaseSurface base = own_ ? BaseSurface{std::move(block.position), std::move(block.faces), {}}
+    BaseSurface base = own_ ? BaseSurface{std::move(block.position), std::move(block.faces)}
                             : even_base(std::move(block), out, context);
     context.check_stop();
+    if (own_ && options_.base == "split") split(base, out, context);
     save_base(context.create(kBaseFile), base);
     out["vertices"] = base.position.size();
     out["faces"] = base.faces.size();
@@ -110,6 +127,58 @@ class BaseStage : public SerialStage {
     return base;
   }
 
+  /// A base whose edges are long beside the support: regions end anywhere within them, and nothing bends within a face.
+  void split(BaseSurface& base, Json& out, TaskContext& context) const {
+    const std::size_t before = base.position.size(), most = most_split(options_.base_vertices);
+    const EditScript script = parse_edit(options_.edit, "the edit");
+    const auto leave = [&](const std::string& why) {
+      out["warnings"] = Json::array();
+      out["warnings"].push_back("--base split: edges stay as long as they are: " + why);
+    };
+    if (before >= most)
+      return leave("the mesh has " + std::to_string(before) + " vertices, and no base gets more than " +
+                   std::to_string(most) + " by splits");
+    if (!takes_by_place(script)) return leave("points and vertices that regions name stand for themselves");
+    const auto wanted = [&](double across, SupportPart part) {
+      return wanted_edges(base.position, base.faces, base_regions(base, script, source_, context).role,
+                          1.0 / across, part);
+    };
+    std::vector<double> edges;
+    try {
+      edges = wanted(kEnough, SupportPart::kAll);
+    } catch (const InputError&) {
+      return;  // the stage that solves for it says what is wrong with it
+    }
+    const double share = coarse_share(base.position, base.faces, edges, 1.0);
+    out["coarse_area"] = share;
+    if (!(share > kMaxCoarse)) return;
+    base.split_edge = mean_longest_edge(base.position, base.faces, edges);
+    base.given_crossings = crossing_support(base, base_regions(base, script, source_, context).role);
+    double across = script.order == 3 ? kEvenAcross : kAcross;
+    for (double& e : edges) e *= kEnough / across;
+    const double edge = *std::min_element(edges.begin(), edges.end());
+    double longest = split_long_edges(base.position, base.faces, edges, most).longest;
+    for (int round = 0; round < kEdgeRounds && script.order < 3; ++round) {
+      context.check_stop();
+      edges = wanted(across *= 2.0, SupportPart::kEdge);
+      longest = std::max(longest, split_long_edges(base.position, base.faces, edges, most).longest);
+    }
+    out["split"] = {{"vertices_before", before},
+                    {"vertices", base.position.size()},
+                    {"edge_before", base.split_edge},
+                    {"edge", edge},
+                    {"longest_edge", longest}};
+  }
+
+  /// Faces with a vertex of the support that cross others. Halves of a face lie in one plane: rounding decides there.
+  static std::uint64_t crossing_support(const BaseSurface& base, std::span<const std::int32_t> role) {
+    std::vector<std::uint8_t> watched;
+    for (const auto& f : base.faces)
+      watched.push_back(
+          std::any_of(f.begin(), f.end(), [&](std::uint32_t v) { return role[v] == kSupportVertex; }));
+    return self_intersections(base.position, base.faces, watched).faces.size();
+  }
+
   /// What no base is made of, and room that vectors have beyond their ends.
   static void drop_unused(MeshBlock& block) {
     block.rgba = {};
@@ -127,6 +196,7 @@ class BaseStage : public SerialStage {
     return patches;
   }
   DeformOptions options_;
+  RegionSource source_;
   bool own_;
   MeshStore store_;
 };
@@ -148,7 +218,7 @@ const std::vector<SmoothRound>& base_low_pass() {
 std::unique_ptr<Stage> make_base_stage(const JobState& state, const DeformOptions& options,
                                        const std::function<MeshStore(const JobState&)>& reduced) {
   const bool own = is_own_base(state);
-  return std::make_unique<BaseStage>(options, own,
+  return std::make_unique<BaseStage>(state, options, own,
                                      own ? open_imported_mesh(state.work, kDeformImport) : reduced(state));
 }
 

@@ -1,25 +1,23 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <optional>
 
 #include "kernels/edit/anisotropic_metric.h"
 #include "kernels/edit/base_volume.h"
-#include "kernels/edit/edit_regions.h"
+#include "kernels/edit/fair_positions.h"
 #include "kernels/edit/self_intersections.h"
 #include "kernels/edit/thin_faces.h"
-#include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/files/json.h"
-#include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/long_call.h"
 #include "stream/runtime/numbers.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
+#include "stream/stages/deform/edit_roles.h"
 #include "stream/stages/deform/edit_script.h"
 #include "stream/stages/deform/pose_base.h"
 #include "stream/stages/deform/spilled_factor.h"
@@ -58,7 +56,8 @@ BaseMetric base_metric(const BaseSurface& base, const EditScript& script,
   metric.operators = laplacian({base.position, base.faces});
   ThinArea thin;
   thin.add(base.position, base.faces);
-  if (metric.operators.report.degenerate_faces > 0 || thin.share() > kMaxThin) return intrinsic_metric(base);
+  if (base.split_edge > 0.0 || metric.operators.report.degenerate_faces > 0 || thin.share() > kMaxThin)
+    return intrinsic_metric(base);
   return metric;
 }
 
@@ -85,6 +84,11 @@ struct BasisSolution {
 BasisSolution solve_basis(BasisProblem& problem) {
   BasisSolution out;
   const TriangleSpan base{problem.base.position, problem.base.faces};
+  // Second derivatives of what is held are a condition, too: not those of triangles that were long.
+  if (problem.base.split_edge > 0.0 && problem.options.order == 3 && !problem.metric.anisotropic) {
+    SpilledFactor factor(problem.temp, problem.factor_bytes);
+    problem.regions.fair = fair_positions(base, problem.metric.operators, problem.base.split_edge, &factor);
+  }
   const auto solve = [&] {
     SpilledFactor factor(problem.temp, problem.factor_bytes);
     problem.options.store = &factor;
@@ -171,7 +175,9 @@ class BasisStage : public SerialStage {
     const auto problem = std::make_shared<BasisProblem>();
     const auto solved = std::make_shared<BasisSolution>();
     problem->base = base_;
-    problem->regions = regions(context);
+    problem->regions = base_regions(base_, script_, {input_, vertex_window(run_)}, context);
+    problem->regions.loose = loose_;
+    pose_of(script_, problem->regions.handles);
     problem->metric = base_metric(base_, script_, problem->regions.role);
     problem->options = {.order = script_.order, .memory_bytes = fronts_bytes(base_.position.size(), script_)};
     problem->volumes = script_.volumes;
@@ -183,13 +189,16 @@ class BasisStage : public SerialStage {
     context.check_stop();
     Json result = system_json(*problem, *solved);
     DeformBasis out{std::move(problem->base), std::move(solved->edit), std::move(solved->levels), {}};
-    out.about = dump_json(Json{
-        {"handles", problem->regions.handles},
-        {"volumes", script_.volumes},
-        {"keep_volume", script_.keep_volume},
-        {"crossing_faces", self_intersections(base_.position, base_.faces, watched_faces(out)).faces.size()},
-        {"diagonal", diagonal_of(base_.position)},
-        {"basis", result}});
+    out.about = dump_json(
+        Json{{"handles", problem->regions.handles},
+             {"volumes", script_.volumes},
+             {"keep_volume", script_.keep_volume},
+             {"crossing_faces",
+              base_.split_edge > 0.0
+                  ? base_.given_crossings
+                  : self_intersections(base_.position, base_.faces, watched_faces(out)).faces.size()},
+             {"diagonal", diagonal_of(base_.position)},
+             {"basis", result}});
     BasisWriter writer(context.create(kBasisFile), out);
     context.count_written(writer.finish(out.about));
     context.advance(base_.position.size());
@@ -200,109 +209,6 @@ class BasisStage : public SerialStage {
   }
 
  private:
-  /// What is to happen to the vertices of the base. \throws InputError  nothing can, or a handle with a motion is unknown
-  EditRegions regions(TaskContext& context) const {
-    const std::vector<EditRegion> listed = with_vertices(context);
-    const std::vector<std::uint32_t> colour = painted(context);
-    EditRegions found =
-        resolve_regions(listed, {base_.position, base_.faces, base_.sharp, colour}, script_.order);
-    found.loose = loose_;
-    pose_of(script_, found.handles);
-    return found;
-  }
-
-  /// Regions with the positions of the vertices that they name.
-  std::vector<EditRegion> with_vertices(TaskContext& context) const {
-    std::vector<EditRegion> regions = script_.regions;
-    struct Named {
-      std::uint64_t vertex;
-      std::size_t region, slot;
-      bool operator<(const Named& o) const { return vertex < o.vertex; }
-    };
-    std::vector<Named> named;
-    for (std::size_t r = 0; r < regions.size(); ++r) {
-      for (std::size_t k = 0; k < script_.vertices[r].size(); ++k)
-        named.push_back({script_.vertices[r][k], r, regions[r].points.size() + k});
-      regions[r].points.resize(regions[r].points.size() + script_.vertices[r].size());
-    }
-    if (named.empty()) return regions;
-    std::stable_sort(named.begin(), named.end());
-    std::uint64_t first = 0;
-    std::size_t at = 0;
-    open_mesh_file(input_)->read_vertices(
-        [&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
-          context.check_stop();
-          for (; at < named.size() && named[at].vertex < first + batch.size(); ++at)
-            regions[named[at].region].points[named[at].slot] = batch[named[at].vertex - first];
-          first += batch.size();
-        });
-    if (at < named.size())
-      throw InputError("region " + std::to_string(named[at].region + 1) + " names vertex " +
-                       std::to_string(named[at].vertex) + ", but the mesh has " + std::to_string(first) +
-                       ": they count from 0");
-    return regions;
-  }
-
-  /// Per vertex of the base the colour of the mesh's vertex nearest to it; where none is nearer than to another vertex of the
-  /// base, that of the next one along the surface. Empty where no region asks for it, or the mesh has none.
-  std::vector<std::uint32_t> painted(TaskContext& context) const {
-    if (std::none_of(script_.regions.begin(), script_.regions.end(),
-                     [](const EditRegion& r) { return r.shape == RegionShape::kPainted; }))
-      return {};
-    const std::vector<Double3>& at = base_.position;
-    std::vector<std::array<std::uint32_t, 3>> points;
-    for (std::uint32_t v = 0; v < at.size(); ++v) points.push_back({v, v, v});
-    const ClosestFaces closest(at, points, at.front());
-    std::vector<std::uint32_t> colour(at.size(), 0);
-    std::vector<double> best(at.size(), std::numeric_limits<double>::infinity());
-    bool coloured = false;
-    const auto mesh = open_mesh_file(input_);
-    stream_vertices(
-        *mesh, vertex_window(run_), context,
-        [&](std::uint64_t, DisplacedBatch& b) {
-          // The nearest vertex of the base, and how far it is.
-          b.displaced.of.assign(b.position.size(), {});
-          b.distance.assign(b.position.size(), std::numeric_limits<double>::infinity());
-          for (std::size_t i = 0; i < b.position.size(); ++i) {
-            const auto hit = closest.closest(b.position[i] - closest.origin(),
-                                             std::numeric_limits<double>::infinity(), ClosestFaces::kNone);
-            if (hit.slot == ClosestFaces::kNone) continue;
-            b.displaced.of[i].face = closest.face(hit.slot);
-            b.distance[i] = hit.square;
-          }
-        },
-        [&](DisplacedBatch& b) {
-          coloured = coloured || !b.rgba.empty();
-          for (std::size_t i = 0; i < b.rgba.size(); ++i)
-            if (const std::uint32_t v = b.displaced.of[i].face; b.distance[i] < best[v]) {
-              best[v] = b.distance[i];
-              colour[v] = b.rgba[i];
-            }
-        });
-    if (!coloured) return {};
-    spread_along(colour, best);
-    return colour;
-  }
-
-  /// Ring by ring, from the lowest neighbour that has one.
-  void spread_along(std::vector<std::uint32_t>& colour, std::vector<double>& known) const {
-    for (bool more = true; more;) {
-      more = false;
-      std::vector<std::uint32_t> from(colour.size(), kNobody);
-      for (const auto& f : base_.faces)
-        for (const std::uint32_t v : f)
-          for (const std::uint32_t u : f)
-            if (!std::isfinite(known[v]) && std::isfinite(known[u])) from[v] = std::min(from[v], u);
-      for (std::size_t v = 0; v < from.size(); ++v)
-        if (from[v] != kNobody) {
-          colour[v] = colour[from[v]];
-          known[v] = 0.0;
-          more = true;
-        }
-    }
-  }
-
-  static constexpr std::uint32_t kNobody = 0xffffffffu;
   std::filesystem::path input_, work_;
   RunOptions run_;
   LoosePieces loose_;

@@ -3,7 +3,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kBaseKind = {"TSEBASE2", "a base surface"};
+constexpr PackedKind kBaseKind = {"TSEBASE3", "a base surface"};
 constexpr PackedKind kBasisKind = {"TSEBASI2", "a basis of an edit"};
 
 enum Key : std::uint64_t {
@@ -35,17 +35,19 @@ enum LevelPart : std::uint64_t {
 
 void save_base(const std::filesystem::path& path, const BaseSurface& base) {
   PackedWriter file(path, kBaseKind);
+  const std::vector<double> split = {base.split_edge, static_cast<double>(base.given_crossings)};
   const std::vector<Section> sections = {file.append(bytes_of(base.position)),
-                                         file.append(bytes_of(base.faces)),
-                                         file.append(bytes_of(base.sharp))};
+                                         file.append(bytes_of(base.faces)), file.append(bytes_of(base.sharp)),
+                                         file.append(bytes_of(split))};
   file.finish(sections);
 }
 
 BaseSurface load_base(const std::filesystem::path& path) {
   const PackedFile file(path, kBaseKind, sizeof(Section));
   const auto sections = file.table<Section>();
+  const auto split = file.load<double>(sections.at(3));
   return {file.load<Double3>(sections.at(0)), file.load<std::array<std::uint32_t, 3>>(sections.at(1)),
-          file.load<Double3>(sections.at(2))};
+          file.load<Double3>(sections.at(2)), split.at(0), static_cast<std::uint64_t>(split.at(1))};
 }
 
 BasisWriter::BasisWriter(const std::filesystem::path& path, const DeformBasis& basis)

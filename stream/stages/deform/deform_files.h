@@ -23,6 +23,9 @@ struct BaseSurface {
   std::vector<Double3> position;
   std::vector<std::array<std::uint32_t, 3>> faces;
   std::vector<Double3> sharp{};  ///< positions before it was smoothed; empty: the same. A basis has none
+  /// Above 0: edges are split (refined_base.h), and were so long in the mean around the support. A basis does not tell.
+  double split_edge = 0.0;
+  std::uint64_t given_crossings = 0;  ///< of a split one: faces at the support that crossed others before
 };
 void save_base(const std::filesystem::path& path, const BaseSurface& base);
 BaseSurface load_base(const std::filesystem::path& path);

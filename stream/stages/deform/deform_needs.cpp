@@ -4,6 +4,7 @@
 #include <set>
 #include <string>
 
+#include "kernels/edit/refined_base.h"
 #include "kernels/edit/self_intersections.h"
 #include "kernels/mesh/closest_face.h"
 #include "kernels/remesh/remesh.h"
@@ -42,6 +43,8 @@ constexpr std::uint64_t kHeldBytes = 200;
 constexpr std::uint64_t kKeptBytes = 80, kLevelBytes = 80, kKeptColumnBytes = 20;
 /// Of the vertices asked for: how many a base has at the most.
 constexpr double kMax = 1.3;
+/// Of a mesh that is its own base, with what is split of it: seconds are not worth more.
+constexpr std::uint64_t kMostSplit = 60000;
 
 /// Of the solution: as EditBasis::width().
 std::uint64_t columns(const EditScript& script) {
@@ -71,6 +74,15 @@ std::uint64_t solving_bytes(std::uint64_t vertices, const EditScript& script) {
 
 std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices) {
   return std::max(faces + faces / 2, 3 * base_vertices);
+}
+
+std::uint64_t most_split(std::uint64_t base_vertices) {
+  return std::min(base_vertices, kMostSplit);
+}
+
+std::uint64_t split_base_bytes(const DeformOptions& options) {
+  const std::uint64_t most = most_split(options.base_vertices);
+  return options.base == "split" ? refined_base_bytes(most, 2 * most) : 0;
 }
 
 std::uint64_t base_stage_bytes(bool own, const BaseInput& input, std::uint64_t base_vertices) {
@@ -160,6 +172,9 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   if (may_be_own)
     cases.push_back({true, std::min(mesh.faces, 4 * options.base_vertices),
                      std::min(mesh.vertices, options.base_vertices)});
+  // Split where its edges are long beside the support: nobody knows before its regions are found.
+  if (options.base == "split" && may_be_own && cases.front().vertices < most_split(options.base_vertices))
+    cases.push_back({true, cases.front().faces, most_split(options.base_vertices)});
   if (may_be_made) {
     SimplifyOptions reduce;
     reduce.target_faces = kDecimatedFaces * options.base_vertices;
@@ -179,7 +194,9 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   };
   for (const Case& c : cases) {
     const bool first = &c == cases.data();
-    widen(base, first, base_stage_bytes(c.own, base_input(c.faces), options.base_vertices));
+    widen(base, first,
+          base_stage_bytes(c.own, base_input(c.faces), options.base_vertices) +
+              (c.own ? split_base_bytes(options) : 0));
     widen(basis, first, basis_stage_bytes(c.vertices, script, state.run));
     const std::uint64_t kept =
         kKeptBytes + (script.volumes ? kLevelBytes : 0) + kKeptColumnBytes * columns(script);

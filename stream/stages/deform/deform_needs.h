@@ -13,6 +13,10 @@ namespace tessera {
 
 /// Faces that splits may leave on the way to the base. \param faces  that decimation leaves
 std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices);
+/// Vertices of a base whose edges are split: no more are made.
+std::uint64_t most_split(std::uint64_t base_vertices);
+/// What splitting takes beside the base. 0 where the options do not ask for it.
+std::uint64_t split_base_bytes(const DeformOptions& options);
 /// The mesh that a base is made of.
 struct BaseInput {
   std::uint64_t vertices = 0, faces = 0;
