@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <initializer_list>
 #include <memory>
+#include <utility>
 
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -14,6 +16,14 @@
 namespace tessera {
 namespace {
 
+/// Ends a line with how many of what is left each cause keeps.
+void print_causes(std::initializer_list<std::pair<std::uint64_t, const char*>> causes) {
+  const char* separator = ": ";
+  for (const auto& [left, why] : causes)
+    if (left > 0) fmt::print("{}{} {}", separator, left, why), separator = ", ";
+  fmt::print("\n");
+}
+
 /// What --min-angle left, and why.
 void print_small_angles(const Json& report) {
   if (!report.contains("small_angles")) return;
@@ -23,16 +33,27 @@ void print_small_angles(const Json& report) {
                       at = count("at_tolerance");
   fmt::print("angles below {:.4g} degrees: in {} faces before, {} left", angles.value("asked_deg", 0.0),
              count("below_before"), left);
-  const char* separator = ": ";
-  const auto tell = [&](std::uint64_t faces, const char* why) {
-    if (faces > 0) fmt::print("{}{} {}", separator, faces, why), separator = ", ";
-  };
-  tell(lines, "between creases or borders that meet at a smaller angle");
-  tell(at, "where the tolerance locks them");
-  tell(held, "of the input, kept for the proof");
-  tell(left - std::min(left, lines + at + held),
-       "that could be raised in no way without a fold or a sharper one");
-  fmt::print("\n");
+  print_causes({{lines, "between creases or borders that meet at a smaller angle"},
+                {at, "where the tolerance locks them"},
+                {held, "of the input, kept for the proof"},
+                {left - std::min(left, lines + at + held),
+                 "that could be raised in no way without a fold or a sharper one"}});
+}
+
+/// What --adaptive left uneven, and why.
+void print_length_ratios(const Json& report) {
+  if (!report.contains("length_ratios")) return;
+  const Json& ratios = report.at("length_ratios");
+  const auto count = [&](const char* key) { return ratios.value(key, std::uint64_t{0}); };
+  const std::uint64_t left = count("beyond"), lines = count("at_lines"), held = count("held"),
+                      at = count("at_tolerance");
+  fmt::print("neighbours whose edges differ by more than 1 : {:.4g}: at {} edges before, {} of {} left",
+             ratios.value("asked", 0.0), count("beyond_before"), left, count("edges"));
+  print_causes({{lines, "between vertices on creases or borders"},
+                {at, "where the tolerance locks them"},
+                {held, "beside faces of the input, kept for the proof"},
+                {left - std::min(left, lines + at + held),
+                 "that no step evens without a fold, a crossing or a sharper angle"}});
 }
 
 void run_remesh(const RemeshJobOptions& options, JobState state) {
@@ -54,6 +75,7 @@ void run_remesh(const RemeshJobOptions& options, JobState state) {
       quality.value("mean_angle_deviation_deg", 0.0), quality.value("smallest_angle_deg", 0.0),
       100.0 * quality.value("share_below_25_deg", 0.0), 100.0 * quality.value("mean_edge_deviation", 0.0),
       100.0 * quality.value("valence_six_share", 0.0));
+  print_length_ratios(report);
   print_small_angles(report);
   const Json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())

@@ -47,6 +47,7 @@ class ReferenceSurface {
   [[nodiscard]] float length_on_line(std::uint32_t segment, const Double3& p) const;
 
   [[nodiscard]] std::span<const Double3> vertices() const { return at_; }  ///< relative to the origin
+  [[nodiscard]] std::span<const std::array<std::uint32_t, 3>> faces() const { return face_; }
 
   [[nodiscard]] bool has_lines() const { return !segments_.empty(); }
   /// Foot on any line; slot is a segment.

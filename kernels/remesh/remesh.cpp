@@ -98,6 +98,10 @@ void RemeshOptions::validate() const {
   need(max_normal_deviation_deg >= 0.0 && max_normal_deviation_deg <= 180.0, "max_normal_turn_deg",
        "in [0, 180]");
   need(min_angle_deg >= 0.0 && min_angle_deg < 60.0, "min_angle_deg", "in [0, 60)");
+  need(max_length_ratio == 0.0 || (max_length_ratio >= 1.1 && max_length_ratio < 100.0), "max_length_ratio",
+       "0 or in [1.1, 100)");
+  need(kept_angle_deg >= 0.0 && kept_angle_deg < 60.0, "kept_angle_deg", "in [0, 60)");
+  need(max_length_ratio == 0.0 || min_angle_deg == 0.0, "min_angle_deg", "0 with max_length_ratio");
   need(iterations >= 0 && relaxations >= 0, "iterations", "0 or more");
 }
 
@@ -113,10 +117,10 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   if (block.faces.empty()) return report;
   const Double3 origin = low_corner(block);
   const bool adaptive = options.sizing_tolerance > 0.0;
-  const ReferenceSurface surface(
-      reference, origin, options.feature_angle_deg,
-      kMinCreaseEdges * (adaptive ? options.min_edge : options.edge),
-      {options.sizing_tolerance, options.min_edge, options.edge, options.crease_tolerance});
+  const ReferenceSurface surface(reference, origin, options.feature_angle_deg,
+                                 kMinCreaseEdges * (adaptive ? options.min_edge : options.edge),
+                                 {options.max_length_ratio > 0.0 ? 0.0 : options.sizing_tolerance,
+                                  options.min_edge, options.edge, options.crease_tolerance});
   if (options.find_creases) surface.mark(block);
   const auto remeshed = [&](bool guarded, RemeshReport& r) {
     CollapseMesh mesh(block, origin);
@@ -147,16 +151,19 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   return report;
 }
 
-std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces, bool refines) {
+std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces, bool refines, bool evens) {
   // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5). Beside it, one after the other: an edge and a half,
   // three where borders are everywhere, in both lists of edges (16 each; freed for the sort by place); in refinement a hierarchy
   // over the faces and where they lie (28 + 13); the block that comes out, sorted (16 + half of 60, twice). Where it crosses itself
-  // all that once more beside what came out first, guarded. Half a point of the reference for the hierarchy to find.
-  const std::uint64_t lists = 96, search = refines ? ClosestFaces::bytes_per_face() + 41 : 0, sorted = 92,
-                      first = 46;
+  // all that once more beside what came out first, guarded. Half a point of the reference for the hierarchy to find; to even lengths four and a half, of 8 bytes, and the first of each
+  // face (4).
+  const std::uint64_t lists = 96, search = refines ? ClosestFaces::bytes_per_face() + (evens ? 45 : 41) : 0,
+                      sorted = 92, first = 46;
   const std::uint64_t working = max_faces * (32 + 47 + std::max({lists, search, sorted}) + first) +
                                 FaceBoxes::bytes(max_faces, FaceBoxes::Order::kMorton) +
-                                reference_faces * (refines ? 12 : 0);
+                                reference_faces * (!refines ? 0
+                                                   : evens  ? 36
+                                                            : 12);
   // Nothing of that is there while the reference is made.
   return std::max(reference_faces * ReferenceSurface::bytes_per_face(),
                   reference_faces * ReferenceSurface::held_bytes_per_face() + working) +

@@ -32,6 +32,7 @@ Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const Double3& or
       origin_(origin),
       surface_(surface),
       options_(options),
+      refine_limit_(options.refine_beyond ? options.tolerance : options.refine_within),
       guard_(mesh),
       guarded_(guarded),
       next_key_(options.first_key) {
@@ -45,6 +46,7 @@ Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const Double3& or
     info.key = block.key[mesh_.block_vertex(v)];
     info.lasting = lasting[mesh_.block_vertex(v)] != 0;
     info.target = static_cast<float>(options.edge);
+    info.whole = (mesh_.state(v) & kVertexLocked) == 0;
     info.pinned = !pinned.empty() && std::binary_search(pinned.begin(), pinned.end(), info.key);
     if (info.pinned) mesh_.add_state(v, kVertexLocked);
     if (block.vertex_class[mesh_.block_vertex(v)] == VertexClass::kCorner) mesh_.add_state(v, kVertexFixed);
@@ -114,8 +116,11 @@ void Remesher::set_target(Info& info, const Double3& at) const {
 void Remesher::run(RemeshReport& report) {
   for (std::uint32_t v = 0; v < info_.size(); ++v)
     report.locked_vertices += (mesh_.state(v) & kVertexLocked) != 0;
-  if (options_.min_angle_deg > 0.0) {
-    raise_angles(report);
+  if (options_.min_angle_deg > 0.0 || options_.max_length_ratio > 0.0) {
+    if (options_.max_length_ratio > 0.0)
+      even_lengths(report);
+    else
+      raise_angles(report);
     report.guard_spent = guard_spent_;
     return;
   }
@@ -305,12 +310,11 @@ bool Remesher::too_thin_to_split(std::uint32_t c) const {
   return false;
 }
 
-/// False where that would leave faces without area.
-bool Remesher::split(const Edge& e) {
-  const std::uint32_t c = e.corner, o = mesh_.opposite(c);
+/// Where a split puts the new vertex if that is sound, and what is known of it there.
+Double3 Remesher::split_place(const Edge& e, Info& info) const {
+  const std::uint32_t c = e.corner;
   const Double3 pa = mesh_.at(e.a), pb = mesh_.at(e.b), middle = as_put((pa + pb) * 0.5);
   const double square = squared_distance(pa, pb);
-  Info info;
   info.target = 0.5f * (info_[e.a].target + info_[e.b].target);
   info.moved = true;
   info.line = is_line(c);
@@ -335,9 +339,17 @@ bool Remesher::split(const Edge& e) {
     }
   }
   if (guarded_ && !refining_) at = middle;  // on the edge as it was it meets nothing new
+  return at;
+}
+
+/// False where that would leave faces without area.
+bool Remesher::split(const Edge& e) {
+  const std::uint32_t c = e.corner, o = mesh_.opposite(c);
+  Info info;
+  Double3 at = split_place(e, info);
   // In the middle nothing can fold.
   if (!is_split_sound(c, at)) {
-    at = middle;
+    at = as_put((mesh_.at(e.a) + mesh_.at(e.b)) * 0.5);
     if (too_thin_to_split(c)) return false;
   }
   info.key = next_key_++;

@@ -1,11 +1,15 @@
 /// \file remesher.h
 /// The loop of remesh() over a corner table. See remesh.h.
 #pragma once
+#include <array>
+#include <utility>
 #include <vector>
 
 #include "kernels/decimate/collapse_legality.h"
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/decimate/crossing_guard.h"
+#include "kernels/remesh/covered_points.h"
+#include "kernels/remesh/edge_ratios.h"
 #include "kernels/remesh/reference_surface.h"
 #include "kernels/remesh/remesh.h"
 
@@ -32,10 +36,12 @@ class Remesher {
     Float3 normal{};  ///< of the reference at the foot; zero on lines and where unknown
     std::uint32_t foot = ReferenceSurface::kNone;  ///< slot of a face; on lines a segment
     float target = 0.0f;                           ///< length of edges here
-    bool pinned = false;                           ///< its faces stay
-    bool moved = false;                            ///< or new
-    bool line = false;                             ///< on a crease or border, not a corner
-    bool lasting = false;                          ///< ReferenceSurface::lasting_corners()
+    // Bits: there are many of these.
+    bool pinned : 1 = false;   ///< its faces stay
+    bool moved : 1 = false;    ///< or new
+    bool line : 1 = false;     ///< on a crease or border, not a corner
+    bool lasting : 1 = false;  ///< ReferenceSurface::lasting_corners()
+    bool whole : 1 = true;     ///< all its faces are in the block
   };
   /// An edge by the corner opposite it, and how long it is.
   struct Edge {
@@ -93,6 +99,7 @@ class Remesher {
   bool split_if_free(const Edge& e, RemeshReport& report);
   bool is_split_sound(std::uint32_t c, const Double3& at) const;
   bool too_thin_to_split(std::uint32_t c) const;
+  Double3 split_place(const Edge& e, Info& info) const;
   bool split(const Edge& e);
   void refine(RemeshReport& report);
   bool is_as_before(const CollapseFace& face) const;
@@ -139,6 +146,7 @@ class Remesher {
   Double3 wish_for_cells(std::uint32_t v) const;
   void even_cells(RemeshReport& report);
   void finish(RemeshReport& report);
+  std::pair<Double3, Double3> directions_at(std::uint32_t v) const;
   void raise_angles(RemeshReport& report);
   void raise_rounds(RemeshReport& report);
   std::vector<std::uint32_t> sharp_faces() const;
@@ -157,7 +165,34 @@ class Remesher {
   bool flip_cap(std::uint32_t f, RemeshReport& report);
   void recount_after_cap(std::uint32_t v);
   bool shift_sharp(std::uint32_t v, RemeshReport& report);
+  template <class IsBetter>
+  bool move_if(std::uint32_t v, const Double3& to, RemeshReport& report, const IsBetter& is_better);
   bool move_if_rounder(std::uint32_t v, const Double3& to, double before, RemeshReport& report);
+  struct Sharpest;
+  struct EvenStep;
+  void even_lengths(RemeshReport& report);
+  void even_rounds(RemeshReport& report);
+  bool even_round(bool splits, bool last, RemeshReport& report);
+  bool is_held_uneven(std::uint32_t a, std::uint32_t b) const;
+  std::vector<std::array<std::uint32_t, 2>> uneven_edges() const;
+  bool is_uneven(std::uint32_t a, std::uint32_t b) const;
+  void renew_mean(std::uint32_t v);
+  void renew_around(std::uint32_t v);
+  std::size_t even_edge(std::uint32_t a, std::uint32_t b, RemeshReport& report);
+  Sharpest sharpest_around(const Double3& p) const;
+  bool place_even(std::uint32_t v, RemeshReport& report);
+  bool flip_or_collapse(std::span<const std::uint32_t> vertices, RemeshReport& report);
+  bool flip_even(std::uint32_t c, RemeshReport& report);
+  bool collapse_even(std::uint32_t u, std::uint32_t v, RemeshReport& report);
+  std::size_t split_uneven(bool last, RemeshReport& report);
+  bool split_even(std::uint32_t c, RemeshReport& report);
+  void tell_uneven(RemeshReport& report) const;
+  bool keeps_near(std::span<const std::uint32_t> faces, std::span<const NewFace> made,
+                  RemeshReport& report) const;
+  bool keeps_angles(std::span<const std::uint32_t> faces, std::span<const NewFace> made) const;
+  std::vector<std::uint32_t> faces_of_star() const;
+  std::vector<NewFace> faces_at(std::span<const std::uint32_t> faces) const;
+  void hand_points_on(std::span<const std::uint32_t> faces, std::span<const std::uint32_t> made);
   double sharpness_without(std::uint32_t v) const;
   bool collapse_sharp(std::uint32_t f, RemeshReport& report);
   bool release_weak_creases(std::uint32_t v);
@@ -173,7 +208,7 @@ class Remesher {
   bool within(const NewFace& f, unsigned new_edges) const;
   bool near_at_points(const NewFace& f, unsigned new_edges, double limit, std::uint32_t hint) const;
   double bulge(const NewFace& f, std::uint32_t& hint) const;
-  bool beyond(std::uint32_t f) const;
+  bool beyond(const NewFace& face) const;
   bool near_enough(const Double3& p, double limit, std::uint32_t& hint) const;
   void set_target(Info& info, const Double3& at) const;
 
@@ -186,10 +221,15 @@ class Remesher {
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;
   bool mending_ = false, refining_ = false;
-  double refine_limit_ = 0.0;  ///< how far mesh and reference may be from each other
-  double sharp_above_ = 1.0;   ///< squared cosine of min_angle_deg, with room for rounding
-  bool blunting_ = false;      ///< of edges so short that shapes around them tell nothing
-  std::vector<double> cells_;  ///< per vertex: the area of its cell, in the last relaxations
+  double refine_limit_;               ///< how far mesh and reference may be from each other in the end
+  double sharp_above_ = 1.0;          ///< squared cosine of min_angle_deg, with room for rounding
+  CoveredPoints* covered_ = nullptr;  ///< while lengths are evened within a tolerance that is proven
+  EdgeRatios* ratios_ = nullptr;      ///< while lengths are evened
+  double always_sharpness_ = 1.0;     ///< squared cosine of kept_angle_deg, with room
+  double kept_sharpness_ = 1.0;       ///< squared cosine of kept_angle_deg, with room
+  std::vector<std::uint8_t> locked_;  ///< per vertex: the tolerance refused a step at an uneven edge there
+  bool blunting_ = false;             ///< of edges so short that shapes around them tell nothing
+  std::vector<double> cells_;         ///< per vertex: the area of its cell, in the last relaxations
   int round_ = 0;
   std::vector<std::uint8_t> changed_;  ///< per vertex: the round behind the last one that changed its star
   CrossingGuard guard_;
@@ -202,5 +242,21 @@ class Remesher {
   std::size_t live_faces_ = 0;
   Star star_;
 };
+
+/// Moves the vertex of the gathered star, and back again where that is no better than it was.
+template <class IsBetter>
+bool Remesher::move_if(std::uint32_t v, const Double3& to, RemeshReport& report, const IsBetter& is_better) {
+  const Double3 old = mesh_.at(v);
+  const Info kept = info_[v];
+  if (!move_vertex(v, to, report)) return false;
+  if (is_better()) {
+    ++report.moves;
+    return true;
+  }
+  mesh_.node(v).at = old;
+  if (guarded_) guard_.accept();
+  info_[v] = kept;
+  return false;
+}
 
 }  // namespace tessera

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "kernels/remesh/place_search.h"
 #include "kernels/remesh/remesher.h"
 #include "kernels/remesh/triangle_quality.h"
 #include "octree/portable_math.h"
@@ -22,17 +23,9 @@ constexpr int kRaiseRounds = 16;
 constexpr int kWithoutSplits = 4;  ///< of them, the last: what splits left is made round
 constexpr int kBeforeRelease = 3;  ///< rounds that leave weak creases alone
 constexpr double kGain = 1e-4;     ///< of the squared cosine: less is not worth a step
-// Places are looked for in steps of shares of the mean length of the spokes, in eight directions.
+// Places are looked for in steps of shares of the mean length of the spokes.
 constexpr double kFirstStep = 0.3, kLastStep = 0.01;
 constexpr int kSteps = 40;
-constexpr std::array<std::array<double, 2>, 8> kDirections = {{{1, 0},
-                                                               {0.7071, 0.7071},
-                                                               {0, 1},
-                                                               {-0.7071, 0.7071},
-                                                               {-1, 0},
-                                                               {-0.7071, -0.7071},
-                                                               {0, -1},
-                                                               {0.7071, -0.7071}}};
 constexpr double kLongestRaised = 2.0;  ///< targets: no edge gets longer by a collapse
 constexpr double kShortestSplit = 0.1;  ///< targets: of what is split
 constexpr int kPath = 8;                ///< faces from a sharp one to the edge that is longest on both sides
@@ -161,16 +154,13 @@ void Remesher::raise(std::uint32_t f, bool last_resort, RemeshReport& report) {
   if (released && !is_between_lines(f)) try_all();
 }
 
-/// Where the sharpest angle around the gathered star is least sharp, in the plane across its normal or along its line.
-Double3 Remesher::best_place(std::uint32_t v) const {
+/// Where the centre of the gathered star may go: in the plane across its normal, or along its line.
+std::pair<Double3, Double3> Remesher::directions_at(std::uint32_t v) const {
   const Double3 old = mesh_.at(v);
   Double3 normal{}, ends[2] = {old, old};
-  double length = 0.0;
   std::size_t line_ends = 0;
-  const std::size_t size = star_.ring_size();
-  for (std::size_t i = 0; i < size; ++i) {
+  for (std::size_t i = 0; i < star_.ring_size(); ++i) {
     const Double3 spoke = mesh_.at(star_.ring[i]) - old;
-    length += norm(spoke) / static_cast<double>(size);
     if (i < star_.faces) normal = normal + cross(spoke, mesh_.at(star_.ring[star_.following(i)]) - old);
     const bool line = star_.closed ? is_crease_spoke(mesh_, star_, i) : is_border_spoke(star_, i);
     if (info_[v].line && line && line_ends < 2) ends[line_ends++] = mesh_.at(star_.ring[i]);
@@ -183,21 +173,18 @@ Double3 Remesher::best_place(std::uint32_t v) const {
     x = unit_or_zero(x - normal * dot(x, normal));
     y = cross(normal, x);
   }
-  Double3 best = old;
-  double least = star_sharpness(old), width = kFirstStep * length;
-  for (int i = 0; i < kSteps && width > kLastStep * length; ++i) {
-    const Double3 from = best;
-    double found = least - kGain;
-    for (const auto& d : kDirections) {
-      const Double3 p = from + (x * d[0] + y * d[1]) * width;
-      if (const double s = star_sharpness(p); s < found) found = s, best = p;
-    }
-    if (best == from)
-      width *= 0.5;
-    else
-      least = found;
-  }
-  return best;
+  return {x, y};
+}
+
+/// Where the sharpest angle around the gathered star is least sharp.
+Double3 Remesher::best_place(std::uint32_t v) const {
+  const Double3 old = mesh_.at(v);
+  const std::size_t size = star_.ring_size();
+  double length = 0.0;
+  for (std::size_t i = 0; i < size; ++i)
+    length += norm(mesh_.at(star_.ring[i]) - old) / static_cast<double>(size);
+  return search_place(old, directions_at(v), {kFirstStep * length, kLastStep * length, kSteps, kGain},
+                      star_sharpness(old), [&](const Double3& p) { return star_sharpness(p); });
 }
 
 bool Remesher::place_best(std::uint32_t v, RemeshReport& report) {

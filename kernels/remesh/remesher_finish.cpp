@@ -232,19 +232,8 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
   return move_if_rounder(v, *best, before, report);
 }
 
-/// Moves the vertex of the gathered star, and back again where that gets no rounder than it was.
 bool Remesher::move_if_rounder(std::uint32_t v, const Double3& to, double before, RemeshReport& report) {
-  const Double3 old = mesh_.at(v);
-  const Info kept = info_[v];
-  if (!move_vertex(v, to, report)) return false;
-  if (star_sharpness(mesh_.at(v)) < before) {
-    ++report.moves;
-    return true;
-  }
-  mesh_.node(v).at = old;
-  if (guarded_) guard_.accept();
-  info_[v] = kept;
-  return false;
+  return move_if(v, to, report, [&] { return star_sharpness(mesh_.at(v)) < before; });
 }
 
 /// Of the faces that are left of the gathered star once its vertex lies at v.

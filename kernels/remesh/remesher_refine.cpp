@@ -20,7 +20,6 @@ constexpr double kOutside = 4.0;  ///< tolerances: what is farther away lies bes
 
 void Remesher::refine(RemeshReport& report) {
   refining_ = true;
-  refine_limit_ = options_.refine_beyond ? options_.tolerance : options_.refine_within;
   std::size_t most_splits = options_.refine_beyond ? std::numeric_limits<std::size_t>::max()
                                                    : live_faces_ / kFacesPerSplit + kAlwaysSplits;
   changed_.assign(info_.size(), 0);
@@ -66,14 +65,14 @@ void Remesher::want_beyond(std::vector<std::uint8_t>& wanted) const {
     step();
     const CollapseFace& face = mesh_.face(f);
     if ((face.state & kStateDead) || is_as_before(face)) continue;
-    if (beyond(f)) wanted[f] = static_cast<std::uint8_t>(1u << longest_corner(f));
+    const std::uint32_t* v = face.vertex;
+    if (beyond({{v[0], v[1], v[2]}, {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}}))
+      wanted[f] = static_cast<std::uint8_t>(1u << longest_corner(f));
   }
 }
 
 /// Whether a point of the face lies beyond the tolerance: like within(), of more points.
-bool Remesher::beyond(std::uint32_t f) const {
-  const std::uint32_t* v = mesh_.face(f).vertex;
-  const NewFace face{{v[0], v[1], v[2]}, {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}};
+bool Remesher::beyond(const NewFace& face) const {
   std::uint32_t hint = ReferenceSurface::kNone;
   const double limit = refine_limit_;
   if (bulge(face, hint) < 0.5 * limit) return false;

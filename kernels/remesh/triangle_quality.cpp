@@ -81,6 +81,50 @@ void TriangleQuality::add(const MeshBlock& block, double target) {
     ++cells[bin];
     cell_sums[bin] += rounded(share * 1e6);
   }
+  const std::vector<double> mean = mean_edges(block);
+  for (std::size_t f = 0; f < block.faces.size(); ++f)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double ratio = length_ratio(mean[block.faces[f][k]], mean[block.faces[f][(k + 1) % 3]]);
+      if (ratio == 0.0) continue;
+      const auto bin = static_cast<std::size_t>(std::fmin((ratio - 1.0) * 20.0, kRatioBins - 1.0));
+      ratios[bin] += block.face_flags[f] >> k & 1u ? 2 : 1;
+      largest_ratio = std::max(largest_ratio, rounded(ratio * 1e6));
+    }
+}
+
+std::vector<double> mean_edges(const MeshBlock& block) {
+  std::vector<double> sum(block.position.size(), 0.0);
+  std::vector<std::uint32_t> sides(block.position.size(), 0);
+  // Inner edges come twice, so those of borders count twice.
+  for (std::size_t f = 0; f < block.faces.size(); ++f)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t a = block.faces[f][k], b = block.faces[f][(k + 1) % 3];
+      const std::uint32_t times = block.face_flags[f] >> k & 1u ? 2 : 1;
+      const double length = times * norm(block.position[b] - block.position[a]);
+      sum[a] += length, sum[b] += length;
+      sides[a] += times, sides[b] += times;
+    }
+  const std::vector<std::uint8_t> complete = complete_stars(block);
+  for (std::size_t v = 0; v < sum.size(); ++v) sum[v] = complete[v] && sides[v] > 0 ? sum[v] / sides[v] : 0.0;
+  return sum;
+}
+
+UnevenEdges find_uneven(const MeshBlock& block, double max_ratio) {
+  UnevenEdges found;
+  found.at_face.assign(block.faces.size(), 0);
+  const std::vector<double> mean = mean_edges(block);
+  for (std::size_t f = 0; f < block.faces.size(); ++f)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double ratio = length_ratio(mean[block.faces[f][k]], mean[block.faces[f][(k + 1) % 3]]);
+      if (ratio == 0.0) continue;
+      const std::uint64_t sides = block.face_flags[f] >> k & 1u ? 2 : 1;
+      found.edges += sides;
+      if (!(ratio > max_ratio)) continue;
+      found.uneven += sides;
+      found.at_face[f] = 1;
+    }
+  found.edges /= 2, found.uneven /= 2;
+  return found;
 }
 
 SharpFaces count_sharp(const MeshBlock& block, double min_angle_deg) {
@@ -110,9 +154,10 @@ void TriangleQuality::merge(const TriangleQuality& o) {
     for (std::size_t i = 0; i < to.size(); ++i) to[i] += from[i];
   };
   sum(angles, o.angles), sum(minimum, o.minimum), sum(lengths, o.lengths), sum(valences, o.valences);
-  sum(cells, o.cells), sum(cell_sums, o.cell_sums);
+  sum(cells, o.cells), sum(cell_sums, o.cell_sums), sum(ratios, o.ratios);
   faces += o.faces, angle_off += o.angle_off, length_off += o.length_off, area_off += o.area_off;
   smallest = std::min(smallest, o.smallest);
+  largest_ratio = std::max(largest_ratio, o.largest_ratio);
 }
 
 /// Bins lie on one side of the mean, but for the one that holds it: that one counts as if all of it lay at its own mean.

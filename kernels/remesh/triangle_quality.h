@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "kernels/mesh/mesh_block.h"
 
@@ -32,6 +33,11 @@ struct TriangleQuality {
   /// Of the same vertices: the mixed Voronoi cell (Meyer et al. 2003) by its area, and the sum of the areas of every bin in
   /// 1e-6 of that hexagon. Where triangles are regular all are alike.
   std::array<std::uint64_t, kCellBins> cells{}, cell_sums{};
+  /// Of edges between vertices with complete stars, inner ones twice: the ratio of the larger to the smaller of the mean
+  /// edges of both, in steps of 0.05 from 1 on; the last one holds all above.
+  static constexpr std::size_t kRatioBins = 41;
+  std::array<std::uint64_t, kRatioBins> ratios{};
+  std::uint64_t largest_ratio = 0;  ///< in 1e-6
   std::uint64_t faces = 0;
   std::uint64_t angle_off = 0;      ///< sum of |angle - 60|, millidegrees
   std::uint64_t length_off = 0;     ///< sum of |length - target| in 1e-6 targets
@@ -51,6 +57,8 @@ struct TriangleQuality {
     field("smallest", self.smallest);
     field("cells", self.cells);
     field("cell_sums", self.cell_sums);
+    field("ratios", self.ratios);
+    field("largest_ratio", self.largest_ratio);
   }
   /// Adds all faces of a block. \param target  length of edges, > 0
   void add(const MeshBlock& block, double target);
@@ -58,6 +66,21 @@ struct TriangleQuality {
   /// Mean |area - mean area| of Voronoi cells in mean areas: Botsch's thesis, fig. 3.9. 0 without vertices.
   double mean_cell_deviation() const;
 };
+
+/// Per vertex the mean length of its edges; 0 where the block has not all of them.
+[[nodiscard]] std::vector<double> mean_edges(const MeshBlock& block);
+
+/// Of two means: 1 and more, 0 where one is not known.
+[[nodiscard]] inline double length_ratio(double a, double b) {
+  return a > 0.0 && b > 0.0 ? std::max(a, b) / std::min(a, b) : 0.0;
+}
+
+/// Edges between vertices with complete stars.
+struct UnevenEdges {
+  std::uint64_t edges = 0, uneven = 0;  ///< all, and those with a larger ratio
+  std::vector<std::uint8_t> at_face;    ///< per face of the block: it has such an edge
+};
+[[nodiscard]] UnevenEdges find_uneven(const MeshBlock& block, double max_ratio);
 
 struct SharpFaces {
   std::uint64_t faces = 0;  ///< with an angle below

@@ -290,6 +290,21 @@ std::string quality_figures(const Json& quality) {
   return text;
 }
 
+/// Of remeshing with --adaptive.
+std::string length_ratio_figures(const Json& ratios) {
+  Rows rows;
+  for (const auto& [key, name] :
+       {std::pair{"/asked", "largest ratio of the mean edges of neighbours that is aimed at"},
+        {"/beyond_before", "edges beyond it before lengths were evened"},
+        {"/beyond", "edges beyond it"},
+        {"/at_lines", "of them between vertices on creases or borders"},
+        {"/at_tolerance", "of them where the tolerance locks them"},
+        {"/held", "of them beside faces of the input, kept for the proof"}})
+    if (const Json& figure = value_at(ratios, key); figure.is_number())
+      rows.emplace_back(name, number_text(figure.get<double>()));
+  return rows.empty() ? "" : html::table(rows);
+}
+
 /// Of remeshing with --min-angle.
 std::string small_angle_figures(const Json& angles) {
   Rows rows;
@@ -308,8 +323,9 @@ std::string small_angle_figures(const Json& angles) {
 }  // namespace
 
 std::string shape_figures(const Json& report, const PageParts& parts) {
-  std::string text =
-      quality_figures(value_at(report, "/quality")) + small_angle_figures(value_at(report, "/small_angles"));
+  std::string text = quality_figures(value_at(report, "/quality")) +
+                     length_ratio_figures(value_at(report, "/length_ratios")) +
+                     small_angle_figures(value_at(report, "/small_angles"));
   if (parts.preview) {
     const PreviewMesh& p = *parts.preview;
     std::vector<std::string> degrees;

@@ -13,6 +13,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_finish.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_needles.cpp", "kernels/remesh/remesher.h"},
+      {"kernels/remesh/remesher_ratios.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_refine.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_relax.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_valence.cpp", "kernels/remesh/remesher.h"},

@@ -179,6 +179,37 @@ TEST_CASE("remesh: no angle below the one asked for, proven, the same whatever m
   CHECK_FALSE(report_of(out).contains("small_angles"));
 }
 
+TEST_CASE("remesh: lengths that adapt are evened, what is left is told, the same whatever must not matter",
+          "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "out.ply";
+  const auto run = [&](const fs::path& from, std::vector<std::string> more) {
+    fs::remove(out);
+    more.insert(more.end(), {"--tolerance", "0.05", "--adaptive", "--block-faces", "16384"});
+    const CommandResult r = tessera_command(words(from, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return file_bytes(out);
+  };
+  const std::string bytes = run(in, {"-t", "1", "--memory", "1G"});
+  const Json report = report_of(out), ratios = report.at("length_ratios"), quality = report.at("quality");
+  CHECK(report.at("certificate").at("proven") == true);
+  CHECK(ratios.at("asked") == 1.5);
+  const auto count = [&](const char* key) { return ratios.at(key).get<double>(); };
+  CHECK(count("beyond_before") > 20);
+  CHECK(count("beyond") < 0.25 * count("beyond_before"));  // creases and borders of the waves keep some
+  CHECK(count("held") + count("at_lines") + count("at_tolerance") <= count("beyond"));
+  CHECK(count("edges") > 0.9 * 1.5 * report.at("mesh").at("faces").get<double>());
+  CHECK(quality.at("uneven_edge_share").get<double>() == Approx(count("beyond") / count("edges")));
+  CHECK(checked(out).defects().empty());
+  CHECK(run(in, {"-t", "3", "--memory", "400M", "--tile-size", "128"}) == bytes);
+  CHECK(run(write_waves(folder.path() / "back.ply", true), {"-t", "2", "--memory", "1G"}) == bytes);
+  fs::remove(out);
+  REQUIRE(tessera_command(words(in, out, {"--edge", "3"})).code == 0);
+  CHECK_FALSE(report_of(out).contains("length_ratios"));
+  CHECK(report_of(out).at("quality").at("largest_length_ratio").get<double>() > 1.0);
+}
+
 TEST_CASE("remesh: even angles or even areas, at the other's expense", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");
@@ -354,6 +385,10 @@ TEST_CASE("remesh: options and inputs that make no sense are refused with one se
   refused(2, in, {"--adaptive", "--tolerance", "0.1", "--edge", "1"});
   refused(2, in, {"--edge", "1", "--max-edge", "2"});
   refused(2, in, {"--adaptive", "--tolerance", "0.1", "--min-edge", "2", "--max-edge", "1"});
+  // Keys of new vertices tell eight passes apart.
+  refused(2, in, {"--adaptive", "--tolerance", "0.1", "--passes", "7"});
+  refused(2, in, {"--edge", "1", "--min-angle", "30", "--passes", "7"});
+  refused(2, in, {"--adaptive", "--tolerance", "0.1", "--min-angle", "30", "--passes", "5"});
   refused(2, in, {"--edge", "1e-9"});
   refused(4, in, {"--edge", "0.02", "--memory", "300M"});
   spill(folder.path() / "points.off", "OFF 3 1 0\n0 0 0\n0 0 0\n1 0 0\n3 0 1 2\n");

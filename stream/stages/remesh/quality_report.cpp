@@ -23,6 +23,15 @@ Json quality_report(const TriangleQuality& q, double target) {
     out["mean_voronoi_area_deviation"] = q.mean_cell_deviation();
     out["voronoi_areas_by_100th_of_hexagon"] = q.cells;
   }
+  std::uint64_t edges = 0, uneven = 0;
+  constexpr std::size_t kEven = 10;  // 1.5
+  for (std::size_t i = 0; i < q.ratios.size(); ++i)
+    edges += q.ratios[i], uneven += i < kEven ? 0 : q.ratios[i];
+  if (edges > 0) {
+    out["uneven_edge_share"] = static_cast<double>(uneven) / static_cast<double>(edges);
+    out["largest_length_ratio"] = static_cast<double>(q.largest_ratio) * 1e-6;
+    out["length_ratios_by_20th"] = q.ratios;
+  }
   out["angles_by_degree"] = q.angles;
   out["smallest_angles_by_degree"] = q.minimum;
   out["edges_by_50th_of_length"] = q.lengths;
@@ -43,6 +52,18 @@ Json remesh_counts(const RemeshReport& r) {
           {"refused_by_crossing", r.by_crossing},
           {"guards_spent", r.guard_spent ? 1 : 0},
           {"refused_by_room", r.by_capacity}};
+}
+
+Json raised_counts(const RemeshReport& r) {
+  return {
+      {"sharp_in", r.sharp_in}, {"sharp_held", r.sharp_held}, {"sharp_by_tolerance", r.sharp_by_tolerance}};
+}
+
+Json evened_counts(const RemeshReport& r) {
+  return {{"uneven_in", r.uneven_in},
+          {"uneven_held", r.uneven_held},
+          {"uneven_at_lines", r.uneven_at_lines},
+          {"uneven_by_tolerance", r.uneven_by_tolerance}};
 }
 
 }  // namespace tessera

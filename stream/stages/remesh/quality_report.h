@@ -13,5 +13,8 @@ Json quality_report(const TriangleQuality& quality, double target);
 
 /// What remeshing a block did and refused, as the journal and the report count it.
 [[nodiscard]] Json remesh_counts(const RemeshReport& r);
+// In addition, of passes that raise angles and of those that even lengths.
+Json raised_counts(const RemeshReport& report);
+Json evened_counts(const RemeshReport& report);
 
 }  // namespace tessera

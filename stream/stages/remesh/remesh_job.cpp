@@ -46,12 +46,33 @@ Json small_angles(const RemeshJobOptions& options, const Json& stages) {
     const auto count = [&](const char* key) { return r.value(key, std::uint64_t{0}); };
     if (stage.at("name") == first)
       out.update({{"faces_before", count("faces_in")}, {"below_before", count("sharp_in")}});
-    if (!r.contains("sharp_left")) continue;
-    out.update({{"faces", count("faces_out")},
-                {"below", count("sharp_left")},
-                {"between_lines", count("sharp_between_lines")},
-                {"held", count("sharp_held")},
-                {"at_tolerance", count("sharp_by_tolerance")}});
+    // Passes that even lengths may come behind those that raise angles.
+    if (r.contains("sharp_in"))
+      out.update({{"held", count("sharp_held")}, {"at_tolerance", count("sharp_by_tolerance")}});
+    if (r.contains("sharp_left"))
+      out.update({{"faces", count("faces_out")},
+                  {"below", count("sharp_left")},
+                  {"between_lines", count("sharp_between_lines")}});
+  }
+  return out;
+}
+
+/// What became of edges between vertices whose mean edges differ by more than they may where lengths adapt: before in the
+/// first round, left in the last one.
+Json length_ratios(const RemeshJobOptions& options, const Json& stages) {
+  Json out = {{"asked", RemeshJobOptions::kMaxLengthRatio}};
+  const std::string first = SimplifyPass{options.first_even_pass(), 0, false}.stage_name();
+  for (const Json& stage : stages) {
+    const Json& r = stage.at("result");
+    if (!r.is_object()) continue;
+    const auto count = [&](const char* key) { return r.value(key, std::uint64_t{0}); };
+    if (stage.at("name") == first) out["beyond_before"] = count("uneven_in");
+    if (!r.contains("uneven_left")) continue;
+    out.update({{"edges", count("edges_seen")},
+                {"beyond", count("uneven_left")},
+                {"held", count("uneven_held")},
+                {"at_lines", count("uneven_at_lines")},
+                {"at_tolerance", count("uneven_by_tolerance")}});
   }
   return out;
 }
@@ -65,6 +86,7 @@ void summarise(const RemeshJobOptions& options, Json& report) {
   for (const Json& stage : report.at("stages"))
     if (stage.at("result").is_object() && stage.at("result").contains("quality"))
       report["quality"] = stage.at("result").at("quality");
+  if (options.adaptive) report["length_ratios"] = length_ratios(options, report.at("stages"));
   if (options.min_angle_deg > 0.0) report["small_angles"] = small_angles(options, report.at("stages"));
 }
 
@@ -168,8 +190,8 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
       for (const StageNeed& need : crossing_needs(input, mesh, remesh_source(options).brick_vertices))
         needs.push_back(need);
     for (int p = 0; p < options.all_passes(); ++p)
-      needs.push_back({SimplifyPass{p, 0, false}.stage_name(), remesh_pass_bytes(options, mesh.faces, 1),
-                       remesh_pass_bytes(options, mesh.faces, 2 * kMaxAround)});
+      needs.push_back({SimplifyPass{p, 0, false}.stage_name(), remesh_pass_bytes(options, mesh.faces, 1, p),
+                       remesh_pass_bytes(options, mesh.faces, 2 * kMaxAround, p)});
     // What comes out is decimated no further.
     for (const StageNeed& need : proof_needs(state.run, mesh.faces, std::max(mesh.faces, options.faces),
                                              remesh_source(options).brick_vertices))

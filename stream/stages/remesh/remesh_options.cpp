@@ -44,8 +44,11 @@ OptionTable option_table(RemeshJobOptions& o) {
         "that "
         "the distance comes to about a tenth of them")
       .at_least(0);
-  t.add("adaptive", &o.adaptive,
-        "edges are short where the surface bends and long where it does not, as the tolerance asks for");
+  t.add(
+      "adaptive", &o.adaptive,
+      "edges are short where the surface bends and long where it does not, as the tolerance asks for; in two "
+      "more passes lengths of neighbours are evened to 1 : 1.5, as far as the tolerance and creases allow, "
+      "what is left is told");
   t.add("min-edge", &o.min_edge, "adaptive: shortest length, units of the mesh; 0 = from the curvature")
       .at_least(0);
   t.add("max-edge", &o.max_edge, "adaptive: longest length, units of the mesh; 0 = from the curvature")
@@ -88,9 +91,12 @@ OptionTable option_table(RemeshJobOptions& o) {
 void RemeshJobOptions::validate() const {
   if (edge == 0.0 && faces == 0 && tolerance == 0.0)
     throw UsageError("give --edge, --faces or --tolerance above 0: nothing says how long edges are to be");
-  if (min_angle_deg > 0.0 && all_passes() > kMostPasses)
-    throw UsageError("--min-angle adds two passes: give --passes of at most " +
-                     std::to_string(kMostPasses - kAnglePasses));
+  if (all_passes() > kMostPasses)
+    throw UsageError(std::string(min_angle_deg > 0.0 && adaptive
+                                     ? "--adaptive and --min-angle add two passes each"
+                                 : adaptive ? "--adaptive adds two passes"
+                                            : "--min-angle adds two passes") +
+                     ": give --passes of at most " + std::to_string(kMostPasses - all_passes() + passes));
   if (adaptive && !(tolerance > 0.0))
     throw UsageError("--adaptive wants --tolerance above 0: lengths follow from it and the curvature");
   if (adaptive && (edge > 0.0 || faces > 0))

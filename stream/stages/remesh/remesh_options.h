@@ -27,9 +27,13 @@ struct RemeshJobOptions {
 
   /// Without a tolerance a number of faces is kept by edges as long as it takes.
   bool keeps_faces() const { return faces > 0 && !(tolerance > 0.0); }
-  /// With those that raise angles: two, so that the seams of the first lie inside the blocks of the second.
-  int all_passes() const { return passes + (min_angle_deg > 0.0 ? kAnglePasses : 0); }
-  static constexpr int kAnglePasses = 2;
+  /// With those that raise angles and those that even lengths which adapt: two each, so that the seams of the first lie
+  /// inside the blocks of the second.
+  int all_passes() const { return first_even_pass() + (adaptive ? kExtraPasses : 0); }
+  int first_even_pass() const { return passes + (min_angle_deg > 0.0 ? kExtraPasses : 0); }
+  bool evens_in(int pass) const { return pass >= first_even_pass(); }
+  static constexpr int kExtraPasses = 2;
+  static constexpr double kMaxLengthRatio = 1.5;  ///< of the mean edges of neighbours, where lengths adapt
   /// \throws UsageError naming the option
   void validate() const;
   /// Whether edges that follow the surface closely are to keep within a tenth of their length of it.

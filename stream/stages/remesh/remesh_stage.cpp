@@ -55,12 +55,6 @@ std::uint64_t first_new_key(const SimplifyPass& pass, std::size_t block) {
          static_cast<std::uint64_t>(pass.pass) << 58 | static_cast<std::uint64_t>(block) << 32;
 }
 
-/// Of passes that raise angles, in addition.
-Json raised_to_json(const RemeshReport& r) {
-  return {
-      {"sharp_in", r.sharp_in}, {"sharp_held", r.sharp_held}, {"sharp_by_tolerance", r.sharp_by_tolerance}};
-}
-
 class RemeshStage : public Stage {
  public:
   RemeshStage(const JobState& state, const RemeshJobOptions& options, const SimplifyStores& stores,
@@ -81,6 +75,10 @@ class RemeshStage : public Stage {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, sizing_.fine, !in_.info().double_positions);
     kernel_.find_creases = pass_.pass == 0;
     if (raises()) kernel_.min_angle_deg = options_.min_angle_deg;
+    if (evens()) {
+      kernel_.max_length_ratio = RemeshJobOptions::kMaxLengthRatio;
+      kernel_.kept_angle_deg = std::max(kernel_.kept_angle_deg, options_.min_angle_deg);
+    }
     sharp_above_ = std::pow(cosine_of_degrees(options_.min_angle_deg), 2.0);
     if (options_.keeps_faces()) {
       // A round that leaves far more is done anew or refused, and the end of a pass takes some away.
@@ -225,16 +223,23 @@ class RemeshStage : public Stage {
   void judge_block(const MeshBlock& block, TriangleQuality& quality, Json& sum) const {
     if (!is_last()) return;
     quality.add(block, sizing_.edge);
-    if (!raises()) return;
+    if (options_.adaptive) {
+      const UnevenEdges left = find_uneven(block, RemeshJobOptions::kMaxLengthRatio);
+      add_counts(sum, {{"uneven_left", left.uneven}, {"edges_seen", left.edges}});
+    }
+    if (!(options_.min_angle_deg > 0.0)) return;
     const SharpFaces left = count_sharp(block, options_.min_angle_deg);
     add_counts(sum, {{"sharp_left", left.faces}, {"sharp_between_lines", left.between_lines}});
   }
-  /// Whether it is one of the passes behind the others.
-  bool raises() const { return pass_.pass >= options_.passes; }
+  // Whether it is one of the passes behind the others.
+  bool raises() const { return pass_.pass >= options_.passes && !evens(); }
+  bool evens() const { return options_.evens_in(pass_.pass); }
 
   /// The first pass does all of a block, later ones what lies near the seams of the ones before.
   Json remesh_block(std::size_t b, MeshBlock& block, std::uint64_t bytes, TaskContext& context) const {
+    const UnevenEdges uneven = evens() ? find_uneven(block, kernel_.max_length_ratio) : UnevenEdges{};
     const std::vector<std::uint8_t> near = near_active(block, [&](std::size_t f) {
+      if (evens()) return uneven.at_face[f] != 0;
       if (!raises()) return (block.face_flags[f] & kFaceDone) == 0;  // an earlier pass could not settle it
       const auto& t = block.faces[f];
       return sharpness(block.position[t[0]], block.position[t[1]], block.position[t[2]]) > sharp_above_;
@@ -259,7 +264,8 @@ class RemeshStage : public Stage {
       kernel.pause = [&context] { context.check_stop(); };
       const RemeshReport report = remesh(block, reference, kernel, pinned);
       add_counts(counts, remesh_counts(report));
-      if (raises()) add_counts(counts, raised_to_json(report));
+      if (raises()) add_counts(counts, raised_counts(report));
+      if (evens()) add_counts(counts, evened_counts(report));
       mark_done(block, seams, report);
     }
     if (!whole) {
@@ -274,8 +280,10 @@ class RemeshStage : public Stage {
   MeshBlock load_reference(const MeshBlockCut& cut, const MeshBlock& block, bool whole,
                            std::uint64_t bytes) const {
     const std::vector<std::uint8_t> all(block.faces.size(), 1);
-    NearFaceLoader near = whole || options_.adaptive ? NearFaceLoader(reference_, reference_box(cut))
-                                                     : NearFaceLoader(reference_, block, all, halo());
+    // Lengths that adapt follow from all that is around; to even them asks for none.
+    const bool all_around = whole || (options_.adaptive && !evens());
+    NearFaceLoader near = all_around ? NearFaceLoader(reference_, reference_box(cut))
+                                     : NearFaceLoader(reference_, block, all, halo());
     near.require_fits([&](std::uint64_t reference_bytes,
                           std::uint64_t faces) { return needed(cut, reference_bytes, faces); },
                       bytes, name());
@@ -285,7 +293,7 @@ class RemeshStage : public Stage {
   /// Of a block, with so much of the reference.
   std::uint64_t needed(const MeshBlockCut& cut, std::uint64_t reference_bytes, std::uint64_t faces) const {
     return remesh_task_bytes(in_.block_bytes(cut.patches) + reference_bytes, face_capacity(cut), faces,
-                             blocks_.failed_bytes());
+                             blocks_.failed_bytes(), evens());
   }
 
   std::uint64_t face_capacity(const MeshBlockCut& cut) const {
@@ -316,19 +324,20 @@ class RemeshStage : public Stage {
 }  // namespace
 
 std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t max_faces,
-                                std::uint64_t reference_faces, std::uint64_t failed_bytes) {
+                                std::uint64_t reference_faces, std::uint64_t failed_bytes, bool evens) {
   // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
-  return block_bytes + remesh_bytes(max_faces, reference_faces, true) + failed_bytes +
+  return block_bytes + remesh_bytes(max_faces, reference_faces, true, evens) + failed_bytes +
          DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
 }
 
-std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t faces, std::uint64_t around) {
+std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t faces, std::uint64_t around,
+                                int pass) {
   // With a length alone the mesh may become finer: as a rule not much.
   const std::uint64_t expected = std::max(faces, options.faces > 0 ? options.faces : 2 * faces);
   const std::uint64_t block = std::min(expected, options.block_faces);
   const std::uint64_t reference = std::min(faces, around * kRemeshReferenceBlocks * options.block_faces);
   return remesh_task_bytes(surface_block_bytes(block) + surface_block_bytes(reference),
-                           kCapacityFactor * block + kMinCapacity, reference, 0);
+                           kCapacityFactor * block + kMinCapacity, reference, 0, options.evens_in(pass));
 }
 
 std::vector<MeshBlockCut> remesh_blocks(const MeshStore& in, const MeshStore& reference,

@@ -17,11 +17,12 @@ inline constexpr std::uint64_t kRemeshReferenceBlocks = 4;
 
 /// What a task takes at most. \param block_bytes  MeshStore::block_bytes of its largest block and that block's reference
 std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t max_faces,
-                                std::uint64_t reference_faces, std::uint64_t failed_bytes);
+                                std::uint64_t reference_faces, std::uint64_t failed_bytes, bool evens);
 
 /// Of the largest task of a pass, told before there is a mesh.
 /// \param faces  of the mesh   \param around  as in simplify_pass_bytes()
-std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t faces, std::uint64_t around);
+std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t faces, std::uint64_t around,
+                                int pass);
 
 /// The blocks of a pass over `in`; a pure function of the tables of both stores.
 std::vector<MeshBlockCut> remesh_blocks(const MeshStore& in, const MeshStore& reference,

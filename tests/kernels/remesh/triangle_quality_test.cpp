@@ -2,7 +2,9 @@
 
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "tests/helpers/block_meshes.h"
 
@@ -46,6 +48,61 @@ TEST_CASE("triangle quality: Voronoi cells of uneven rows are off their mean by 
   q.add(block, 1.5);
   // Inner columns at x = 1 and 2: cells of 1 and 2, a third off their mean of 1.5.
   CHECK(q.mean_cell_deviation() == Approx(1.0 / 3.0).epsilon(1e-5));
+}
+
+TEST_CASE(
+    "triangle quality: edges between coarse and fine neighbours are found, those of seams are not judged",
+    "[unit]") {
+  // A step from columns a unit wide to such twice as wide.
+  MeshBlock block = grid_block(8, 6, [](double, double) { return 0.0; });
+  const auto means_of = [&](double wide) {
+    for (Double3& p : block.position) p[0] = p[0] > 4.0 ? 4.0 + wide * (p[0] - 4.0) : p[0];
+    return mean_edges(block);
+  };
+  const std::vector<double> even = means_of(1.0);
+  const double inside = (4.0 + 2.0 * std::sqrt(2.0)) / 6.0;
+  CHECK(even[2 * 9 + 2] == Approx(inside).epsilon(1e-12));
+  CHECK(even[2] == Approx((3.0 + std::sqrt(2.0)) / 4.0).epsilon(1e-12));
+  CHECK(find_uneven(block, 1.5).uneven == 0);
+
+  const std::vector<double> mean = means_of(6.0);
+  const UnevenEdges found = find_uneven(block, 1.5);
+  std::size_t expected = 0, edges = 0;
+  double largest = 1.0;
+  const auto ask = [&](std::size_t a, std::size_t b) {
+    const double ratio = length_ratio(mean[a], mean[b]);
+    ++edges;
+    expected += ratio > 1.5;
+    largest = std::max(largest, ratio);
+  };
+  for (std::size_t j = 0; j < 7; ++j)
+    for (std::size_t i = 0; i < 9; ++i) {
+      const std::size_t v = 9 * j + i;
+      if (i < 8) ask(v, v + 1);
+      if (j < 6) ask(v, v + 9);
+      // The diagonal that the square has.
+      if (i < 8 && j < 6) {
+        const bool rising = std::any_of(block.faces.begin(), block.faces.end(), [&](const auto& f) {
+          return std::find(f.begin(), f.end(), v) != f.end() &&
+                 std::find(f.begin(), f.end(), v + 10) != f.end();
+        });
+        rising ? ask(v, v + 10) : ask(v + 1, v + 9);
+      }
+    }
+  CHECK(expected > 10);
+  CHECK(found.edges == edges);
+  CHECK(found.uneven == expected);
+  TriangleQuality q;
+  q.add(block, 1.0);
+  std::uint64_t all = 0, beyond = 0;
+  for (std::size_t i = 0; i < q.ratios.size(); ++i) all += q.ratios[i], beyond += i < 10 ? 0 : q.ratios[i];
+  CHECK(all == 2 * edges);
+  CHECK(beyond == 2 * expected);
+  CHECK(static_cast<double>(q.largest_ratio) == Approx(1e6 * largest).margin(1.0));
+
+  const MeshBlock left = piece_of(block, [](std::uint32_t v) { return v % 9 < 6; });
+  const std::vector<double> part = mean_edges(left);
+  CHECK(std::count(part.begin(), part.end(), 0.0) == 7);  // the column at the seam
 }
 
 }  // namespace triangle_quality_test
