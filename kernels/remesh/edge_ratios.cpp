@@ -43,7 +43,7 @@ std::uint32_t EdgeRatios::local(std::uint32_t v) {
 }
 
 /// \returns the cost of the edges at these vertices
-double EdgeRatios::open(std::span<const std::uint32_t> changed) {
+double EdgeRatios::begin(std::span<const std::uint32_t> changed) {
   vertex_.clear(), local_sum_.clear(), local_degree_.clear(), edges_.clear();
   for (const std::uint32_t v : changed) local(v);
   bool known = true;
@@ -88,7 +88,7 @@ double EdgeRatios::flip_adds(std::uint32_t corner) {
   const std::uint32_t u = mesh_.vertex(corner), w = mesh_.vertex(mesh_.opposite(corner)),
                       a = mesh_.vertex(next_corner(corner)), b = mesh_.vertex(prev_corner(corner));
   const std::array<std::uint32_t, 4> changed = {u, a, w, b};
-  const double before = open(changed);
+  const double before = begin(changed);
   if (before == kNoRatio) return kNoRatio;
   drop(a, b);
   add(u, w, norm(mesh_.at(u) - mesh_.at(w)));
@@ -101,7 +101,7 @@ double EdgeRatios::split_adds(std::uint32_t corner, const Double3& at) {
   const std::array<std::uint32_t, 4> changed = {a, b, mesh_.vertex(corner),
                                                 across == kNoCorner ? kNoCorner : mesh_.vertex(across)};
   const std::span<const std::uint32_t> there(changed.data(), across == kNoCorner ? 3 : 4);
-  const double before = open(there);
+  const double before = begin(there);
   if (before == kNoRatio) return kNoRatio;
   drop(a, b);
   for (const std::uint32_t v : there) add(kNewVertex, v, norm(mesh_.at(v) - at));
@@ -111,7 +111,7 @@ double EdgeRatios::split_adds(std::uint32_t corner, const Double3& at) {
 double EdgeRatios::collapse_adds(const Star& star, std::size_t at) {
   const std::uint32_t u = mesh_.vertex(star.corner[0]), v = star.ring[at];
   const std::span<const std::uint32_t> ring(star.ring.data(), star.ring_size());
-  const double before = open(ring);
+  const double before = begin(ring);
   if (before == kNoRatio || !whole_[u]) return kNoRatio;
   for (const std::uint32_t w : ring) drop(u, w);
   for (std::size_t i = 0; i < ring.size(); ++i) {
@@ -127,7 +127,7 @@ double EdgeRatios::open_star(std::uint32_t v, const Star& star) {
   std::array<std::uint32_t, kMaxRing + 3> changed;
   changed[0] = v;
   std::copy_n(star.ring.begin(), star.ring_size(), changed.begin() + 1);
-  const double before = open({changed.data(), star.ring_size() + 1});
+  const double before = begin({changed.data(), star.ring_size() + 1});
   ring_.clear(), without_.clear();
   for (std::size_t i = 0; i < star.ring_size(); ++i) {
     ring_.push_back(mesh_.at(star.ring[i]));

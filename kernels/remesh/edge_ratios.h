@@ -43,7 +43,7 @@ class EdgeRatios {
   double move_costs(const Double3& p);
 
  private:
-  double open(std::span<const std::uint32_t> changed);
+  double begin(std::span<const std::uint32_t> changed);
   std::uint32_t local(std::uint32_t v);
   void drop(std::uint32_t a, std::uint32_t b);
   void add(std::uint32_t a, std::uint32_t b, double length);

@@ -57,9 +57,9 @@ struct RemeshOptions {
   std::uint64_t first_key = 0;  ///< of new vertices: this, the next, ...; above all others
   /// Above 0: faces with a smaller angle than that are worked on and nothing else is done: a pass behind all others.
   double min_angle_deg = 0.0;
-  /// Above 1: edges that join vertices whose mean edges differ by more are worked on and nothing else is done: a pass
-  /// behind all others. No step leaves more faces with an angle below kept_angle_deg, nor a sharper one among them; first
-  /// the same is kept with 30 and 25 degrees. With refine_beyond no point of the reference gets out of reach.
+  // Above 1: edges that join vertices whose mean edges differ by more are worked on and nothing else is done: a pass
+  // behind all others. No step leaves more faces with an angle below kept_angle_deg, nor a sharper one among them; first
+  // the same is kept with 30 and 25 degrees. With refine_beyond no point of the reference gets out of reach.
   double max_length_ratio = 0.0, kept_angle_deg = 20.0;
   /// Called every few thousand edges or vertices that were looked at; what it throws ends the work and leaves the block
   /// in no state to be used. Empty = never.
@@ -77,8 +77,8 @@ struct RemeshReport {
   /// With min_angle_deg: faces below it before, and of those left, but for such between lines that meet at a smaller angle:
   /// at vertices that stay, and refused something for the tolerance in the last try.
   std::size_t sharp_in = 0, sharp_held = 0, sharp_by_tolerance = 0;
-  /// With max_length_ratio: edges beyond it before, and of those left: beside faces that stay, between vertices on creases
-  /// or borders, and refused something for the tolerance in the last try.
+  // With max_length_ratio: edges beyond it before, and of those left: beside faces that stay, between vertices on creases
+  // or borders, and refused something for the tolerance in the last try.
   std::size_t uneven_in = 0, uneven_held = 0, uneven_at_lines = 0, uneven_by_tolerance = 0;
   bool guard_spent =
       false;  ///< boxes of its needles tell too few apart: what makes faces meet was refused up to some step alone

@@ -198,7 +198,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
     by("kernels/remesh/remesh", "kernels/remesh",
        {"reference_surface", "remesher", "remesher_angles", "remesher_areas", "remesher_checks",
-        "remesher_finish", "remesher_refine", "remesher_relax", "remesher_valence"});
+        "remesher_finish", "remesher_relax", "remesher_valence"});
     by("kernels/scene/scene", "kernels/scene",
        {"fractal_noise", "implicit_scene", "sample_source", "scene_models", "scene_smooth", "scene_solid",
         "sensor_source", "solid", "surface_sampler"});
@@ -244,7 +244,8 @@ const std::map<std::string, std::string>& covering_tests() {
         "edit_script", "pose_base", "shape_stage", "vertex_batches"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
-       {"quality_report", "remesh_job", "remesh_options", "remesh_region", "remesh_stage", "sizing_stage"});
+       {"quality_report", "remesh_job", "remesh_options", "remesh_region", "remesh_stage", "remesh_verdict",
+        "sizing_stage"});
     by("tools/resample", "stream/stages/resample",
        {"bends_stage", "blend_file", "blends_stage", "resample_apply_stage", "resample_files", "resample_job",
         "resample_options", "resample_scale_stage", "resample_stages"});

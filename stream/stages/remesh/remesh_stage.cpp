@@ -22,6 +22,7 @@
 #include "stream/stages/decimate/unsettled_region.h"
 #include "stream/stages/remesh/quality_report.h"
 #include "stream/stages/remesh/remesh_region.h"
+#include "stream/stages/remesh/remesh_verdict.h"
 
 namespace tessera {
 namespace {
@@ -29,17 +30,10 @@ namespace {
 constexpr std::uint64_t kTaskFaces = 1u << 17;  ///< of block and weight: a task is worth a file from here
 /// Splits come before collapses, so a block has more faces for a while than it will have.
 constexpr std::uint64_t kCapacityFactor = 3, kMinCapacity = 4096;
-/// Of the faces asked for, how many may come out, and how many more of a small number.
-constexpr double kMostTimesFaces = 1.2;
-constexpr std::uint64_t kAlwaysMoreFaces = 100;
 /// So many times the faces, of a block without seams that ran out of room, are needles, cut into pieces as long as they are wide.
-constexpr double kNeedleTimesFaces = 9.0 * kMostTimesFaces;
+constexpr double kNeedleTimesFaces = 9.0 * RemeshVerdict::kMostTimesFaces;
 /// So many times the faces it takes for no later step to bring them below what is refused.
 constexpr double kEndTimesFaces = 1.5;
-/// Percent of the faces: where more have an angle below 25 degrees the result is no better than what was given.
-constexpr double kMostNarrow = 25.0, kWarnOffDegrees = 8.0;
-/// Where edges could keep less near to the input.
-constexpr double kFinestNarrow = 1.0;
 /// Edges get longer as long as a round leaves no more than this share of what the one before left.
 constexpr double kWorthWhile = 0.95;
 /// What creases keep grows less than the square of the length tells.
@@ -62,6 +56,7 @@ class RemeshStage : public Stage {
       : options_(options),
         pass_(pass),
         sizing_(Sizing::of_work(state.work, pass.round)),
+        verdict_(options_, sizing_.edge),
         blocks_(state, stores, pass,
                 {options.tolerance,
                  std::max(options.tolerance, 0.25 * (options.adaptive ? sizing_.shortest : sizing_.edge)),
@@ -83,11 +78,11 @@ class RemeshStage : public Stage {
     if (options_.keeps_faces()) {
       // A round that leaves far more is done anew or refused, and the end of a pass takes some away.
       const auto times = [&](double most) {
-        return options_.faces + kAlwaysMoreFaces +
+        return options_.faces + RemeshVerdict::kAlwaysMoreFaces +
                static_cast<std::uint64_t>((kEndTimesFaces * most - 1.0) *
                                           static_cast<double>(options_.faces));
       };
-      kernel_.useless_faces = times(kMostTimesFaces);
+      kernel_.useless_faces = times(RemeshVerdict::kMostTimesFaces);
       if (pass_.pass == 0 && is_first_coarse()) kernel_.hopeless_faces = times(kNeedleTimesFaces);
     }
     largest_bytes_ = largest_guess_bytes(state.run.memory_bytes);
@@ -149,15 +144,16 @@ class RemeshStage : public Stage {
     }
     if (!is_last()) return refuse_needles(sum);
     sum["quality"] = quality_report(quality, sizing_.edge);
-    if (sizing_.fine && options_.keeps_faces() && (are_far_more(quality.faces) || is_poor(sum))) {
+    if (sizing_.fine && options_.keeps_faces() &&
+        (verdict_.are_far_more(quality.faces) || RemeshVerdict::is_poor(sum))) {
       write_durably(context.create(sizing_file(pass_.round + 1)), dump_json(sizing_.coarser().to_json()));
       sum["less_near"] = true;
       return sum;
     }
-    if (!are_far_more(quality.faces)) return judge_shape(sum);
+    if (!verdict_.are_far_more(quality.faces)) return verdict_.judge_shape(sum);
     const bool helped = sizing_.left == 0 ||
                         static_cast<double>(quality.faces) <= kWorthWhile * static_cast<double>(sizing_.left);
-    if (pass_.round + 1 == kMaxRounds || !helped) refuse_far_more(quality.faces);
+    if (pass_.round + 1 == kMaxRounds || !helped) verdict_.refuse_far_more(quality.faces);
     const double times =
         kLongerStill * std::sqrt(static_cast<double>(quality.faces) / static_cast<double>(options_.faces));
     const Sizing longer = sizing_.longer(times, quality.faces);
@@ -169,52 +165,12 @@ class RemeshStage : public Stage {
  private:
   /// Whether no edges were made longer yet, and none keep nearer to the input than they need.
   bool is_first_coarse() const { return !sizing_.fine && sizing_.left == 0; }
-  /// A tolerance asks for as many as it needs; edges of a length for as many as there are.
-  bool are_far_more(std::uint64_t faces, double times = kMostTimesFaces) const {
-    return options_.keeps_faces() && faces > options_.faces + kAlwaysMoreFaces &&
-           static_cast<double>(faces) > times * static_cast<double>(options_.faces);
-  }
-  /// \throws ValidationError  naming the way to get them all
-  [[noreturn]] void refuse_far_more(std::uint64_t faces) const {
-    throw ValidationError("--faces " + std::to_string(options_.faces) +
-                          " cannot be had: creases, borders and needles of this mesh keep " +
-                          std::to_string(faces) + " faces even where edges are to be " +
-                          number_text(sizing_.edge) + " long; ask for more, or give --edge " +
-                          number_text(sizing_.edge) + ", which takes as many as there are");
-  }
-  /// After the first pass of all: what later ones cannot make good. \throws ValidationError  as refuse_far_more()
+  /// After the first pass of all: what later ones cannot make good. \throws ValidationError  as RemeshVerdict::refuse_far_more()
   const Json& refuse_needles(const Json& sum) const {
     const auto count = [&](const char* key) { return sum.value(key, std::uint64_t{0}); };
     if (pass_.pass == 0 && is_first_coarse() && count("locked_vertices") == 0 &&
-        count("refused_by_room") > 0 && are_far_more(count("faces_out"), kNeedleTimesFaces))
-      refuse_far_more(count("faces_out"));
-    return sum;
-  }
-  static double off_degrees(const Json& sum) {
-    return sum.at("quality").value("mean_angle_deviation_deg", 0.0);
-  }
-  static double percent_narrow(const Json& sum) {
-    return 100.0 * sum.at("quality").value("share_below_25_deg", 0.0);
-  }
-  static bool is_poor(const Json& sum) {
-    return percent_narrow(sum) > kFinestNarrow || off_degrees(sum) > kWarnOffDegrees;
-  }
-  /// Warns of poor shapes. \throws ValidationError  where they are no shapes to go on with
-  const Json& judge_shape(Json& sum) const {
-    if (!options_.keeps_faces()) return sum;
-    const double off = off_degrees(sum), narrow = percent_narrow(sum);
-    const std::string
-        edge = number_text(sizing_.edge),
-        why = "creases, borders, needles or walls of this mesh lie closer together than edges of " + edge;
-    if (narrow > kMostNarrow)
-      throw ValidationError("--faces " + std::to_string(options_.faces) +
-                            " cannot be had with sound shapes: " + number_text(std::round(narrow)) +
-                            " % of the faces have an angle below 25 degrees; " + why +
-                            "; ask for more faces, try --crossings repair, or give --edge " + edge +
-                            ", which takes shapes as they come");
-    if (off > kWarnOffDegrees)
-      sum["warnings"] = {"angles are " + number_text(std::round(10.0 * off) / 10.0) +
-                         " degrees off 60 in the mean: " + why + "; more faces get better shapes"};
+        count("refused_by_room") > 0 && verdict_.are_far_more(count("faces_out"), kNeedleTimesFaces))
+      verdict_.refuse_far_more(count("faces_out"));
     return sum;
   }
   /// Of the round: the shape of what it leaves is told.
@@ -313,6 +269,7 @@ class RemeshStage : public Stage {
   RemeshJobOptions options_;
   SimplifyPass pass_;
   Sizing sizing_;
+  RemeshVerdict verdict_;
   RemeshOptions kernel_;
   double sharp_above_ = 1.0;         ///< squared cosine of the angle asked for
   std::uint64_t largest_bytes_ = 0;  ///< of the cap, for one task

@@ -162,8 +162,11 @@ class SizingStage : public Stage {
       sizing.faces.emplace(store_.patches()[p].key, static_cast<std::uint64_t>(faces));
     }
     write_durably(context.create(sizing_file(0)), dump_json(sizing.to_json()));
-    Json result = {
-        {"edge", edge}, {"shortest_edge", shortest}, {"area", area}, {"expected_faces", area / face}};
+    Json result = {{"edge", edge},
+                   {"shortest_edge", shortest},
+                   {"area", area},
+                   {"expected_faces", area / face},
+                   {"follows_closely", sizing.fine}};
     if (edge > 0.5 * store_.diagonal())
       result["warnings"] = {"edges of " + number_text(edge) + " are longer than half of the mesh, which is " +
                             number_text(store_.diagonal()) + " wide: hardly a face can be so large"};
