@@ -36,13 +36,12 @@ OptionTable option_table(RemeshJobOptions& o) {
         "times, where creases, borders and needles keep more than 1.2 times as many, and the exit code is 6 "
         "where "
         "that does not help");
-  t.add("tolerance", &o.tolerance,
-        "largest distance between result and input, both ways, units of the mesh; alone: the length of the "
-        "edges "
-        "follows from it and the curvature; 0 = the distance is measured and reported, single operations "
-        "keep within a fifth of the edges, or where these follow nearly all of the surface closely so near "
-        "that "
-        "the distance comes to about a tenth of them")
+  t.add(
+       "tolerance", &o.tolerance,
+       "largest distance between result and input, both ways, units of the mesh; alone: the length of the "
+       "edges follows from it and the curvature; 0 = the distance is measured and reported, single "
+       "operations keep within a fifth of the edges, or so near that the distance comes to about a tenth of "
+       "them where they follow nearly all of the surface closely and neither --even nor --min-angle is given")
       .at_least(0);
   t.add(
       "adaptive", &o.adaptive,

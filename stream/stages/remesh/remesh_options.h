@@ -36,8 +36,9 @@ struct RemeshJobOptions {
   static constexpr double kMaxLengthRatio = 1.5;  ///< of the mean edges of neighbours, where lengths adapt
   /// \throws UsageError naming the option
   void validate() const;
-  /// Whether edges that follow the surface closely are to keep within a tenth of their length of it.
-  bool may_be_fine() const { return !(tolerance > 0.0) && even == "both"; }
+  /// Whether edges that follow the surface closely are to keep within a tenth of their length of it: where nothing is
+  /// asked for that shapes would pay for it.
+  bool may_be_fine() const { return !(tolerance > 0.0) && even == "both" && !(min_angle_deg > 0.0); }
   /// What blocks are remeshed with. \param edge  length of edges, the longest one where they adapt
   /// \param fine  may_be_fine(), and they are
   RemeshOptions kernel(double edge, double shortest, bool fine, bool float_positions) const;

@@ -12,7 +12,7 @@ namespace {
 /// Percent of the faces: where more have an angle below 25 degrees the result is no better than what was given.
 constexpr double kMostNarrow = 25.0, kWarnOffDegrees = 8.0;
 /// Where edges could keep less near to the input.
-constexpr double kMostNarrowNear = 1.0;
+constexpr double kMostNarrowNear = 0.25;
 
 double off_degrees(const Json& round) {
   return round.at("quality").value("mean_angle_deviation_deg", 0.0);
