@@ -83,6 +83,7 @@ CoarseLayer coarse_layer(std::span<const Double3> surface, std::span<const Face>
   remeshing.edge = std::sqrt(kMoreFaces * 4.0 * area / (std::sqrt(3.0) * static_cast<double>(wanted_faces)));
   remeshing.float_positions = false;
   remeshing.feature_angle_deg = kCreaseAngle;
+  remeshing.last_relaxations = 0;  // prisms on it need no cells alike
   remeshing.find_creases = true;
   remeshing.max_faces = std::max(2 * wanted_faces, block.faces.size());
   remeshing.first_key = std::uint64_t{1} << 40;

@@ -3,6 +3,7 @@
 // that lower the sum at once leave a quarter of the vertices irregular, and relaxation evens out nothing around these.
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "kernels/mesh/mean_ratio.h"
 #include "kernels/remesh/remesher.h"
@@ -13,6 +14,9 @@ namespace {
 /// Each leaves two flat faces behind, so that relaxation undoes few of them and not more.
 constexpr std::size_t kMostSteps = 4;
 constexpr double kMinRoundness = 0.35;  ///< of these; 0.6 in a regular lattice
+/// Cosine of what they may turn from one to the other, 15 degrees: where edges are long beside the surface's curvature a flip
+/// that relaxation does not undo takes more of the shape than a regular vertex is worth.
+constexpr double kMinCosineAcross = 0.966;
 
 }  // namespace
 
@@ -60,6 +64,8 @@ void Remesher::glide(std::uint32_t c, bool forward, RemeshReport& report) {
     if (!wants_six(b) || !wants_six(w) || valence_[w] > valence_[b]) return;
     const Double3 &pu = mesh_.at(u), &pa = mesh_.at(a), &pb = mesh_.at(b), &pw = mesh_.at(w);
     if (std::min(mean_ratio(pu, pa, pw), mean_ratio(pw, pb, pu)) < kMinRoundness) return;
+    const Double3 one = triangle_normal(pu, pa, pw), other = triangle_normal(pw, pb, pu);
+    if (std::fabs(dot(one, other)) < kMinCosineAcross * norm(one) * norm(other)) return;
     meets = valence_[w] < valence_[b];
     if (meets) continue;
     const std::uint32_t side = back(d), beyond = mesh_.opposite(side);
