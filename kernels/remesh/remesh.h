@@ -41,9 +41,8 @@ struct RemeshOptions {
   double max_normal_deviation_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
   double feature_angle_deg = 25.0;        ///< edges that turn by more are creases; 0 = none
   int iterations = 4;
-  int relaxations = 3;  ///< in each of them
-  int last_relaxations =
-      2;  ///< behind the last iteration: they make areas of cells around vertices alike, too
+  int relaxations = 3;          ///< in each of them
+  int last_relaxations = 2;     ///< behind the last iteration: of angles and of the cells around vertices
   double angle_weight = 8.0;    ///< of angles in these, against areas; above 0
   bool float_positions = true;  ///< new positions are rounded to float, as the file will hold them
   /// The block still is a part of the reference: creases are found, and lattices coarsened away. Later ones bear creases

@@ -226,7 +226,7 @@ class Remesher {
   CoveredPoints* covered_ = nullptr;  ///< while lengths are evened within a tolerance that is proven
   EdgeRatios* ratios_ = nullptr;      ///< while lengths are evened
   double always_sharpness_ = 1.0;     ///< squared cosine of kept_angle_deg, with room
-  double kept_sharpness_ = 1.0;       ///< squared cosine of kept_angle_deg, with room
+  double kept_sharpness_ = 1.0;       ///< the same of the angle that steps keep now
   std::vector<std::uint8_t> locked_;  ///< per vertex: the tolerance refused a step at an uneven edge there
   bool blunting_ = false;             ///< of edges so short that shapes around them tell nothing
   std::vector<double> cells_;         ///< per vertex: the area of its cell, in the last relaxations

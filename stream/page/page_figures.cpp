@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <initializer_list>
 
 #include <fmt/format.h>
 
@@ -290,34 +291,34 @@ std::string quality_figures(const Json& quality) {
   return text;
 }
 
+/// A table of the figures that are there. \param rows  where they stand, and what they are
+std::string figures_there(const Json& from, std::initializer_list<std::pair<const char*, const char*>> rows) {
+  Rows there;
+  for (const auto& [key, name] : rows)
+    if (const Json& figure = value_at(from, key); figure.is_number())
+      there.emplace_back(name, number_text(figure.get<double>()));
+  return there.empty() ? "" : html::table(there);
+}
+
 /// Of remeshing with --adaptive.
 std::string length_ratio_figures(const Json& ratios) {
-  Rows rows;
-  for (const auto& [key, name] :
-       {std::pair{"/asked", "largest ratio of the mean edges of neighbours that is aimed at"},
-        {"/beyond_before", "edges beyond it before lengths were evened"},
-        {"/beyond", "edges beyond it"},
-        {"/at_lines", "of them between vertices on creases or borders"},
-        {"/at_tolerance", "of them where the tolerance locks them"},
-        {"/held", "of them beside faces of the input, kept for the proof"}})
-    if (const Json& figure = value_at(ratios, key); figure.is_number())
-      rows.emplace_back(name, number_text(figure.get<double>()));
-  return rows.empty() ? "" : html::table(rows);
+  return figures_there(ratios, {{"/asked", "largest ratio of the mean edges of neighbours that is aimed at"},
+                                {"/beyond_before", "edges beyond it before lengths were evened"},
+                                {"/beyond", "edges beyond it"},
+                                {"/at_lines", "of them between vertices on creases or borders"},
+                                {"/at_tolerance", "of them where the tolerance locks them"},
+                                {"/held", "of them beside faces of the input, kept for the proof"}});
 }
 
 /// Of remeshing with --min-angle.
 std::string small_angle_figures(const Json& angles) {
-  Rows rows;
-  for (const auto& [key, name] :
-       {std::pair{"/asked_deg", "smallest angle asked for, degrees"},
-        {"/below_before", "faces below it before angles were raised"},
-        {"/below", "faces below it"},
-        {"/between_lines", "of them between creases or borders that meet at a smaller angle"},
-        {"/at_tolerance", "of them where the tolerance locks them"},
-        {"/held", "of them of the input, kept for the proof"}})
-    if (const Json& figure = value_at(angles, key); figure.is_number())
-      rows.emplace_back(name, number_text(figure.get<double>()));
-  return rows.empty() ? "" : html::table(rows);
+  return figures_there(angles,
+                       {{"/asked_deg", "smallest angle asked for, degrees"},
+                        {"/below_before", "faces below it before angles were raised"},
+                        {"/below", "faces below it"},
+                        {"/between_lines", "of them between creases or borders that meet at a smaller angle"},
+                        {"/at_tolerance", "of them where the tolerance locks them"},
+                        {"/held", "of them of the input, kept for the proof"}});
 }
 
 }  // namespace
