@@ -153,4 +153,27 @@ Findings check_listed(const Sources& sources) {
   return out;
 }
 
+Findings check_reader_tests(const Sources& sources, const std::set<std::string>& linked,
+                            const std::set<std::string>& apart) {
+  const auto in_rooms = [](const std::string& path, const std::vector<std::string>& rooms) {
+    return std::any_of(rooms.begin(), rooms.end(),
+                       [&](const std::string& room) { return under(path, room); });
+  };
+  Findings out;
+  for (const Source& s : sources) {
+    if (!s.path.ends_with("_test.cpp") || apart.count(stem_of(s.path)) != 0 ||
+        !in_rooms(folder_of(s.path), {"tests/stream/files", "tests/stream/formats", "tests/stream/import",
+                                      "tests/stream/points"}))
+      continue;
+    for (const std::string& line : s.lines) {
+      const std::string header = included(line);
+      if (header.starts_with("stream/") && linked.count(stem_of(header)) == 0 &&
+          !in_rooms(folder_of(header), {"stream/check", "stream/files", "stream/formats", "stream/import",
+                                        "stream/meshes", "stream/points", "stream/runtime"}))
+        out.push_back(s.path + ": " + header + " is not linked with the tests of readers");
+    }
+  }
+  return out;
+}
+
 }  // namespace tessera::house

@@ -48,6 +48,10 @@ Findings check_kernel_words(const Sources& sources, const std::map<std::string, 
 Findings check_heavy_headers(const Sources& sources, const std::set<std::string>& allowed);
 /// Every .cpp stands in a CMakeLists.txt: nothing lies about that no build reads.
 Findings check_listed(const Sources& sources);
+/// Tests of what reads files of others are linked with those rooms alone (tests/reader_rooms.cmake), under the sanitizers only:
+/// what they include of stream stands in these, or has a stem of `linked` besides. `apart`: tests that are not linked there.
+Findings check_reader_tests(const Sources& sources, const std::set<std::string>& linked,
+                            const std::set<std::string>& apart);
 /// Every TEST_CASE has exactly one of the labels, its program's LABELS list has them all, and ctest can call it by name. What reads
 /// ../shared/data is [.shared].
 Findings check_labels(const Sources& sources);
@@ -57,5 +61,7 @@ const std::map<std::string, std::string>& parts_of_headers();
 const std::map<std::string, std::string>& covering_tests();
 const std::map<std::string, std::string>& allowed_words();
 const std::set<std::string>& allowed_heavy_headers();
+const std::set<std::string>& linked_with_readers();
+const std::set<std::string>& apart_from_readers();
 
 }  // namespace tessera::house

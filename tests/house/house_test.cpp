@@ -56,6 +56,7 @@ TEST_CASE("house: no file is too long, every header says what it is", "[unit]") 
 TEST_CASE("house: every source has its header and stands in a build", "[unit]") {
   check_clean(check_headers(house(), parts_of_headers()));
   check_clean(check_listed(house()));
+  check_clean(check_reader_tests(house(), linked_with_readers(), apart_from_readers()));
 }
 
 TEST_CASE("house: kernels open no file, start no thread, print nothing, know no option", "[unit]") {
@@ -210,6 +211,16 @@ TEST_CASE("gate of builds: a source in no CMakeLists.txt is found", "[unit]") {
   check_clean(check_listed({patch, source("kernels/CMakeLists.txt", {"file(GLOB_RECURSE k *.cpp)"})}));
   check_only(check_listed({patch, source("stream/CMakeLists.txt", {"file(GLOB_RECURSE s *.cpp)"})}),
              "stands in no CMakeLists.txt");
+}
+
+TEST_CASE("gate of readers: tests that need what is not linked with them are found", "[unit]") {
+  const auto test = [](const std::string& path) {
+    return Sources{source(path, {"#include \"stream/points/cells.h\"", "#include \"stream/stages/a.h\""})};
+  };
+  check_only(check_reader_tests(test("tests/stream/points/a_test.cpp"), {}, {}), "stream/stages/a.h");
+  check_clean(check_reader_tests(test("tests/stream/points/a_test.cpp"), {"stream/stages/a"}, {}));
+  check_clean(check_reader_tests(test("tests/stream/points/a_test.cpp"), {}, {"tests/stream/points/a_test"}));
+  check_clean(check_reader_tests(test("tests/stream/stages/a_test.cpp"), {}, {}));
 }
 
 TEST_CASE("gate of labels: none, two, unknown ones and those that ctest never asks for are found", "[unit]") {

@@ -271,8 +271,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/scan/unpack", "stream/stages/scan", {"unpack_stage"});
     by("tools/orient", "stream/stages/scan",
        {"links_stage", "normals_mode", "normals_stage", "orient_anchors", "orient_groups", "orient_needs",
-        "orient_sight", "orient_solution", "orient_stage", "orient_tally", "orient_viewers",
-        "uncertain_picture"});
+        "orient_sight", "orient_solution", "orient_stage", "orient_viewers", "uncertain_picture"});
     by("tools/top_surface_model", "stream/stages/scan", {"brick_columns", "top_points_stage", "top_stage"});
     by("tools/ground_surface", "stream/stages/scan", {"ground_cells_stage", "ground_stage", "ground_stages"});
     by("tools/smooth_before", "stream/stages/smooth", {"noise_stage", "smooth_before", "smooth_needs"});
@@ -333,6 +332,17 @@ const std::set<std::string>& allowed_heavy_headers() {
       "kernels/field/vdb_leaf.h <openvdb/",   // its subject: for the .cpp files that touch leaves
   };
   return allowed;
+}
+
+const std::set<std::string>& linked_with_readers() {
+  static const std::set<std::string> stems = {"stream/commands/break_lines", "stream/commands/convert_mesh",
+                                              "stream/commands/face_groups", "stream/stages/tiles/tile_mesh"};
+  return stems;
+}
+
+const std::set<std::string>& apart_from_readers() {
+  static const std::set<std::string> stems = {"tests/stream/formats/points/packed_points_test"};
+  return stems;
 }
 
 }  // namespace tessera::house

@@ -1,12 +1,10 @@
 // Which points of patches in doubt count as such.
-#include "stream/points/point_overlay.h"
+#include "stream/stages/scan/orient_tally.h"
 
 #include <catch2/catch.hpp>
 #include <vector>
 
-#include "stream/stages/scan/orient_tally.h"
-
-namespace tessera::point_overlay_test {
+namespace tessera::orient_tally_test {
 namespace {
 
 constexpr std::uint16_t kMany = 20;
@@ -32,11 +30,11 @@ std::pair<std::uint64_t, std::uint64_t> doubtful(VolumetricUse use) {
 
 }  // namespace
 
-TEST_CASE("point overlay: what shows no side is not in doubt, and strewn points are told apart", "[unit]") {
+TEST_CASE("orient tally: what shows no side is not in doubt, and strewn points are told apart", "[unit]") {
   CHECK(doubtful(VolumetricUse::kSurface) == std::pair<std::uint64_t, std::uint64_t>{2, 1});
   CHECK(doubtful(VolumetricUse::kDrop) == std::pair<std::uint64_t, std::uint64_t>{2, 0});
   CHECK(doubtful(VolumetricUse::kTop) == std::pair<std::uint64_t, std::uint64_t>{2, 0});
   CHECK(doubtful(VolumetricUse::kBodies) == std::pair<std::uint64_t, std::uint64_t>{1, 0});
 }
 
-}  // namespace tessera::point_overlay_test
+}  // namespace tessera::orient_tally_test
