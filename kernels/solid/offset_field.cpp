@@ -17,6 +17,27 @@ MeshBlock without_names(MeshBlock&& block) {
   return std::move(block);
 }
 
+/// Barycentric coordinates of a foot in its face: 0 for corners that what it lies on does not have.
+std::array<double, 3> weights_at(const TriangleFoot& on, const std::array<Double3, 3>& corner) {
+  std::array<double, 3> weight{};
+  if (on.corner >= 0) {
+    weight[static_cast<std::size_t>(on.corner)] = 1.0;
+  } else if (on.edge >= 0) {
+    const auto from = static_cast<std::size_t>(on.edge), to = (from + 1) % 3;
+    const Double3 side = corner[to] - corner[from];
+    weight[to] = std::clamp(dot(on.at - corner[from], side) / dot(side, side), 0.0, 1.0);
+    weight[from] = 1.0 - weight[to];
+  } else {
+    const Double3 area = triangle_normal(corner[0], corner[1], corner[2]);
+    const double square = dot(area, area);
+    for (const std::size_t k : {1, 2})
+      weight[k] = std::clamp(
+          dot(triangle_normal(on.at, corner[(k + 1) % 3], corner[(k + 2) % 3]), area) / square, 0.0, 1.0);
+    weight[0] = std::max(0.0, 1.0 - weight[1] - weight[2]);
+  }
+  return weight;
+}
+
 }  // namespace
 
 double OffsetLayer::max_distance() const {
@@ -82,10 +103,14 @@ FieldSampler::Sample OffsetSampler::at(const Int3& node, std::size_t axis, doubl
   // From the point, so that the numbers are the same in every block.
   const auto& f = faces_.faces[foot.face];
   if (away > kOnSurface) {
-    const TriangleFoot on = foot_in_triangle({0, 0, 0}, faces_.position[f[0]] - p, faces_.position[f[1]] - p,
-                                             faces_.position[f[2]] - p);
+    const std::array<Double3, 3> corner = {faces_.position[f[0]] - p, faces_.position[f[1]] - p,
+                                           faces_.position[f[2]] - p};
+    const TriangleFoot on = foot_in_triangle({0, 0, 0}, corner[0], corner[1], corner[2]);
     sample.normal = within ? on.at : -on.at;
-    if (layer_.mitre > 1.0) away = mitred(f, on, away, within ? 1.0 : -1.0, sample.normal);
+    if (layer_.mitre > 1.0) {
+      sample.normal = sample.normal / away;
+      away = mitred(f, on, corner, away, within ? 1.0 : -1.0, sample.normal);
+    }
   } else {
     sample.normal = surface_.face_normal(foot.face);
   }
@@ -96,26 +121,32 @@ FieldSampler::Sample OffsetSampler::at(const Int3& node, std::size_t axis, doubl
   return sample;
 }
 
-double OffsetSampler::mitred(const std::array<std::uint32_t, 3>& face, const TriangleFoot& on, double away,
-                             double side, Double3& outward) const {
-  double maximum = 0.0;
-  Double3 normal;
-  const auto query = [&](std::uint32_t vertex) {
-    for (const Double3& n : sheets_.at(vertex)) {
+double OffsetSampler::mitred(const std::array<std::uint32_t, 3>& face, const TriangleFoot& on,
+                             const std::array<Double3, 3>& corner, double away, double side,
+                             Double3& outward) const {
+  if (sheets_.at(face[0]).empty() && sheets_.at(face[1]).empty() && sheets_.at(face[2]).empty()) return away;
+  const std::array<double, 3> weight = weights_at(on, corner);
+  double distance = away;
+  Double3 direction = outward;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double share = weight[k] * sheets_.share(face[k]);
+    if (!(share > 0.0)) continue;
+    double maximum = 0.0;
+    Double3 normal{};
+    for (const Double3& n : sheets_.at(face[k])) {
       const double along = side * dot(on.at, n);  // towards the foot
       if (along > maximum) maximum = along, normal = n;
     }
-  };
-  const auto corner = [&](int k) { return face[static_cast<std::size_t>(k)]; };
-  if (on.corner >= 0) {
-    query(corner(on.corner));
-  } else if (on.edge >= 0) {
-    query(corner(on.edge)), query(corner((on.edge + 1) % 3));
+    if (!(maximum > 0.0) || maximum >= away) continue;
+    if (maximum > away / layer_.mitre) {
+      distance -= share * (away - maximum);
+      direction = direction + (normal - outward) * share;
+    } else {
+      distance -= share * (away - away / layer_.mitre);
+    }
   }
-  if (!(maximum > away / layer_.mitre)) return maximum > 0.0 ? away / layer_.mitre : away;
-  if (maximum >= away) return away;
-  outward = normal;
-  return maximum;
+  outward = direction;
+  return distance;
 }
 
 std::vector<Int3> OffsetSampler::leaves(const Int3& cells) const {

@@ -56,10 +56,11 @@ class OffsetSampler : public FieldSampler {
 
  private:
   double between(double distance) const;  ///< value of the layer at this signed distance
-  /// The distance from the sheets beside a foot on a crease, at least 1 / mitre of that from the foot.
-  /// \param on  the foot on that face, seen from p  \param[out] outward  of the sheet; left alone where none is farther
-  double mitred(const std::array<std::uint32_t, 3>& face, const TriangleFoot& on, double away, double side,
-                Double3& outward) const;
+  /// The distance from the sheets around a foot, at least 1 / mitre of that from the foot, interpolated from the corners of its
+  /// face, so that it is continuous wherever the foot goes.
+  /// \param on  the foot on that face, seen from p  \param[in,out] outward  p's direction from the foot, then the distance's
+  double mitred(const std::array<std::uint32_t, 3>& face, const TriangleFoot& on,
+                const std::array<Double3, 3>& corner, double away, double side, Double3& outward) const;
   /// Whether a side may pass a cube of leaves around a node, or the nodes beside it.
   bool may_pass(const Int3& middle, int edge) const;
   void search(const Int3& cells, const Int3& leaf, int edge, std::vector<Int3>& out) const;

@@ -149,4 +149,40 @@ TEST_CASE("offset: the same bits in whatever block", "[property]") {
   CHECK(roots > 1000);
 }
 
+TEST_CASE("offset: a mitred distance goes on without a step where an edge runs out in a smooth face",
+          "[unit]") {
+  // A roof whose edge fades from 84 to 180 degrees along x, its triangles a cell wide, cut irregularly.
+  constexpr int kLength = 40, kHalf = 12, kMiddle = 16, kTop = 32;
+  MeshBlock roof;
+  for (int y = -kHalf; y <= kHalf; ++y)
+    for (int x = 0; x <= kLength; ++x)
+      roof.position.push_back({x + 0.1 * ((x * 7 + y * 3 + 40) % 5 - 2), double{kMiddle} + y,
+                               double{kTop} - 1.1 * std::max(0, 30 - x) / 30.0 * std::abs(y)});
+  const auto at = [](int x, int y) { return static_cast<std::uint32_t>((y + kHalf) * (kLength + 1) + x); };
+  for (int y = -kHalf; y < kHalf; ++y)
+    for (int x = 0; x < kLength; ++x) {
+      roof.faces.push_back({at(x, y), at(x + 1, y), at(x + 1, y + 1)});
+      roof.faces.push_back({at(x, y), at(x + 1, y + 1), at(x, y + 1)});
+    }
+  roof.face_flags.resize(roof.faces.size(), 0);
+  const RowSigns outside({});
+  const OffsetSampler sampler(std::move(roof), {0, 0, 0}, outside, {-INFINITY, 8.0, 2.0});
+  constexpr int kSteps = 64;
+  double steepest = 0.0, mitred = 0.0;
+  for (int z = 5; z <= 9; ++z)
+    for (int y = -4; y <= 4; ++y)
+      for (int x = 6; x < kLength - 6; ++x) {
+        double before = sampler.at({x, kMiddle + y, kTop + z}, 0, 0.0).value;
+        for (int k = 1; k <= kSteps; ++k) {
+          const double value = sampler.at({x, kMiddle + y, kTop + z}, 0, double(k) / kSteps).value;
+          steepest = std::max(steepest, std::fabs(value - before) * kSteps);
+          before = value;
+        }
+        // Over the edge itself the roof's planes are nearer than the edge is.
+        if (y == 0) mitred = std::max(mitred, z - (before + 8.0));
+      }
+  CHECK(mitred > 1.0);
+  CHECK(steepest < 1.5);
+}
+
 }  // namespace offset_field_test
