@@ -194,6 +194,7 @@ TEST_CASE("resurface: mitred offsets of ten solids have the volumes and areas of
     REQUIRE(is_closed(mesh));
     REQUIRE(volume(mesh) > 1.0);
     for (Double3& p : mesh.points) p = placement.apply(p);
+    mesh.header.vertices = mesh.points.size(), mesh.header.faces = mesh.faces.size();
     mesh.header.double_positions = true;
     write_whole(folder / "in.ply", mesh);
     const CommandResult r =
