@@ -17,6 +17,7 @@ namespace {
 /// \param band    reused from brick to brick
 Patch extract_brick(const DirectedField& field, const ExtractOptions& options, const Int3& brick, int level,
                     const LevelCells* levels, BrickBand& band, ExtractReport& report) {
+  assert(!options.bends || !options.names);
   const bool extended = options.method == ExtractMethod::kExtendedMarchingCubes;
   Int3 in_block, corner;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -40,7 +41,7 @@ Patch extract_brick(const DirectedField& field, const ExtractOptions& options, c
     trace_leaf(input, leaf, edges, border, patch, features, report);
     if (meets_finer) report.loops += emit_level_faces(input, leaf, edges, patch);
   }
-  report.flips += emit_feature_segments(input, features, patch);
+  emit_feature_segments(input, features, options.bends && input.thresholds.exact, patch, report);
   return patch.finish();
 }
 

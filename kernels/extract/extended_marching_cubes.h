@@ -18,6 +18,8 @@ struct ExtractOptions {
   double corner_angle_deg = 45.0;   ///< deviation of a normal from the crease's plane that makes a corner
   bool in_faces =
       false;  ///< samples may lie in the very faces of their cells: solids whose faces pass through nodes
+  /// Exact normals without names: a crease that bends gets a sample where it passes from cell to cell too (bend_sample.h).
+  bool bends = false;
   bool names = false;  ///< fill Patch::name and what follows it
 };
 
@@ -26,6 +28,7 @@ struct ExtractReport {
   std::uint64_t crease_samples = 0;
   std::uint64_t corner_samples = 0;
   std::uint64_t flips = 0;
+  std::uint64_t bend_samples = 0;
   std::uint64_t rejected_samples = 0;  ///< feature found but its sample turned triangles: plain triangulation
 };
 

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/extract/bend_sample.h"
 #include "kernels/extract/level_cells.h"
 
 namespace tessera {
@@ -17,6 +18,8 @@ namespace {
 
 /// A flip must gain at least this much in the sum of cosines between triangles and root normals.
 constexpr float kFlipGain = 1e-3f;
+/// Roots beside a bend whose normals open wider than this (45 degrees) against the roots in the face are of other sheets.
+constexpr double kSheetCosine = 0.70710678118654752;
 
 bool should_flip(const DirectedField& field, const FeatureLoops& features, const FeatureLoop& above,
                  const FeatureLoop& below, int axis, std::size_t s) {
@@ -39,9 +42,69 @@ bool should_flip(const DirectedField& field, const FeatureLoops& features, const
   return 2.0f * (at_a + at_b) > before + kFlipGain;
 }
 
-/// \returns whether it was flipped
-bool emit_segment(const BrickInput& brick, FeatureLoops& features, FeatureLoop& loop, std::size_t s,
-                  PatchBuilder& patch) {
+/// The roots of a loop, `shift` cells below along the axis.
+void add_planes(const DirectedField& field, const FeatureLoops& features, const FeatureLoop& loop, int axis,
+                float shift, std::size_t skipped, TangentPlanes& planes) {
+  for (std::size_t s = 0; s < loop.size; ++s) {
+    const FeatureLoop::Corner& corner = features.corner(loop, s);
+    if (s == skipped || s == skipped + 1 || (s == 0 && skipped + 1 == loop.size)) continue;
+    const EdgeRoot& root = field.roots[corner.root];
+    Float3 at = point_in_cell(corner.edge, root);
+    at[static_cast<std::size_t>(axis)] -= shift;
+    planes.point[planes.size] = wide(at);
+    planes.normal[planes.size] = wide(root.normal);
+    planes.offset[planes.size++] = root.slides ? 0.0 : static_cast<double>(root.offset);
+  }
+}
+
+/// A vertex between the samples of two loops whose segment was flipped, if the crease bends there.
+/// \param a, b  ends of the segment
+bool find_bend(const BrickInput& brick, const FeatureLoops& features, const FeatureLoop& above,
+               const FeatureLoop& below, int axis, std::size_t s, Float3& x) {
+  CreaseSpan span;
+  span.planes.size = 0;
+  add_planes(brick.field, features, above, axis, 0.0f, above.size, span.planes);
+  span.beside = {s, s + 1 == above.size ? 0 : s + 1};
+  const FeatureLoop::Corner &first = features.corner(above, s), &second = features.corner(above, s + 1);
+  // The loop below has the same segment the other way round.
+  std::size_t shared = 0;
+  while (features.corner(below, shared).root != second.root) ++shared;
+  add_planes(brick.field, features, below, axis, 1.0f, shared, span.planes);
+  Float3 lo = below.position;
+  lo[static_cast<std::size_t>(axis)] -= 1.0f;
+  const Float3& hi = above.position;
+  span.end = {wide(lo), wide(hi)};
+  Double3 found;
+  if (!sample_bend(span, kSheetCosine, found)) return false;
+  x = narrow(found);
+  const EdgeRoot &root_a = brick.field.roots[first.root], &root_b = brick.field.roots[second.root];
+  const Float3 a = point_in_cell(first.edge, root_a), b = point_in_cell(second.edge, root_b);
+  const auto sound = [](const Float3& p, const Float3& q, const Float3& r, const Float3& normal) {
+    return !is_sliver(p, q, r) && dot(triangle_normal(p, q, r), normal) > 0.0f;
+  };
+  return sound(hi, a, x, root_a.normal) && sound(x, a, lo, root_a.normal) && sound(lo, b, x, root_b.normal) &&
+         sound(x, b, hi, root_b.normal);
+}
+
+/// Four faces around the vertex. Taken back it lies on the segment, where those of each cell stay in it.
+void add_bend(const BrickInput& brick, const FeatureLoop& loop, const FeatureLoop::Corner& a,
+              const FeatureLoop::Corner& b, const Float3& x, std::uint32_t below, PatchBuilder& patch) {
+  const EdgeRoot &root_a = brick.field.roots[a.root], &root_b = brick.field.roots[b.root];
+  ColourMean colour;
+  colour.add(root_a.rgba);
+  colour.add(root_b.rgba);
+  const std::uint32_t middle =
+      patch.add_own({0, in_owner(loop.cell) + x, colour.value(), VertexClass::kCrease});
+  patch.add_safe(
+      middle, in_owner(loop.cell) + (point_in_cell(a.edge, root_a) + point_in_cell(b.edge, root_b)) * 0.5f);
+  patch.add_face(loop.centre, a.vertex, middle);
+  patch.add_face(middle, a.vertex, below);
+  patch.add_face(below, b.vertex, middle);
+  patch.add_face(middle, b.vertex, loop.centre);
+}
+
+void emit_segment(const BrickInput& brick, FeatureLoops& features, FeatureLoop& loop, std::size_t s,
+                  bool bends, PatchBuilder& patch, ExtractReport& report) {
   const FeatureLoop::Corner &first = features.corner(loop, s), &second = features.corner(loop, s + 1);
   const int face = common_face(first.edge, second.edge);
   const int axis = face >> 1;
@@ -52,24 +115,30 @@ bool emit_segment(const BrickInput& brick, FeatureLoops& features, FeatureLoop& 
   const auto other_level = [&] { return brick.levels && brick.levels->step_of(across) != 0; };
   const bool own = inside_brick(loop.cell);
   const bool emits = face & 1 ? inside_brick(across) || (own && other_level()) : own;
-  if (!emits) return false;
+  if (!emits) return;
   FeatureLoop* beyond = features.find(brick.band, across, mirrored_edge(first.edge, axis));
   if (!beyond) {
     patch.add_face(a, b, loop.centre, brick.band.takes_part(across) ? 0u : 1u);
-    return false;
+    return;
   }
-  if (face & 1) return false;  // the loop above emits both sides
+  if (face & 1) return;  // the loop above emits both sides
   // Two flips between the same loops would join them by two edges: not a manifold.
   std::uint8_t& flipped = loop.flipped[axis];
   if (!(flipped >> beyond->number & 1) && should_flip(brick.field, features, loop, *beyond, axis, s)) {
     flipped = static_cast<std::uint8_t>(flipped | 1 << beyond->number);
+    ++report.flips;
+    Float3 x;
+    if (bends && find_bend(brick, features, loop, *beyond, axis, s, x)) {
+      ++report.bend_samples;
+      add_bend(brick, loop, first, second, x, beyond->centre, patch);
+      return;
+    }
     patch.add_face(loop.centre, a, beyond->centre);
     patch.add_face(beyond->centre, b, loop.centre);
-    return true;
+    return;
   }
   patch.add_face(a, b, loop.centre);
   patch.add_face(b, a, beyond->centre);
-  return false;
 }
 
 }  // namespace
@@ -120,11 +189,10 @@ FeatureSample feature_of(const BrickInput& brick, TracedLoop& loop) {
   return sample_feature(loop.samples, brick.thresholds);
 }
 
-std::uint64_t emit_feature_segments(const BrickInput& brick, FeatureLoops& features, PatchBuilder& patch) {
-  std::uint64_t flips = 0;
+void emit_feature_segments(const BrickInput& brick, FeatureLoops& features, bool bends, PatchBuilder& patch,
+                           ExtractReport& report) {
   for (FeatureLoop& loop : features.all())
-    for (std::size_t s = 0; s < loop.size; ++s) flips += emit_segment(brick, features, loop, s, patch);
-  return flips;
+    for (std::size_t s = 0; s < loop.size; ++s) emit_segment(brick, features, loop, s, bends, patch, report);
 }
 
 }  // namespace tessera

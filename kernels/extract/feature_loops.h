@@ -63,7 +63,10 @@ class FeatureLoops {
 FeatureSample feature_of(const BrickInput& brick, TracedLoop& loop);
 
 /// Faces at feature loops, segment by segment, by the brick that owns the cell above the face in which the segment lies. Where
-/// two loops meet the segment is flipped, if that follows the feature better. \returns number of flips
-std::uint64_t emit_feature_segments(const BrickInput& brick, FeatureLoops& features, PatchBuilder& patch);
+/// two loops meet the segment is flipped, if that follows the feature better.
+/// \param bends   where it bends it gets a vertex on that edge (bend_sample.h); the vertex has no name
+/// \param report  counts flips and such vertices
+void emit_feature_segments(const BrickInput& brick, FeatureLoops& features, bool bends, PatchBuilder& patch,
+                           ExtractReport& report);
 
 }  // namespace tessera

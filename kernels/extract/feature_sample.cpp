@@ -12,9 +12,6 @@ namespace {
 
 /// Sine of the smallest angle between the extreme normals, or of what lacks to 180 degrees.
 constexpr float kMinSine = 0.02f;
-/// Bent or not, tangent planes err more with distance, so near roots count more: weight 1 / (distance^2 +
-/// this).
-constexpr double kNearness = 0.05;
 /// A crease from whose planes its own point is farther than this, while their normals spread by more than
 /// that (smallest to largest singular value) in all directions, is a corner.
 constexpr double kCreaseResidual = 0.02;
@@ -173,7 +170,7 @@ Double3 refined(const LoopSamples& loop, const FeatureThresholds& thresholds, co
     sheet[i] = 0;
     for (int s = 1; s < sheets; ++s)
       if (dot(loop.normal[i], normal_of(s)) > dot(loop.normal[i], normal_of(sheet[i]))) sheet[i] = s;
-    double squared = kNearness;
+    double squared = kPlaneNearness;
     for (std::size_t k = 0; k < 3; ++k) {
       const double d = planes.point[i][k] - first[k];
       squared += d * d;

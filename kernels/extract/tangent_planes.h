@@ -8,7 +8,10 @@
 
 namespace tessera {
 
-inline constexpr std::size_t kMaxPlanes = 12;  ///< a loop has at most one root on every edge of a cell
+inline constexpr std::size_t kMaxPlanes =
+    24;  ///< a loop has at most one root on every edge of a cell, two have two
+/// Bent or not, tangent planes err more with distance, so near roots count more: weight 1 / (distance^2 + this).
+inline constexpr double kPlaneNearness = 0.05;
 
 /// Planes normal.(x - point) = offset, weighted.
 struct TangentPlanes {

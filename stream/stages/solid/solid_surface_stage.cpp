@@ -65,6 +65,7 @@ class SolidSurfaceStage : public Stage {
     ExtractOptions options = model_.extract;
     options.names = model_.is_measured();
     options.in_faces = true;
+    options.bends = !options.names;
     std::uint64_t patches = 0, vertices = 0, faces = 0, synthetic = 0;
     ExtractReport total;
     SolidFieldReport roots;
@@ -90,6 +91,7 @@ class SolidSurfaceStage : public Stage {
         total.crease_samples += report.crease_samples;
         total.corner_samples += report.corner_samples;
         total.flips += report.flips;
+        total.bend_samples += report.bend_samples;
         total.rejected_samples += report.rejected_samples;
       }
       context.advance(1);
@@ -103,6 +105,7 @@ class SolidSurfaceStage : public Stage {
             {"crease_samples", total.crease_samples},
             {"corner_samples", total.corner_samples},
             {"flips", total.flips},
+            {"bend_samples", total.bend_samples},
             {"rejected_samples", total.rejected_samples},
             {"roots", roots.roots},
             {"membrane_roots", roots.membrane_roots},

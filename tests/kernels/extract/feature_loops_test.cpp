@@ -64,7 +64,8 @@ TEST_CASE("feature loops: segments along an edge are flipped onto it", "[unit]")
   brick.trace();
   const std::size_t before = brick.patch.faces();
   // One flip with each neighbour along the edge; the brick owns its min side, not its max side.
-  CHECK(emit_feature_segments(brick.input, brick.features, brick.patch) == 64);
+  emit_feature_segments(brick.input, brick.features, false, brick.patch, brick.report);
+  CHECK(brick.report.flips == 64);
   // A cell has four segments. Those to its neighbours along the edge give two faces together, the others one each.
   CHECK(brick.patch.faces() == before + 64 * 2 + 64 * 2);
 }
