@@ -26,7 +26,7 @@ struct RemeshOptions {
   /// Above 0: lengths adapt to the curvature (sizing_field.h) between min_edge and edge.
   double sizing_tolerance = 0.0;
   double min_edge = 0.0;
-  /// Above 0: edges on creases are shorter where they bend, and edges around these, so that chords keep within it.
+  /// Above 0: edges are shorter where creases bend, so that chords keep within it; creases and corners yield no farther.
   double crease_tolerance = 0.0;
   /// Above 0: an operation must leave new faces and removed vertices within it of the reference, as far as their
   /// corners, centres and edges tell: a strong test, not the proof. Creases and borders get half of it.

@@ -137,6 +137,7 @@ class Remesher {
   void glide(std::uint32_t c, bool forward, RemeshReport& report);
   std::size_t relax_all(RemeshReport& report);
   bool relax(std::uint32_t v, RemeshReport& report);
+  bool keeps_chords(std::uint32_t v, const ReferenceSurface::Foot& to) const;
   bool move_vertex(std::uint32_t v, const Double3& to, RemeshReport& report);
   bool move_if_far(std::uint32_t v, const Double3& to, RemeshReport& report);
   Double3 wish(std::uint32_t v) const;
@@ -195,6 +196,7 @@ class Remesher {
   void hand_points_on(std::span<const std::uint32_t> faces, std::span<const std::uint32_t> made);
   double sharpness_without(std::uint32_t v) const;
   bool collapse_sharp(std::uint32_t f, RemeshReport& report);
+  double yielding(double distance) const;
   bool release_weak_creases(std::uint32_t v);
   void count_lines(std::uint32_t v);
   void recount_lines(std::uint32_t v);

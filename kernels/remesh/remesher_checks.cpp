@@ -93,11 +93,16 @@ bool Remesher::within(const NewFace& f, unsigned new_edges) const {
   return dot(own, wide(surface_.normal(foot.slot))) >= min_normal_cosine_ * norm(own);
 }
 
+/// How far lines give way to the shape of faces: as far as chords may leave creases, where that is asked for.
+double Remesher::yielding(double distance) const {
+  return options_.crease_tolerance > 0.0 ? std::min(distance, options_.crease_tolerance) : distance;
+}
+
 /// Two corners so near to each other that no sound face has room between them become one, as far as the tolerance allows:
 /// u goes, unless it is the end of lines that make a shape at this size.
 bool Remesher::corners_merge(std::uint32_t u, std::uint32_t v) const {
   const unsigned both = mesh_.state(u) & mesh_.state(v), any = mesh_.state(u) | mesh_.state(v);
-  const double minimum = kNeedle * target(u, v);
+  const double minimum = yielding(kNeedle * target(u, v));
   return (both & kVertexFixed) && !(any & (kVertexLocked | kVertexDead)) && !info_[u].lasting &&
          square_of(u, v) < minimum * minimum;
 }
@@ -105,7 +110,7 @@ bool Remesher::corners_merge(std::uint32_t u, std::uint32_t v) const {
 /// Two lines so near to each other that no sound face has room between them become one, face by face, where nothing else
 /// helps.
 bool Remesher::lines_meet(std::uint32_t u, std::uint32_t v) const {
-  const double minimum = kLinesMeet * target(u, v);
+  const double minimum = yielding(kLinesMeet * target(u, v));
   return (mending_ || blunting_) && (mesh_.state(v) & (kVertexCrease | kVertexFixed | kVertexBorder)) &&
          !(mesh_.state(v) & kVertexLocked) && square_of(u, v) < minimum * minimum;
 }
@@ -208,10 +213,11 @@ Remesher::Refusal Remesher::check_moved_faces(std::uint32_t u, std::size_t at) c
   return nearest > limit * limit ? Refusal::kTolerance : Refusal::kNone;
 }
 
-/// Whether a line through u deviates by no more than half the tolerance: what goes, and the middle of the edge that takes its
-/// place.
+/// Whether a line through u deviates by no more than half the tolerance, and a crease by no more than chords may: what goes,
+/// and the middle of the edge that takes its place.
 bool Remesher::is_line_near(std::uint32_t u, std::size_t at) const {
-  if (!info_[u].line || !(options_.tolerance > 0.0)) return true;
+  const bool crease = options_.crease_tolerance > 0.0 && !(mesh_.state(u) & kVertexBorder);
+  if (!info_[u].line || !(options_.tolerance > 0.0 || crease)) return true;
   std::uint32_t other = star_.ring[at];
   for (std::size_t i = 0; i < star_.ring_size(); ++i) {
     if (i == at) continue;
@@ -219,7 +225,9 @@ bool Remesher::is_line_near(std::uint32_t u, std::size_t at) const {
     if (line) other = star_.ring[i];
   }
   const Double3 from = mesh_.at(u), to = mesh_.at(star_.ring[at]), end = mesh_.at(other);
-  const double square = 0.25 * options_.tolerance * options_.tolerance;
+  double limit = options_.tolerance > 0.0 ? 0.5 * options_.tolerance : options_.crease_tolerance;
+  if (crease) limit = yielding(limit);
+  const double square = limit * limit;
   return squared_distance(from, foot_in_triangle(from, to, end, end).at) <= square &&
          surface_.slide((to + end) * 0.5, info_[u].foot).square <= square;
 }

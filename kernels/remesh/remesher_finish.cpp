@@ -71,8 +71,10 @@ void Remesher::mend(std::uint32_t f, RemeshReport& report) {
   if (sharpness_of(f) > kCap) flip_cap(f, report);
 }
 
-/// Creases at the vertex that turn little are none any more: noise, where they leave no room for a sound face.
+/// Creases at the vertex that turn little are none any more: noise, where they leave no room for a sound face. Not where chords
+/// have to keep to creases.
 bool Remesher::release_weak_creases(std::uint32_t v) {
+  if (options_.crease_tolerance > 0.0) return false;
   if ((mesh_.state(v) & (kVertexLocked | kVertexDead)) || !mesh_.gather(v, star_)) return false;
   std::vector<std::uint32_t> weak;
   for (std::size_t i = 0; i < star_.faces; ++i) {
@@ -163,7 +165,7 @@ bool Remesher::flip_cap(std::uint32_t f, RemeshReport& report) {
   const bool ear = mesh_.border_edge(next_corner(c)) && mesh_.border_edge(prev_corner(c));  // no line moves
   const double maximum =
       std::min(options_.tolerance > 0.0 ? 0.5 * options_.tolerance : kEarHeight * info_[apex].target,
-               (ear ? kEarHeight : kCapHeight) * info_[apex].target);
+               yielding((ear ? kEarHeight : kCapHeight) * info_[apex].target));
   if (!(twice < maximum * length) || flip_if_sound(c) != Refusal::kNone) return false;
   ++report.flips;
   // From the apex to both ends of what was the longest edge.

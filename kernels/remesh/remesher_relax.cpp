@@ -63,6 +63,23 @@ bool Remesher::move_if_far(std::uint32_t v, const Double3& to, RemeshReport& rep
   return squared_distance(to, mesh_.at(v)) > still * still && move_vertex(v, to, report);
 }
 
+/// Whether the edges along the crease of the gathered vertex leave it by no more than chords may, or than they did.
+bool Remesher::keeps_chords(std::uint32_t v, const ReferenceSurface::Foot& to) const {
+  const Info& info = info_[v];
+  if (!info.line || !(options_.crease_tolerance > 0.0) || (mesh_.state(v) & kVertexBorder)) return true;
+  const auto off = [&](const Double3& at, std::uint32_t segment, const Double3& end) {
+    return surface_.slide((at + end) * 0.5, segment).square;
+  };
+  const double square = options_.crease_tolerance * options_.crease_tolerance;
+  for (std::size_t i = 0; i < star_.ring_size(); ++i) {
+    if (!is_crease_spoke(mesh_, star_, i)) continue;
+    const Double3& end = mesh_.at(star_.ring[i]);
+    const double now = off(to.at, to.slot, end);
+    if (now > square && now > off(mesh_.at(v), info.foot, end)) return false;
+  }
+  return true;
+}
+
 /// Puts the vertex, whose star is gathered, at the foot of `to` on the reference where that leaves its faces sound.
 bool Remesher::move_vertex(std::uint32_t v, const Double3& to, RemeshReport& report) {
   Info info = info_[v];
@@ -81,6 +98,10 @@ bool Remesher::move_vertex(std::uint32_t v, const Double3& to, RemeshReport& rep
   }
   for (std::size_t i = 0; i < star_.ring_size(); ++i)
     if (info_[star_.ring[i]].pinned) return false;
+  if (!keeps_chords(v, foot)) {
+    ++report.by_tolerance;
+    return false;
+  }
   const Info kept = info_[v];
   info_[v].normal = info.normal;
   info_[v].foot = info.foot;

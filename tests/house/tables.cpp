@@ -197,8 +197,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"caption", "gl_functions", "picture", "picture_shaders", "rasterizer"});
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
     by("kernels/remesh/remesh", "kernels/remesh",
-       {"reference_surface", "remesher", "remesher_angles", "remesher_areas", "remesher_checks",
-        "remesher_finish", "remesher_relax", "remesher_valence"});
+       {"reference_surface", "remesher", "remesher_angles", "remesher_areas", "remesher_finish",
+        "remesher_relax", "remesher_valence"});
     by("kernels/scene/scene", "kernels/scene",
        {"fractal_noise", "implicit_scene", "sample_source", "scene_models", "scene_smooth", "scene_solid",
         "sensor_source", "solid", "surface_sampler"});

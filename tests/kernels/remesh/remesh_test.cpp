@@ -146,51 +146,6 @@ TEST_CASE("remesh: vertices on the creases of a cube stay exactly on them, its c
   }
 }
 
-namespace {
-
-/// A closed cylinder of radius and height 1.
-MeshBlock cylinder_block(int sides) {
-  std::vector<Double3> at = {{0, 0, 0}, {0, 0, 1}};
-  std::vector<std::array<std::uint32_t, 3>> faces;
-  const auto n = static_cast<std::uint32_t>(sides);
-  for (std::uint32_t i = 0; i < n; ++i) {
-    const double turn = 2.0 * kPi * i / n, x = std::cos(turn), y = std::sin(turn);
-    at.insert(at.end(), {{x, y, 0}, {x, y, 1}});
-    const std::uint32_t a = 2 + 2 * i, b = 2 + 2 * ((i + 1) % n);
-    faces.insert(faces.end(), {{0, b, a}, {1, a + 1, b + 1}, {a, b, b + 1}, {a, b + 1, a + 1}});
-  }
-  return make_block(at, faces);
-}
-
-/// How far the middle of an edge of a crease lies within the circle, at the most.
-double deepest_chord(const MeshBlock& b) {
-  double deepest = 0.0;
-  for (std::size_t f = 0; f < b.faces.size(); ++f)
-    for (std::size_t e = 0; e < 3; ++e) {
-      if ((b.face_flags[f] & unsigned{kFaceCrease01} << e) == 0) continue;
-      const Double3 middle = (b.position[b.faces[f][e]] + b.position[b.faces[f][(e + 1) % 3]]) * 0.5;
-      deepest = std::max(deepest, 1.0 - std::hypot(middle[0], middle[1]));
-    }
-  return deepest;
-}
-
-}  // namespace
-
-TEST_CASE("remesh: on creases that bend edges get as short as their chords ask for", "[unit]") {
-  RemeshOptions o = options_for(0.5);
-  const MeshBlock even = remeshed(cylinder_block(120), o);
-  CHECK(deepest_chord(even) > 0.02);
-  o.crease_tolerance = 0.01;
-  const MeshBlock graded = remeshed(cylinder_block(120), o);
-  CHECK(checks_of(graded).defects() == 0);
-  CHECK(deepest_chord(graded) > 0.0);
-  CHECK(deepest_chord(graded) < 0.0105);
-  CHECK(graded.faces.size() < 6 * even.faces.size());
-  TriangleQuality q;
-  q.add(graded, 0.5);
-  CHECK(q.smallest > 20000);
-}
-
 TEST_CASE("remesh: borders keep their line, corners of borders their place", "[unit]") {
   const MeshBlock plane = grid_block(30, 20, [](double, double) { return 0.0; });
   const MeshBlock out = remeshed(plane, options_for(1.7));
