@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <mutex>
 #include <utility>
 
 #include <dlfcn.h>
@@ -132,14 +133,77 @@ void consider_ulimit(MemoryCap& cap, int resource, const std::string& source) {
   }
 }
 
+int arenas_of(int threads) {
+  return std::clamp(threads, 1, 8);
+}
+
 // Blocks above it get mappings of their own, and no arena keeps more than it at its end.
 void set_kept_bytes(std::uint64_t bytes) {
   ::mallopt(M_MMAP_THRESHOLD, static_cast<int>(bytes));
   ::mallopt(M_TRIM_THRESHOLD, static_cast<int>(bytes));
 }
 
-int arenas_of(int threads) {
-  return std::clamp(threads, 1, 8);
+// What the allocator keeps of freed memory. Page faults of arrays that every task makes anew are a fifth of the time of some
+// stages. Each arena keeps `few` bytes, a share of the margin, or where the tasks leave the room `many`, of an eighth of the
+// cap. Once tasks needed the room it is theirs to the end of the stage: there and back would cost as much.
+class KeptMemory {
+ public:
+  // Hardly any, until set() is called.
+  void clear() {
+    const std::lock_guard lock(mutex_);
+    few_ = many_ = kMiB;
+    extra_ = small_ = 0;
+    keep(Kept::kUndecided);
+  }
+  void set(std::uint64_t cap, int threads) {
+    // The main arena and those of the threads keep as much each; the C library takes no threshold above 32 MiB.
+    const std::uint64_t arenas = static_cast<std::uint64_t>(arenas_of(threads)) + 1;
+    const auto share = [&](std::uint64_t bytes) { return std::clamp(bytes / arenas, kMiB, 32 * kMiB); };
+    const std::lock_guard lock(mutex_);
+    few_ = share(cap / 32);
+    many_ = share(cap / 8);
+    extra_ = (many_ - few_) * arenas;
+    small_ = std::min(cap / 64, kSmallBytes);
+    keep(Kept::kUndecided);
+  }
+  // \param room  bytes of the capacity that no task has reserved
+  void fit(std::uint64_t room) {
+    const std::lock_guard lock(mutex_);
+    if (extra_ == 0 || kept_ == Kept::kFew) return;
+    if (room < extra_) {
+      const bool kept_many = kept_ == Kept::kMany;
+      keep(Kept::kFew);
+      if (kept_many) ::malloc_trim(0);
+    } else if (kept_ == Kept::kUndecided) {
+      keep(Kept::kMany);
+    }
+  }
+  void trim() {
+    const std::lock_guard lock(mutex_);
+    if (extra_ > 0) keep(Kept::kUndecided);
+    // The stages of a small job are as short as it takes to have their memory back. What stays counts as a budget's base.
+    if (resident_bytes() > small_) ::malloc_trim(0);
+  }
+
+ private:
+  enum class Kept { kUndecided, kMany, kFew };
+  static constexpr std::uint64_t kSmallBytes = 64 * kMiB;
+
+  void keep(Kept kept) {
+    kept_ = kept;
+    set_kept_bytes(kept == Kept::kMany ? many_ : few_);
+  }
+
+  std::mutex mutex_;
+  std::uint64_t few_ = 0, many_ = 0;  // by arena
+  std::uint64_t extra_ = 0;           // what all arenas keep more of many than of few
+  std::uint64_t small_ = 0;           // a process that holds no more keeps all of it; 0 = none does
+  Kept kept_ = Kept::kUndecided;
+};
+
+KeptMemory& kept_memory() {
+  static KeptMemory kept;
+  return kept;
 }
 
 }  // namespace
@@ -179,18 +243,16 @@ std::uint64_t peak_resident_bytes() {
 void configure_allocator(int threads) {
   // Large blocks get mappings of their own: what a task frees leaves the process, and no hole in a heap keeps it.
   // Arenas hold on to memory; threads rarely allocate at once, so a few are enough.
-  set_kept_bytes(kMiB);
+  kept_memory().clear();
   ::mallopt(M_ARENA_MAX, arenas_of(threads));
 }
 
 void keep_freed_memory(std::uint64_t cap, int threads) {
-  // The main arena and those of the threads keep as much each; the C library takes no threshold above 32 MiB.
-  const std::uint64_t share = cap / 32 / (static_cast<std::uint64_t>(arenas_of(threads)) + 1);
-  set_kept_bytes(std::clamp(share, kMiB, 32 * kMiB));
+  kept_memory().set(cap, threads);
 }
 
 void trim_allocator() {
-  ::malloc_trim(0);
+  kept_memory().trim();
 }
 
 MemoryBudget::MemoryBudget(std::uint64_t cap, std::uint64_t base)
@@ -253,6 +315,7 @@ MemoryBudget::Reservation MemoryBudget::reserve(std::uint64_t bytes) {
   ++serving_;
   reserved_ += bytes;
   note_reserved(reserved_);
+  kept_memory().fit(capacity_ - reserved_);
   changed_.notify_all();
   return Reservation(this, bytes);
 }

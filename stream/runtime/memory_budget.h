@@ -51,10 +51,10 @@ std::uint64_t peak_resident_bytes();
 /// Makes freed memory go back to the system: large blocks get mappings of their own, few arenas. Once, before
 /// threads start.
 void configure_allocator(int threads);
-/// Lets the process keep some of what its tasks free for the tasks to come, which spares them the page faults: less
-/// than the margin of a MemoryBudget of this cap with so many threads. \pre configure_allocator was called
+/// Lets the process keep some of what its tasks free for those to come, which spares them page faults: less than the margin of a
+/// MemoryBudget of this cap, an eighth of the cap while reservations leave that room. \pre configure_allocator was called
 void keep_freed_memory(std::uint64_t cap, int threads);
-/// Gives back what the allocator still holds.
+/// Gives back what the allocator still holds, if the process is larger than 64 MiB or 1/64 of the cap.
 void trim_allocator();
 
 /// Admission by bytes. A task asks for its whole need at once and holds nothing while it waits, so nobody

@@ -184,6 +184,62 @@ TEST_CASE("budget: random loads from many threads never exceed it and all end", 
   CHECK(budget.reserved() == 0);
 }
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+namespace {
+
+/// Writes so many bytes in arrays of 2 MiB, and frees them: into the heap, where such arrays get no mappings of their own.
+void use_and_free(std::uint64_t bytes) {
+  constexpr std::size_t kArray = std::size_t{2} << 20;
+  std::vector<std::vector<char>> arrays;
+  for (std::uint64_t used = 0; used < bytes; used += kArray) arrays.emplace_back(kArray, 'x');
+}
+
+}  // namespace
+
+TEST_CASE("allocator: freed memory is kept while the budget has room, and goes when tasks need it",
+          "[memory]") {
+  configure_allocator(2);
+  trim_allocator();
+  const std::uint64_t base = resident_bytes();
+  keep_freed_memory(kGiB, 2);  // 10 MiB by arena, or 32 with room
+  {
+    MemoryBudget budget(kGiB, 0);
+    const auto small = budget.reserve(100 * kMiB);
+    use_and_free(24 * kMiB);
+    CHECK(resident_bytes() > base + 20 * kMiB);
+    SECTION("tasks that leave it to them") {
+      const auto second = budget.reserve(500 * kMiB);
+      CHECK(resident_bytes() > base + 20 * kMiB);
+    }
+    SECTION("tasks that do not, and what they free after that") {
+      const auto second = budget.reserve(budget.capacity() - 110 * kMiB);
+      CHECK(resident_bytes() < base + 16 * kMiB);
+      use_and_free(24 * kMiB);
+      CHECK(resident_bytes() < base + 16 * kMiB);
+    }
+  }
+  configure_allocator(2);
+  trim_allocator();
+}
+
+TEST_CASE("allocator: a process that is small beside its cap keeps what it freed between stages",
+          "[memory]") {
+  configure_allocator(2);
+  trim_allocator();
+  const std::uint64_t base = resident_bytes();
+  for (const bool small : {true, false}) {
+    CAPTURE(small);
+    keep_freed_memory(small ? 16 * kGiB : 2 * base, 2);
+    use_and_free(4 * kMiB);
+    if (small && base > 56 * kMiB) continue;  // other tests left too much
+    trim_allocator();
+    CHECK((resident_bytes() > base + 3 * kMiB) == small);
+  }
+  configure_allocator(2);
+  trim_allocator();
+}
+#endif
+
 TEST_CASE("allocator: freed blocks leave the process", "[memory]") {
   configure_allocator(2);
   // What was freed before, by other tests too, may go or be taken again at any time: only the fall tells.
