@@ -35,6 +35,8 @@ constexpr double kAmid = 3.0;  ///< spread of densities (1: even) from which the
 constexpr std::uint64_t kTellingSurfels = 8192;
 constexpr double kAmidFew = 5.5;
 constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from which it is an object
+/// In few surfels that lie evenly gaps between rings of points open what is shut in: animals have 0.13 to 0.45.
+constexpr double kShellFew = 0.1, kEven = 1.5;
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;
 constexpr double kOpenOnLand = 1.2;
@@ -363,11 +365,11 @@ class Looker {
     out.enclosed = looked > 0.0 ? enclosed / looked : 0.0;
     out.shells = looked > 0.0 ? shells / looked : 0.0;
     out.density_spread = density_spread();
-    const bool shell = out.shells > kShell;
+    const bool few = fine_ < kTellingSurfels;
+    const bool shell = out.shells > (few && out.density_spread < kEven ? kShellFew : kShell);
     if (known)
       out.scene = *known;
-    else if (out.enclosed > kRoom ||
-             (shell && out.density_spread > (fine_ >= kTellingSurfels ? kAmid : kAmidFew)))
+    else if (out.enclosed > kRoom || (shell && out.density_spread > (few ? kAmidFew : kAmid)))
       out.scene = SceneKind::kRoom;
     else
       out.scene = shell ? SceneKind::kObject : SceneKind::kLand;

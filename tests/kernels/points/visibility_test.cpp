@@ -51,6 +51,23 @@ TEST_CASE(
   CHECK(scene_of(100.0f) == SceneKind::kRoom);
 }
 
+TEST_CASE("sight: of few surfels that lie evenly fewer need be shut in to make an object", "[unit]") {
+  std::size_t between = 0;
+  for (double cut = -0.5; cut < 1.0; cut += 0.05) {
+    std::vector<JobSurfel> bowl = ball();
+    std::erase_if(bowl, [&](const JobSurfel& s) { return s.position[2] > 200.0 + 140.0 * cut; });
+    const VisibilityVotes many = vote_by_visibility(bowl, kScale);
+    for (JobSurfel& s : bowl) s.surfels = 1;
+    const VisibilityVotes few = vote_by_visibility(bowl, kScale);
+    CAPTURE(cut, many.shells, few.shells);
+    if (few.shells <= 0.1) CHECK(few.scene == SceneKind::kLand);
+    if (few.shells > 0.1) CHECK(few.scene == SceneKind::kObject);
+    if (many.shells <= 0.2) CHECK(many.scene == SceneKind::kLand);
+    between += few.shells > 0.1 && many.shells <= 0.2;
+  }
+  CHECK(between > 0);
+}
+
 TEST_CASE("sight: a wide bore through an object does not make it a room, however many surfels it has",
           "[unit]") {
   std::vector<JobSurfel> surfels;
