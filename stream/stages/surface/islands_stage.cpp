@@ -123,8 +123,8 @@ class IslandsStage : public SerialStage {
     const std::uint64_t limit =
         given != 0 ? given : automatic_min_component(counted(all_large) + dropped_at_once);
     const auto stays = [&](const Island& i) {
-      return i.shape.faces >= limit &&
-             (given != 0 || !is_shred(i.shape, counted(i.large_faces), counted(largest_large)));
+      return given != 0 ? i.shape.faces >= limit
+                        : island_stays(i.shape, limit, counted(i.large_faces), counted(largest_large));
     };
     for (std::uint64_t c = 0; c < parts_; ++c) {
       if (root[c] != c) continue;

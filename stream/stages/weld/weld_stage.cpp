@@ -66,6 +66,8 @@ constexpr std::uint64_t kShredDepth = 5;
 /// at most one vertex in twenty may, of half as many as faces.
 constexpr std::uint64_t kSmoothDepth = 2;
 constexpr std::uint64_t kFoldedPart = 40;
+/// A disc of a hundred faces is eight cells wide; leaves and spray that size fold, strips have a face per border edge.
+constexpr std::uint64_t kPieceFaces = 100, kPieceDepth = 2;
 
 constexpr PackedKind kWeldKind = {"TSWELDS4", "a weld file"};
 constexpr PackedKind kNumberingKind = {"TSNUMBR2", "a numbering"};
@@ -192,7 +194,7 @@ class WeldStage : public Stage {
     for (std::uint64_t c = 0; c < root.size(); ++c) {
       const std::uint64_t f = faces[root[c]];
       numbering.kept[c] =
-          f >= limit && (given != 0 || !is_shred({f, border[root[c]], folded[root[c]]}, f, largest));
+          given != 0 ? f >= limit : island_stays({f, border[root[c]], folded[root[c]]}, limit, f, largest);
       if (root[c] != c || faces[c] == 0) continue;
       (numbering.kept[c] ? components : dropped) += 1;
     }
@@ -268,6 +270,15 @@ std::uint64_t automatic_min_component(std::uint64_t faces) {
 bool is_shred(const IslandShape& island, std::uint64_t size, std::uint64_t largest) {
   if (size >= largest / kShredShare || island.faces >= kShredDepth * island.border) return false;
   return island.faces < kSmoothDepth * island.border || kFoldedPart * island.folded > island.faces;
+}
+
+bool is_piece(const IslandShape& island) {
+  return island.faces >= kPieceFaces && island.faces >= kPieceDepth * island.border &&
+         kFoldedPart * island.folded <= island.faces;
+}
+
+bool island_stays(const IslandShape& island, std::uint64_t limit, std::uint64_t size, std::uint64_t largest) {
+  return island.faces >= limit ? !is_shred(island, size, largest) : is_piece(island);
 }
 
 std::string too_small(std::uint64_t limit, const std::string& reason) {

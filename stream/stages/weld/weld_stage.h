@@ -56,6 +56,11 @@ struct IslandShape {
 /// With --min-component auto islands go as well that are mostly border and no smooth surface: leaves, spray, rims of passing
 /// people. \param size, largest  of this island and of the largest one, which stays: faces of one size
 bool is_shred(const IslandShape& island, std::uint64_t size, std::uint64_t largest);
+/// Whether an island below the limit is a piece of surface that was seen beyond doubt, as of a facade behind a tree: no
+/// crumb, smooth all over, and no strip.
+bool is_piece(const IslandShape& island);
+/// What --min-component auto says of an island. \param limit  automatic_min_component \param size, largest  as above
+bool island_stays(const IslandShape& island, std::uint64_t limit, std::uint64_t size, std::uint64_t largest);
 
 /// What a task over these patches takes at most.
 std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches);

@@ -183,6 +183,19 @@ TEST_CASE("islands: what is mostly border and folds is a shred, but not the larg
   CHECK(is_shred({1'900, 1'000, 0}, 1'900, 1'000'000));  // but a fringe
 }
 
+TEST_CASE("islands: below the limit smooth pieces stay, crumbs, strips and foil go", "[unit]") {
+  const std::uint64_t limit = 1'000, largest = 1'000'000;
+  const auto stays = [&](const IslandShape& i) { return island_stays(i, limit, i.faces, largest); };
+  CHECK(stays({300, 60, 0}));
+  CHECK(stays({300, 60, 7}));
+  CHECK_FALSE(stays({300, 60, 8}));   // folds
+  CHECK_FALSE(stays({300, 160, 0}));  // a strip
+  CHECK_FALSE(stays({99, 20, 0}));    // a crumb
+  CHECK_FALSE(stays({4'000, 1'000, 1'000}));
+  CHECK(stays({4'000, 1'000, 50}));
+  CHECK(island_stays({75, 0, 40}, 75, 75, 75));  // the largest, whatever it is
+}
+
 TEST_CASE("main job: islands across bricks are counted whole before they are dropped", "[unit]") {
   auto points = true_sphere(80'000, 70.0, {0, 0, 0});
   // A small ball astride the corner of eight bricks: every brick holds few of its faces.
