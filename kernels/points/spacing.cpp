@@ -314,6 +314,7 @@ SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHi
   SpacingSummary s;
   s.noise = residual.quantile(0.25);
   s.residual = residual.quantile(0.5);
+  s.residuals = residual.count();
   probes = without_outliers(std::move(probes), s.outliers);
   s.outliers += (1.0 - s.outliers) * drop_beside_surface(probes);
   if (probes.empty()) return s;
@@ -343,8 +344,8 @@ namespace {
 /// Few points show a whole object, whose limbs are a few spacings thick: a finer lattice tells one side from the other. Below
 /// a quarter, where it is h that limits what is told apart, it gets finer sooner.
 double few_factor(std::uint64_t points) {
-  constexpr double kFewPoints = 16384.0, kHalf = 0.5, kFinest = 0.35;
-  const double share = static_cast<double>(points) / kFewPoints;
+  constexpr double kHalf = 0.5, kFinest = 0.35;
+  const double share = static_cast<double>(points) / static_cast<double>(kSparseScan);
   if (share >= kHalf * kHalf) return std::min(std::sqrt(share), 1.0);
   const double rest = share / (kHalf * kHalf);
   return std::max(kHalf * rest * std::sqrt(rest), kFinest);

@@ -76,18 +76,22 @@ void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& ou
 /// Spacings are those of the probes, or all of them larger in proportion where the median of the nearest neighbours says
 /// so: that is the spacing of a grid.
 struct SpacingSummary {
-  double dense = 0.0;     ///< spacing: a quarter of the surface is sampled as closely
-  double middle = 0.0;    ///< half of it
-  double wide = 0.0;      ///< 70 % of it
-  double spacing = 0.0;   ///< 90 % of it: what a scan of even density is sampled at
-  double gap = 0.0;       ///< 90 % of it
-  double noise = 0.0;     ///< lower quartile of the residual: curvature and features only add to noise
-  double residual = 0.0;  ///< median residual
+  double dense = 0.0;           ///< spacing: a quarter of the surface is sampled as closely
+  double middle = 0.0;          ///< half of it
+  double wide = 0.0;            ///< 70 % of it
+  double spacing = 0.0;         ///< 90 % of it: what a scan of even density is sampled at
+  double gap = 0.0;             ///< 90 % of it
+  double noise = 0.0;           ///< lower quartile of the residual: curvature and features only add to noise
+  double residual = 0.0;        ///< median residual
+  std::uint64_t residuals = 0;  ///< so many were measured: without any, noise is not known
   double outliers =
       0.0;  ///< share of the points that is too sparse for the surface and was left out; mostly 0
 };
 [[nodiscard]] SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes,
                                                const ScaleHistogram& residual);
+
+/// Scans of fewer points show a whole object: they get a finer lattice.
+inline constexpr std::uint64_t kSparseScan = 16384;
 
 /// A lattice spacing and the reason for it, one line.
 struct ChosenSpacing {

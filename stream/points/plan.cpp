@@ -1,5 +1,7 @@
 #include "stream/points/plan.h"
 
+#include "kernels/field/field.h"
+#include "kernels/points/spacing.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json.h"
@@ -21,6 +23,10 @@ Json Plan::to_json() const {
   for (const PlanBucket& b : buckets)
     j["buckets"].push_back({b.first_key, b.first_brick, b.bricks, b.points});
   return j;
+}
+
+bool Plan::is_sparse() const {
+  return auto_resolution && points() < kSparseScan && spacing > lattice.h && noise_cells > kExactNoise;
 }
 
 void Plan::save(const std::filesystem::path& file) const {

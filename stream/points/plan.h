@@ -113,6 +113,8 @@ struct Plan {
 
   bool has_normals() const { return normal_fraction > 0.0; }
   std::uint64_t points() const { return dispositions.kept; }
+  /// Whether so few points show a whole object that cells had to be finer than points lie apart, to tell its limbs.
+  bool is_sparse() const;
 
   Json to_json() const;
   void save(const std::filesystem::path& file) const;

@@ -282,6 +282,15 @@ ChosenSpacing chosen_resolution(const std::filesystem::path& work) {
   }
 }
 
+double probed_noise(const std::filesystem::path& work) {
+  const Json j = load_json(work / kSpacingFile);
+  try {
+    return j.at("noise").get<double>();
+  } catch (const JsonError&) {
+    throw InputError((work / kSpacingFile).string() + ": damaged; run again with --force");
+  }
+}
+
 std::uint64_t probed_points(const std::filesystem::path& work) {
   const Json j = load_json(work / kProbeFile);
   try {

@@ -23,6 +23,9 @@ std::uint64_t spacing_bytes();
 
 /// h that the spacing stage chose, and why. \throws InputError when it has not run
 ChosenSpacing chosen_resolution(const std::filesystem::path& work);
+/// Standard deviation of the points from quadrics of so many that they tell it, scan units; curvature adds to it.
+/// \throws InputError when the spacing stage has not run
+double probed_noise(const std::filesystem::path& work);
 /// How many points the probe counted. \throws InputError when it has not run
 std::uint64_t probed_points(const std::filesystem::path& work);
 

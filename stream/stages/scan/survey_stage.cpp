@@ -223,6 +223,7 @@ PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
   for (double* v : {&s.middle, &s.spacing, &s.gap, &s.noise, &s.residual}) *v /= kQuantaPerCell;  // in cells
   plan.spacing = s.spacing * h_;
   plan.noise_cells = s.noise;
+  if (measured() && s.residuals == 0) plan.noise_cells = probed_noise(job_.work) / h_;
   // Three cells, more where gaps or noise ask for it; in eighths, so that the last digit of a quantile is
   // nothing.
   const double wanted = std::ceil(std::max({3.0, 2.5 * s.gap, 4.0 * s.residual}) * 8.0) / 8.0;

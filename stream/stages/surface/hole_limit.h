@@ -24,14 +24,14 @@ struct HoleLimit {
   }
 };
 
-/// auto, in noisy scans: in scenes from above, where most holes are gaps in steep faces, what is narrower than 20 cells and folds
-/// no farther than 143 degrees; elsewhere what is narrower than the support of a sample and folds no farther than a right
-/// angle, since shreds at a border stand against each other, and a filling makes a spike of a gap. An exact scan ends where
-/// it says. \param from_above  the top surface stands for some of the points
+/// auto, in noisy scans: in scenes from above, where most holes are gaps in steep faces, and in sparse scans, whose points lie
+/// farther apart than cells, what is narrower than 20 cells and folds no farther than 143 degrees; elsewhere what is narrower
+/// than the support of a sample and folds no farther than a right angle, since shreds at a border stand against each other, and
+/// a filling makes a spike of a gap. An exact scan ends where it says. \param from_above  the top surface stands for some of the points
 inline HoleLimit hole_limit(const ReconstructOptions& options, const Plan& plan, bool from_above) {
   if (options.max_hole != "auto") return {.edges = options.max_hole_edges()};
   if (!options.smooths_border() || !(plan.noise_cells > 0.0)) return {};
-  if (from_above)
+  if (from_above || plan.is_sparse())
     return {.edges = kMaxShortEdges,
             .chained = kMaxChainedEdges,
             .width = 20.0,

@@ -24,7 +24,8 @@ class BluntStage : public Stage {
   explicit BluntStage(const JobState& state)
       : work_(state.work),
         needed_(is_blunted(reconstruct_options(state), Plan::of_work(state.work)) &&
-                std::filesystem::exists(state.work / kSurfacePointFolder)),
+                (std::filesystem::exists(state.work / kSurfacePointFolder) ||
+                 Plan::of_work(state.work).is_sparse())),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}
 

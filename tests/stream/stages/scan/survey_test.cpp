@@ -251,6 +251,39 @@ TEST_CASE("survey: spacing and noise of a random plane", "[unit]") {
   CHECK(fine.radius_cells > 3.5);
 }
 
+TEST_CASE("survey: the noise of points in rings, too few within reach of a cell, is that of the spacing pass",
+          "[unit]") {
+  Random random(5);
+  std::vector<TestPoint> points;
+  for (int ring = 0; ring < 40; ++ring)
+    for (int i = 0; i < 70; ++i) {
+      const double a = 6.283185307179586 * i / 70, r = 22.0 + random.in(-1, 1);
+      points.push_back({{r * std::cos(a), r * std::sin(a), 5.0 * ring}, {0, 0, 1}, 0});
+    }
+  const TempFolder work;
+  ChainSetup setup;
+  setup.h = 0.0;
+  const JobState job = chain_job(work.path(), setup);
+  const auto inputs = chain_inputs(points, setup);
+  run_stage(*make_probe_stage(job, inputs), job.work, false);
+  run_stage(*make_spacing_stage(job, inputs), job.work, false);
+  const double h = chosen_resolution(job.work).h;
+  run_stage(SurveyStage(job, inputs, h, points.size()), job.work, false);
+  const Plan plan = Plan::of_work(job.work);
+  CHECK(plan.noise_cells == probed_noise(job.work) / h);
+  CHECK(plan.noise_cells * h == Approx(0.58).epsilon(0.3));
+  CHECK(plan.is_sparse());
+  Plan dense = plan;
+  dense.spacing = 0.9 * h;
+  CHECK_FALSE(dense.is_sparse());
+  Plan exact = plan;
+  exact.noise_cells = 0.01;
+  CHECK_FALSE(exact.is_sparse());
+  Plan many = plan;
+  many.dispositions.kept = 20'000;
+  CHECK_FALSE(many.is_sparse());
+}
+
 TEST_CASE("resolution: one and a half spacings, whatever the order", "[property]") {
   auto points = random_plane(60000, 100.0, 0.0);  // spacing 0.41
   const double h = measured_resolution(points);
