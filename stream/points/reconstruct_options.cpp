@@ -129,14 +129,15 @@ OptionTable option_table(ReconstructOptions& o) {
         "degrees out of the plane of the crease from which an edge is a corner")
       .within(0, 180);
   t.add("min-component", &o.min_component,
-        "faces; smaller islands are dropped; 0 = measured, and islands that are mostly border and folded "
-        "go too, 1 = keep all");
-  t.add(
-       "max-hole", &o.max_hole,
-       "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
-       "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "
-       "auto: in noisy scans what is narrower than the radius, slits too, from above 20 h with a rim of at "
-       "most 400 edges, by a membrane or a patch that folds where no smooth one fits; none with --border raw")
+        "faces; smaller islands are dropped; 0 = measured, but pieces of 100 faces that are smooth all over "
+        "stay, and islands that are mostly border and folded go too, 1 = keep all");
+  t.add("max-hole", &o.max_hole,
+        "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
+        "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "
+        "auto: in noisy scans what is narrower than the radius, slits too, from above, and where few points "
+        "lie "
+        "farther apart than h, 20 h with a rim of at most 400 edges, by a membrane or a patch that folds "
+        "where no smooth one fits; none with --border raw")
       .shown_as("auto|N");
   t.add("holes", &o.holes,
         "keep: the surface ends where the data does; close: an object gets no border at all, open terrain "

@@ -169,7 +169,8 @@ void BluntReader::load_view(std::size_t patch, View& out) {
     const PatchFace& face = read_.faces[f];
     if (!read_.kept(face)) continue;
     out.faces.push_back(face);
-    out.synthetic.push_back(read_.synthetic.empty() ? std::uint8_t{0} : read_.synthetic[f]);
+    const bool unseen = sparse_ || (!read_.synthetic.empty() && read_.synthetic[f] != 0);
+    out.synthetic.push_back(unseen ? std::uint8_t{1} : std::uint8_t{0});
     if (out.synthetic.back() || out.border[face[0]] || out.border[face[1]] || out.border[face[2]])
       out.wanted.push_back(static_cast<std::uint32_t>(out.faces.size() - 1));
   }

@@ -19,8 +19,12 @@ namespace tessera {
 /// Reads the patches around the one at work, and keeps what it may need again. One thread's.
 class BluntReader {
  public:
-  BluntReader(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering)
-      : store_(store),
+  /// \param sparse  points lie farther apart than cells (Plan::is_sparse): of no face they tell how it bends, so that all count
+  ///                as what nobody saw
+  BluntReader(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering,
+              bool sparse)
+      : sparse_(sparse),
+        store_(store),
         numbering_(numbering),
         numbered_(work, store, numbering),
         positions_(work, store, kBeforeBlunt) {}
@@ -93,6 +97,7 @@ class BluntReader {
   const View& view(std::size_t patch);
   void load_view(std::size_t patch, View& out);
 
+  bool sparse_;
   const PatchStore& store_;
   const Numbering& numbering_;
   NumberedPatches numbered_;

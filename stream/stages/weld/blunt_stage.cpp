@@ -23,9 +23,9 @@ class BluntStage : public Stage {
  public:
   explicit BluntStage(const JobState& state)
       : work_(state.work),
+        sparse_(Plan::of_work(state.work).is_sparse()),
         needed_(is_blunted(reconstruct_options(state), Plan::of_work(state.work)) &&
-                (std::filesystem::exists(state.work / kSurfacePointFolder) ||
-                 Plan::of_work(state.work).is_sparse())),
+                (sparse_ || std::filesystem::exists(state.work / kSurfacePointFolder))),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}
 
@@ -40,7 +40,7 @@ class BluntStage : public Stage {
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
-    BluntReader reader(work_, store_, numbering_);
+    BluntReader reader(work_, store_, numbering_, sparse_);
     BorderMovesWriter writer(context.create(border_moves_file_name(task, kBluntFolder)));
     CreaseMesh mesh;
     std::vector<std::uint64_t> name;
@@ -76,6 +76,7 @@ class BluntStage : public Stage {
 
  private:
   std::filesystem::path work_;
+  bool sparse_;
   bool needed_;
   PatchStore store_;
   Numbering numbering_;
