@@ -124,7 +124,8 @@ void fair_border(BorderStrip& strip, double lift) {
       Double3 to = p + shift;
       const double off = dot(to - start[b.vertex], normal[b.vertex]);
       to = to - normal[b.vertex] * (off - std::clamp(off, -lift, lift));
-      next[b.vertex] = squared_distance(to, start[b.vertex]) > kMaxShift * kMaxShift ? p : to;
+      const double farthest = strip.cell.empty() ? kMaxShift : kMaxShift * strip.cell[b.vertex];
+      next[b.vertex] = squared_distance(to, start[b.vertex]) > farthest * farthest ? p : to;
     }
     std::fill(stays.begin(), stays.end(), 0);
     for (const Scale& s : scales) {

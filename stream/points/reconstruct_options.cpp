@@ -28,16 +28,16 @@ std::uint32_t ReconstructOptions::max_hole_edges() const {
 }
 
 bool ReconstructOptions::may_fuse_stores() const {
-  return (decimates() || has_levels()) && max_hole_edges() == 0 && border != "smooth" &&
-         reference == "surface";
+  if (has_levels()) return true;
+  return decimates() && max_hole_edges() == 0 && border != "smooth" && reference == "surface";
 }
 
 bool ReconstructOptions::may_weld() const {
-  return !may_fuse_stores() || smooths_border();
+  return !has_levels() && (!may_fuse_stores() || smooths_border());
 }
 
 bool ReconstructOptions::fuses_stores(const Plan& plan) const {
-  return may_fuse_stores() && !(smooths_border() && plan.noise_cells > kExactNoise);
+  return may_fuse_stores() && (has_levels() || !(smooths_border() && plan.noise_cells > kExactNoise));
 }
 
 bool ReconstructOptions::fuses_first_pass() const {
@@ -53,17 +53,11 @@ void validate_levels(const ReconstructOptions& o) {
                      "; leave one of them out");
   };
   if (o.holes != "keep") refuse("--holes " + o.holes, "holes are closed in lattices of one cell size only");
-  if (o.max_hole_edges() > 0)
-    refuse("--max-hole " + o.max_hole, "holes are filled in lattices of one cell size only");
-  if (o.border == "smooth")
-    refuse("--border smooth", "borders are smoothed in lattices of one cell size only");
   if (o.vegetation == "keep")
     refuse("--vegetation keep", "strewn points get bodies in lattices of one cell size only");
   if (o.vegetation == "top")
     refuse("--vegetation top",
            "a surface model stands in for strewn points in lattices of one cell size only");
-  if (o.reference == "points")
-    refuse("--reference points", "points are measured in lattices of one cell size only");
 }
 
 /// \throws UsageError for options of a product that is not wanted

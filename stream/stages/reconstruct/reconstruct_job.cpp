@@ -20,6 +20,7 @@
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/decimate/result_mend.h"
 #include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/levels/level_ends.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/reconstruct/forecast.h"
 #include "stream/stages/reconstruct/forecast_stage.h"
@@ -168,14 +169,16 @@ std::vector<StageEntry> stages_if_fused(bool fused, std::vector<StageEntry> stag
   return stages;
 }
 
+MeshStore open_ended_surface(const JobState& state) {
+  const StoreFiles found = ended_surface_files(state);
+  return MeshStore(found.files, found.newer);
+}
+
 /// With levels alone the stores are the result.
 std::vector<StageEntry> written_level_stages() {
   CrossingPlan mend;
   mend.may_cut = true;
-  mend.mesh = [](const JobState& state) {
-    return StoreFiles{list_task_files(state.work / kFullFolder, ".tmm"),
-                      list_task_files(state.work / kPrunedFullFolder, ".tmm")};
-  };
+  mend.mesh = ended_surface_files;
   const auto whole = [=](const JobState& state) { return open_mended(state, mend); };
   std::vector<StageEntry> stages = crossing_stages(mend);
   for (StageEntry& e : stages)
@@ -260,13 +263,18 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
                                        },
                                        forecast_store_write});
   };
-  if (options.has_levels() && !options.decimates()) {
-    append(store_end_stages(options));
-    append(written_level_stages());
-    return stages;
-  }
   const bool fuses = options.may_fuse_stores(), welds = options.may_weld();
-  if (fuses) append(welds ? stages_if_fused(true, store_end_stages(options)) : store_end_stages(options));
+  if (options.has_levels()) {
+    append(store_end_stages(options));
+    append(level_end_stages(options));
+    if (!options.decimates()) {
+      append(written_level_stages());
+      return stages;
+    }
+    if (options.reference == "points") append({points_stage(open_ended_surface)});
+  } else if (fuses) {
+    append(welds ? stages_if_fused(true, store_end_stages(options)) : store_end_stages(options));
+  }
   if (welds) append(fuses ? stages_if_fused(false, weld_stages(options)) : weld_stages(options));
   if (!options.decimates()) {
     append({{"coverage", [](const JobState& state) { return make_coverage_stage(state, welded_faces); },
@@ -278,7 +286,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   stores.tolerance_left = reconstruct_tolerance;
   if (fuses) {
     stores.full = [welded = stores.full](const JobState& state) {
-      return fuses_stores(state) ? open_full_surface(state) : welded(state);
+      return fuses_stores(state) ? open_ended_surface(state) : welded(state);
     };
   }
   if (options.fuses_first_pass()) {

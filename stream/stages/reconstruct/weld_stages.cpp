@@ -80,6 +80,14 @@ SimplifyStores welded_stores() {
   return imported_stores(kRawMesh);
 }
 
+StageEntry points_stage(const std::function<MeshStore(const JobState&)>& full) {
+  return {"points",
+          [=](const JobState& state) {
+            return make_samples_stage(state, {reconstruct_tolerance(state), full, true});
+          },
+          [](const PlannedScan& scan) { return forecast_samples(scan, true); }};
+}
+
 std::vector<StageEntry> weld_stages(const ReconstructOptions& options) {
   std::vector<StageEntry> stages = {{"weld", make_weld_stage, forecast_weld},
                                     {"border", make_border_stage, forecast_border},
@@ -92,12 +100,7 @@ std::vector<StageEntry> weld_stages(const ReconstructOptions& options) {
   if (!options.decimates()) return stages;
   append({{"raw", make_raw_write_stage, forecast_write}});
   append(raw_import_stages());
-  if (options.reference == "points")
-    append({{"points",
-             [](const JobState& state) {
-               return make_samples_stage(state, {reconstruct_tolerance(state), welded_stores().full, true});
-             },
-             [](const PlannedScan& scan) { return forecast_samples(scan, true); }}});
+  if (options.reference == "points") append({points_stage(welded_stores().full)});
   return stages;
 }
 
