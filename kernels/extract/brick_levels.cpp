@@ -139,6 +139,7 @@ class Mixer {
     leaf.set_valid(valid);
     if (plain) {
       leaf.ended = own->ended;
+      leaf.unseen = own->unseen;
     } else {
       for_nodes(origin, kBrickCells, [&](const Int3& cell, std::size_t word, std::uint64_t bit) {
         any |= mark_cell(cell, own, leaf, word, bit);
@@ -168,6 +169,7 @@ class Mixer {
     const Int3 doubled = {2 * cell[0], 2 * cell[1], 2 * cell[2]};
     const bool transition = finer_.is_transition(doubled);
     mark(leaf.quiet, transition);
+    mark(leaf.unseen, own && (own->unseen[word] & bit) != 0);
     mark(leaf.ended, transition ? !finer_.takes_part(doubled) : own && (own->ended[word] & bit) != 0);
     return false;
   }

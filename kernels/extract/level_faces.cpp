@@ -76,6 +76,7 @@ std::uint64_t emit_level_faces(const BrickInput& brick, const LeafMasks& leaf, c
       const Int3 cell = {leaf.at[0] * 8 + (b & 7), leaf.at[1] * 8 + (b >> 3),
                          leaf.at[2] * 8 + static_cast<int>(z)};
       int number = 0;
+      const std::size_t faces_before = patch.faces();
       for (const LevelLoop& loop : brick.levels->trace(cell, brick.band)) {
         if (loop.size() >= 3) {
           ++loops;
@@ -83,6 +84,7 @@ std::uint64_t emit_level_faces(const BrickInput& brick, const LeafMasks& leaf, c
         }
         ++number;
       }
+      if ((leaf.leaf->unseen[z] >> b & 1u) != 0) patch.mark_synthetic(faces_before);
     }
   return loops;
 }

@@ -55,9 +55,6 @@ void validate_levels(const ReconstructOptions& o) {
   if (o.holes != "keep") refuse("--holes " + o.holes, "holes are closed in lattices of one cell size only");
   if (o.vegetation == "keep")
     refuse("--vegetation keep", "strewn points get bodies in lattices of one cell size only");
-  if (o.vegetation == "top")
-    refuse("--vegetation top",
-           "a surface model stands in for strewn points in lattices of one cell size only");
 }
 
 /// \throws UsageError for options of a product that is not wanted
@@ -76,9 +73,6 @@ void validate_surface(const ReconstructOptions& o) {
   const auto refuse = [&](const std::string& option, const std::string& why) {
     throw UsageError("--surface " + o.surface + " with " + option + ": " + why + "; leave one of them out");
   };
-  if (o.has_levels())
-    refuse("--levels " + std::to_string(o.levels),
-           "the surface model is made in lattices of one cell size only");
   if (o.from != "auto" && o.from != "above")
     refuse("--from " + o.from, "the surface model is of scenes seen from above");
   if (o.normals == "given") refuse("--normals given", "the surface model comes with estimated normals");

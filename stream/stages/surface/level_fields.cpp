@@ -68,6 +68,7 @@ PointBlock scaled_part(const PointBlock& points, float by, const Int3& low, cons
     out.x.push_back(p[0]), out.y.push_back(p[1]), out.z.push_back(p[2]);
     out.nx.push_back(points.nx[i]), out.ny.push_back(points.ny[i]), out.nz.push_back(points.nz[i]);
     if (!points.rgba.empty()) out.rgba.push_back(points.rgba[i]);
+    if (!points.flags.empty()) out.flags.push_back(points.flags[i]);
   }
   return out;
 }
@@ -86,6 +87,8 @@ PointBlock LevelFieldMaker::with_own_normals(const PointBlock& points, float by,
   const std::vector<PointShape> shapes = estimate_shapes(wide, normals_);
   PointBlock out = scaled_part(points, by, low, cells, kLeafCells);
   for (std::size_t i = 0; i < out.size(); ++i) {
+    // Samples of the surface model lie as far apart as cells of the coarsest level: they say themselves how it leans.
+    if (!out.flags.empty() && (out.flags[i] & kPointSynthetic) != 0) continue;
     const Float3& n = shapes.at(i).normal;
     const float along = n[0] * out.nx[i] + n[1] * out.ny[i] + n[2] * out.nz[i];
     if (along == 0.0f) continue;  // none of them, or none there
