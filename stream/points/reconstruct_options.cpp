@@ -52,9 +52,12 @@ void validate_levels(const ReconstructOptions& o) {
     throw UsageError("--levels " + std::to_string(o.levels) + " with " + option + ": " + why +
                      "; leave one of them out");
   };
-  if (o.holes != "keep") refuse("--holes " + o.holes, "holes are closed in lattices of one cell size only");
+  if (o.holes != "keep") refuse("--holes " + o.holes,
+           "the surface that closes holes is made of cells of one size, and would not meet that of smaller "
+           "ones; --max-hole fills them on the mesh");
   if (o.vegetation == "keep")
-    refuse("--vegetation keep", "strewn points get bodies in lattices of one cell size only");
+    refuse("--vegetation keep",
+           "a body is where cells hold enough strewn points, which smaller ones in its midst never do");
 }
 
 /// \throws UsageError for options of a product that is not wanted

@@ -55,8 +55,8 @@ struct ReconstructOptions {
   bool local_output = false;
 
   bool has_levels() const { return levels > 1; }
-  /// Whether a surface model may stand in for strewn points: not in columns of the finest of several lattices, and not where
-  /// every point of a surface is to be measured, for it replaces some.
+  /// Whether a surface model may stand in for strewn points: with levels where it is asked for, and not where every point of a
+  /// surface is to be measured, for it replaces some.
   bool models_top() const {
     return surface != "all" || vegetation == "top" ||
            ((vegetation == "auto" || vegetation == "drop") && !has_levels() && reference != "points");
@@ -70,8 +70,8 @@ struct ReconstructOptions {
   bool decimates() const { return tolerance != 0.0; }
   bool smooths() const { return smooth != "off"; }
   bool has_texture() const { return texture != 0.0; }
-  /// Whether the surface stage leaves stores that passes read, instead of patches that are welded: the job has a tolerance or
-  /// levels, no hole waits to be filled and no border to be smoothed, as in scans with more noise than kExactNoise,
+  /// Whether the surface stage leaves stores that passes read, instead of patches that are welded: the job has levels, or it has
+  /// a tolerance, no hole waits to be filled and no border to be smoothed, as in scans with more noise than kExactNoise,
   /// and what the points leave of the tolerance need not be known before.
   bool fuses_stores(const Plan& plan) const;
   /// Whether there are scans of which it does, and scans of which it does not.

@@ -123,11 +123,8 @@ TEST_CASE("reconstruct --levels: what it cannot do is told before any pass", "[p
     CHECK_FALSE(fs::exists(folder.path() / "out.ply.tessera"));
   };
   refused({"--holes", "close"}, "--holes close");
-  refused({"--max-hole", "20"}, "--max-hole 20");
-  refused({"--border", "smooth"}, "--border smooth");
+  refused({"--holes", "fill-to:3"}, "--holes fill-to:3");
   refused({"--vegetation", "keep"}, "--vegetation keep");
-  refused({"--vegetation", "top"}, "--vegetation top");
-  refused({"--tolerance", "0.1", "--reference", "points"}, "--reference points");
   CHECK(tessera_command(reconstruct_words(in, folder.path() / "out.ply", {"--levels", "7"})).code == 2);
   CHECK(tessera_command(reconstruct_words(in, folder.path() / "out.ply", {"--levels", "0"})).code == 2);
   // A lattice of 2^20 cells at most: what is too fine shows when the scan is known.

@@ -86,6 +86,31 @@ TEST_CASE("border fairing: off the surface no farther than the noise", "[unit]")
   if (lift > 0.1) CHECK(rough_after < 0.7 * rough_before);
 }
 
+TEST_CASE("border fairing: vertices go no farther than a cell of their own", "[unit]") {
+  const BorderStrip before = ragged_strip(60, 0.75, 0.6, 0.0);
+  // In another unit the same happens.
+  BorderStrip cells = before, metres = before;
+  fair_border(cells, 0.1);
+  for (Double3& p : metres.position) p = p * 0.25;
+  metres.cell.assign(metres.position.size(), 0.25);
+  fair_border(metres, 0.025);
+  for (std::size_t v = 0; v < cells.position.size(); ++v)
+    CHECK(metres.position[v] == Double3(cells.position[v] * 0.25));
+  // Where cells are small vertices stay nearer.
+  BorderStrip mixed = before;
+  mixed.cell.assign(mixed.position.size(), 1.0);
+  const double small = 0.05;
+  for (std::size_t v = 0; v < mixed.cell.size() / 2; ++v) mixed.cell[v] = small;
+  fair_border(mixed, 0.1);
+  std::size_t farther = 0;
+  for (std::size_t v = 0; v < mixed.cell.size(); ++v) {
+    const double by = norm(mixed.position[v] - before.position[v]);
+    CHECK(by <= mixed.cell[v]);
+    farther += by > small;
+  }
+  CHECK(farther > 5);
+}
+
 TEST_CASE("border fairing: what is far away along the border decides nothing", "[property]") {
   const BorderStrip whole = ragged_strip(200, 0.75, 0.6, 0.1);
   BorderStrip faired = whole;
