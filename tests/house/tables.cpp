@@ -259,7 +259,9 @@ const std::map<std::string, std::string>& covering_tests() {
        {"forecast_rates", "planned_patches", "planned_scan", "stage_forecast", "tile"});
     by("tools/reconstruct", "stream/stages/reconstruct",
        {"coverage_check", "forecast_stage", "reconstruct_job"});
-    by("tools/level_ends", "stream/stages/levels", {"level_ends", "moved_patches"});
+    by("tools/level_ends", "stream/stages/levels",
+       {"level_border_stage", "level_ends", "level_ends_stage", "level_holes_stage", "level_loops_stage",
+        "moved_patches"});
     by("tools/levels", "stream/stages/surface",
        {"level_fields", "level_files", "level_surface_stage", "levels_stage"});
     by("tools/decimate", "stream/stages/reconstruct", {"weld_stages"});

@@ -1,5 +1,6 @@
 #include "stream/stages/levels/level_ends.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -45,7 +46,7 @@ StageForecast forecast_end(const PlannedScan& scan, const std::string& stage) {
                 kHolesTime);
   if (stage == "ends" && ends.any()) {
     StageForecast out = told(level_ends_task_bytes, kEndsTime);
-    out.disk_bytes = scan.surface_bytes;
+    out.disk_bytes = std::max(scan.surface_bytes, scan.output_bytes);  // what changes is not compact
     out.moved_bytes = 2.0 * static_cast<double>(scan.surface_bytes);
     return out;
   }

@@ -113,9 +113,10 @@ std::uint64_t peak_disk(const PlannedScan& scan, const std::vector<StageForecast
   };
   const std::uint64_t closing = disk({"multipole", "rims"}), top = disk({"ground-cells", "ground", "top"});
   const std::uint64_t points = scan.store_bytes + scan.overlay_bytes + closing;
-  // What the first pass of decimation leaves is written, at most.
+  // What the first pass of decimation leaves is written, at most, or a surface with levels once more with its ends.
   const std::uint64_t output =
-      scan.fuses_stores ? std::min(scan.surface_bytes, scan.output_bytes) : scan.output_bytes;
+      std::max(scan.fuses_stores ? std::min(scan.surface_bytes, scan.output_bytes) : scan.output_bytes,
+               disk({"ends"}));
   std::uint64_t peak =
       std::max({scan.inputs.unpacked_bytes + scan.run_bytes, scan.run_bytes + scan.store_bytes,
                 top > 0 ? 2 * scan.store_bytes + scan.overlay_bytes + top : 0,
