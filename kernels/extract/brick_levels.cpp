@@ -86,10 +86,7 @@ class Mixer {
   LevelPair::Node node(const Int3& n) const {
     const int minimum = around_.touching(n, kPoint, kBrickCells).minimum;
     if (minimum > 0) return {};  // amid coarser cells
-    if (minimum == 0) return node_of(fields_.own, n);
-    LevelPair::Node found = node_of(fields_.finer, {2 * n[0], 2 * n[1], 2 * n[2]});
-    found.small = true;
-    return found;
+    return minimum == 0 ? node_of(fields_.own, n) : finer_.node({2 * n[0], 2 * n[1], 2 * n[2]});
   }
 
   /// Calls use(node, word, bit) for what lies in [-1, last] of the leaf.
@@ -306,9 +303,30 @@ bool whole_cell(const DirectedField& field, const Int3& cell) {
 }
 
 LevelPair::Node LevelPair::node(const Int3& at) const {
-  if (!is_split(at, kPoint)) return node_of(big_, {at[0] >> 1, at[1] >> 1, at[2] >> 1});
+  const Int3 half = {at[0] >> 1, at[1] >> 1, at[2] >> 1};
+  if (!is_split(at, kPoint)) return node_of(big_, half);
   Node found = node_of(small_, at);
   found.small = true;
+  if (found.valid) return found;
+  // A node of the big lattice, or amid an edge or a face of it: what two of its cells see both of them take for the same.
+  const int odd = (at[0] & 1) + (at[1] & 1) + (at[2] & 1);
+  if (odd == 3) return {};
+  if (odd == 0) {
+    found = node_of(big_, half);
+  } else {
+    bool any = false;
+    for (std::size_t a = 0; a < 3; ++a) {
+      if ((at[a] & 1) == 0) continue;
+      for (const int side : {-1, 1}) {
+        const Node beside = node(plus(at, along(a, side)));
+        if (!beside.valid || (any && beside.inside != found.inside)) return {};
+        found = beside;
+        any = true;
+      }
+    }
+  }
+  found.small = false;
+  found.stands_in = true;
   return found;
 }
 
@@ -327,8 +345,11 @@ bool LevelPair::takes_part(const Int3& cell) const {
   for (int c = 0; c < 8; ++c)
     if (!node({cell[0] + 2 * (c & 1), cell[1] + (c & 2), cell[2] + 2 * (c >> 2)}).valid) return false;
   bool vertex = false, deep = false;
+  bool lost = false;
   const auto edge = [&](const Int3& low, std::size_t axis, int length) {
-    if (node(low).inside == node(plus(low, along(axis, length))).inside) return;
+    const Node from = node(low), to = node(plus(low, along(axis, length)));
+    if (from.inside == to.inside) return;
+    lost = lost || (length == 1 && (from.stands_in || to.stands_in));  // it has no root
     vertex = true;
     deep = deep || !(length == 1 ? moves(small_, low, axis)
                                  : moves(big_, {low[0] >> 1, low[1] >> 1, low[2] >> 1}, axis));
@@ -362,7 +383,7 @@ bool LevelPair::takes_part(const Int3& cell) const {
       }
     }
   }
-  return deep || !vertex;
+  return !lost && (deep || !vertex);
 }
 
 }  // namespace tessera

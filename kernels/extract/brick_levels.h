@@ -81,7 +81,10 @@ class LevelPair {
     bool valid = false, inside = false;
     float value = 0.0f;  ///< cells of the small lattice if `small`
     bool small = false;
+    bool stands_in = false;  ///< of a small one that has no value
   };
+  /// Where the samples near a node tell the small lattice nothing, which sees half as far, the big one stands in, or what all
+  /// around it are: no edge of the small lattice that leaves it may be crossed (takes_part()).
   /// \param at  in cells of the small lattice, even where the node is one of the big one
   [[nodiscard]] Node node(const Int3& at) const;
   [[nodiscard]] bool is_split(const Int3& low, const Int3& size) const {
@@ -89,8 +92,8 @@ class LevelPair {
   }
   /// Whether any edge of the cell is split.
   [[nodiscard]] bool is_transition(const Int3& cell) const;
-  /// Whether a cell with split edges takes part: all of its nodes are valid, and if it has a vertex, one lies well
-  /// within the border.
+  /// Whether a cell with split edges takes part: all of its nodes are valid or stood in for, away from the surface, and if it
+  /// has a vertex, one lies well within the border.
   /// \param cell  min corner, in cells of the small lattice
   [[nodiscard]] bool takes_part(const Int3& cell) const;
 

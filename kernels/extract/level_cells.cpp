@@ -52,7 +52,8 @@ struct LevelCells::Links {
 };
 
 LevelPair::Node LevelCells::node(const Int3& at, bool quarter) const {
-  if (quarter || ((at[0] | at[1] | at[2]) & 1)) return node_of(fields_.finer, at);
+  if (quarter || ((at[0] | at[1] | at[2]) & 1))
+    return LevelPair(fields_.own, fields_.finer, around_, 2 * kBrickCells, -1).node(at);
   const Int3 n = {at[0] >> 1, at[1] >> 1, at[2] >> 1};
   const BandLeaf* leaf = mixed_.leaf_at(n[0], n[1], n[2]);
   if (!leaf) return {};

@@ -38,6 +38,7 @@ struct World {
   unsigned holes = 0;   ///< one node in so many has no value; 0 = none
   unsigned moving = 0;  ///< one root in so many lies beyond the border; 0 = none
   double radius = 0.0;  ///< of a sphere about the middle, finest cells; 0 = noise
+  double reach = 0.0;   ///< how far from the sphere nodes have a value, cells of their level; 0 = anywhere
 
   std::uint64_t hash(int level, const Int3& n, int what) const {
     std::uint64_t h = mixed(seed + static_cast<std::uint64_t>(what));
@@ -57,6 +58,7 @@ struct World {
   bool valid(int level, const Int3& n) const {
     for (std::size_t a = 0; a < 3; ++a)
       if (std::abs(n[a] * (1 << level) - middle[a]) > extent) return false;
+    if (reach > 0.0 && std::abs(double{value(level, n)}) > reach) return false;
     return holes == 0 || hash(level, n, 1) % holes != 0;
   }
   float value(int level, const Int3& n) const {
@@ -359,14 +361,17 @@ TEST_CASE("levels: a sphere across three levels is closed, and as round as its c
   test::Random random(3);
   ExtractReport report;
   std::size_t mixed_sites = 0;
+  // Samples tell as many cells of each level: of a coarse cell beside finer ones, twice as wide, they miss some nodes.
+  const double reach = GENERATE(0.0, 2.0);
   for (int trial = 0; trial < 6; ++trial) {
     const Site site = random_site(random);
     World world;
     world.middle = site.middle;
     world.extent = 60;
     world.radius = 41.0;
+    world.reach = reach;
     const Result r = mesh_of(world, site.tree, named(ExtractMethod::kExtendedMarchingCubes), report);
-    CAPTURE(trial, r.bricks, r.levels);
+    CAPTURE(trial, reach, r.bricks, r.levels);
     mixed_sites += r.levels > 1;
     CHECK(r.unlike == 0);
     CHECK(r.wrong_border == 0);
