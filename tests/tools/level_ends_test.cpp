@@ -23,14 +23,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A noisy sheet of 60 x 60, sixteen times as dense beyond x = 30, with normals. \param slit  as wide as that, along x from 15 to 45
+/// A noisy sheet of 60 x 60, sixteen times as dense beyond x = 30, with normals. \param slit  as wide as that, along x from 22 to 38
 std::string sheet(const TempFolder& folder, double slit, bool reversed = false) {
   Random random(11);
   std::vector<std::string> lines;
   const auto add = [&](int count, double low) {
     for (int i = 0; i < count; ++i) {
       const double x = random.in(low, low + 30), y = random.in(0, 60), z = 0.02 * random.gaussian();
-      if (std::fabs(x - 30) < 15 && std::fabs(y - 30) < 0.5 * slit) continue;
+      if (std::fabs(x - 30) < 8 && std::fabs(y - 30) < 0.5 * slit) continue;
       lines.push_back(std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + " 0 0 1\n");
     }
   };
@@ -115,7 +115,7 @@ TEST_CASE(
   const TempFolder folder;
   const std::string in = sheet(folder, 0.0);
   const fs::path raw = folder.path() / "raw.ply", smooth = folder.path() / "smooth.ply";
-  std::vector<std::string> more = {"--levels", "3", "--resolution", "1.2", "--max-hole", "0"};
+  std::vector<std::string> more = {"--levels", "3", "--resolution", "0.8", "--max-hole", "0"};
   const Json before = reconstructed(in, raw, more);
   more.insert(more.end(), {"--border", "smooth"});
   const Json after = reconstructed(in, smooth, more);
@@ -127,7 +127,7 @@ TEST_CASE(
   std::size_t moved = 0, inner = 0;
   for (std::size_t v = 0; v < a.points.size(); ++v) {
     const double by = norm(a.points[v] - b.points[v]);
-    CHECK(by <= 1.2001);
+    CHECK(by <= 0.8001);
     moved += by > 0.0;
     const Double3& p = a.points[v];
     inner += by > 0.0 && p[0] > 5 && p[0] < 55 && p[1] > 5 && p[1] < 55;
@@ -144,13 +144,13 @@ TEST_CASE(
     "sheet",
     "[pipeline]") {
   const TempFolder folder;
-  const std::string in = sheet(folder, 6.0);
+  const std::string in = sheet(folder, 3.0);
   const fs::path raw = folder.path() / "raw.ply", filled = folder.path() / "filled.ply",
                  small = folder.path() / "small.ply";
-  std::vector<std::string> more = {"--levels", "3", "--resolution", "1.2"};
+  std::vector<std::string> more = {"--levels", "3", "--resolution", "0.8"};
   reconstructed(in, raw, more);
   REQUIRE(checked(raw, folder.path()).boundary_loops > 1);
-  more.insert(more.end(), {"--max-hole", "400", "--border", "smooth"});
+  more.insert(more.end(), {"--max-hole", "600", "--border", "smooth"});
   const Json report = reconstructed(in, filled, more);
   check_levels_used(report);
   check_clean(filled, folder.path());
@@ -174,10 +174,10 @@ TEST_CASE(
 TEST_CASE("reconstruct --levels with ends: same bytes over tiles, threads, caps, order, processes and kills",
           "[property]") {
   const TempFolder folder;
-  const std::string in = sheet(folder, 6.0), reversed = sheet(folder, 6.0, true);
+  const std::string in = sheet(folder, 3.0), reversed = sheet(folder, 3.0, true);
   const fs::path out = folder.path() / "out.ply";
-  const std::vector<std::string> base = {"--levels",   "3",   "--resolution", "1.2",
-                                         "--max-hole", "400", "--border",     "smooth"};
+  const std::vector<std::string> base = {"--levels",   "3",   "--resolution", "0.8",
+                                         "--max-hole", "600", "--border",     "smooth"};
   const auto bytes = [&](const std::string& from, std::vector<std::string> more) {
     fs::remove(out);
     more.insert(more.end(), base.begin(), base.end());
@@ -201,20 +201,20 @@ TEST_CASE("reconstruct --levels --reference points: every point lies within the 
   const TempFolder folder;
   const std::string in = sheet(folder, 0.0);
   const fs::path out = folder.path() / "out.ply";
-  const std::vector<std::string> more = {"--levels",    "3",      "--resolution", "1.2", "--outliers", "off",
+  const std::vector<std::string> more = {"--levels",    "3",      "--resolution", "0.8", "--outliers", "off",
                                          "--reference", "points", "--tolerance"};
   const auto with = [&](const std::string& tolerance) {
     std::vector<std::string> words = more;
     words.push_back(tolerance);
     return words;
   };
-  const Json report = reconstructed(in, out, with("0.6"));
+  const Json report = reconstructed(in, out, with("1"));
   check_levels_used(report);
   CHECK(report.at("samples").at("samples") == 119'000);
-  CHECK(report.at("samples").at("certified_max").get<double>() <= 0.6);
+  CHECK(report.at("samples").at("certified_max").get<double>() <= 1.0);
   const double noise = report.at("points_to_surface").at("certified_max").get<double>();
   CHECK(noise > 0.02);
-  CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.6 - noise);
+  CHECK(report.at("certificate").at("certified_max").get<double>() <= 1.0 - noise);
   fs::remove(out);
   const CommandResult refused = tessera_command(reconstruct_words(in, out, with("0.02")));
   CHECK(refused.code == 6);
@@ -226,8 +226,9 @@ TEST_CASE("reconstruct --levels --vegetation top: crowns across levels become on
   const TempFolder folder;
   const std::string in = grove(folder);
   const fs::path out = folder.path() / "out.ply";
-  const std::vector<std::string> more = {"--levels", "2",        "--resolution", "0.6",    "--vegetation",
-                                         "top",      "--border", "smooth",       "--from", "above"};
+  const std::vector<std::string> more = {"--levels", "2",      "--resolution", "0.6",
+                                         "--radius", "2.2",    "--vegetation", "top",
+                                         "--border", "smooth", "--from",       "above"};
   const Json report = reconstructed(in, out, more);
   check_levels_used(report);
   check_clean(out, folder.path());
@@ -247,7 +248,7 @@ TEST_CASE("reconstruct --levels --vegetation top: crowns across levels become on
 
   // One skin, the same way.
   std::vector<std::string> skin = more;
-  skin[5] = "auto";
+  skin[7] = "auto";
   skin.insert(skin.end(), {"--surface", "ground"});
   fs::remove(out);
   const Json ground = reconstructed(in, out, skin);
