@@ -52,7 +52,8 @@ void validate_levels(const ReconstructOptions& o) {
     throw UsageError("--levels " + std::to_string(o.levels) + " with " + option + ": " + why +
                      "; leave one of them out");
   };
-  if (o.holes != "keep") refuse("--holes " + o.holes,
+  if (o.holes != "keep")
+    refuse("--holes " + o.holes,
            "the surface that closes holes is made of cells of one size, and would not meet that of smaller "
            "ones; --max-hole fills them on the mesh");
   if (o.vegetation == "keep")
