@@ -174,7 +174,7 @@ TEST_CASE(
 TEST_CASE("reconstruct --levels with ends: same bytes over tiles, threads, caps, order, processes and kills",
           "[property]") {
   const TempFolder folder;
-  const std::string in = sheet(folder, 5.0), reversed = sheet(folder, 3.0, true);
+  const std::string in = sheet(folder, 5.0), reversed = sheet(folder, 5.0, true);
   const fs::path out = folder.path() / "out.ply";
   const std::vector<std::string> base = {"--levels",   "3",   "--resolution", "0.8",
                                          "--max-hole", "600", "--border",     "smooth"};
