@@ -161,7 +161,7 @@ class KeptMemory {
     const auto share = [&](std::uint64_t bytes) { return std::clamp(bytes / arenas, kMiB, 32 * kMiB); };
     const std::lock_guard lock(mutex_);
     few_ = share(cap / 32);
-    many_ = share(cap / 8);
+    many_ = cap < kWideCap ? few_ : share(cap / 8);
     extra_ = (many_ - few_) * arenas;
     small_ = std::min(cap / 64, kSmallBytes);
     keep(Kept::kUndecided);
@@ -188,6 +188,7 @@ class KeptMemory {
  private:
   enum class Kept { kUndecided, kMany, kFew };
   static constexpr std::uint64_t kSmallBytes = 64 * kMiB;
+  static constexpr std::uint64_t kWideCap = 512 * kMiB;  // below, holes in heaps would be too large a share
 
   void keep(Kept kept) {
     kept_ = kept;
