@@ -101,10 +101,13 @@ void CellSampler::shrink() {
       threshold_ = hash - 1;
       break;
     }
-    for (; i < end; ++i)
-      if (!crowded) points_[out++] = points_[i];
+    // Of a crowded cell one point stays, so that the cell counts when no other of it comes.
+    const std::size_t kept = crowded ? i + 1 : end;
+    for (; i < kept; ++i) points_[out++] = points_[i];
+    i = end;
   }
   points_.resize(out);
+  std::erase_if(crowded_, [&](std::uint64_t hash) { return hash > threshold_; });
 }
 
 std::vector<CellSampler::Cell> CellSampler::take() {
@@ -113,6 +116,7 @@ std::vector<CellSampler::Cell> CellSampler::take() {
   std::vector<Cell> cells;
   std::uint64_t hash = 0;
   for (const HashedPoint& h : points_) {
+    if (crowded_.count(h.hash) != 0) continue;
     if (cells.empty() || h.hash != hash) {
       cells.emplace_back();
       for (std::size_t a = 0; a < 3; ++a) cells.back().min[a] = std::floor(h.p[a] / size_) * size_;

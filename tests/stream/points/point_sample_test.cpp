@@ -78,6 +78,48 @@ TEST_CASE("point sample: parts of a stream merge to the sample of the whole", "[
   CHECK(spend(merged) == whole);
 }
 
+TEST_CASE("point sample: crowded cells count the same in every order", "[property]") {
+  // Clumps of many points in a cell of every layer, whose last points may come long before those of others.
+  std::vector<Double3> points = sheet(90);
+  test::Random random(11);
+  for (int clump = 0; clump < 12; ++clump) {
+    const Double3 at = {random.in(0, 90), random.in(0, 90), 3.0};
+    for (int k = 0; k < 900; ++k)
+      points.push_back(
+          {at[0] + 0.01 * random.unit(), at[1] + 0.01 * random.unit(), at[2] + 0.01 * random.unit()});
+  }
+  const auto crowded = [](const std::vector<Double3>& from) {
+    LayeredSampler sampler(kCoarsest, kLimits, 0);
+    for (const Double3& p : from) sampler.add(p);
+    spend(sampler);
+    std::vector<bool> out;
+    for (const CellSampler& layer : sampler.layers()) out.push_back(layer.any_crowded());
+    return out;
+  };
+  const auto forward = sample(points, 0);
+  const std::vector<bool> any = crowded(points);
+  CHECK(any[1]);
+  for (const Sampled& s : forward) CHECK(s.points.size() <= kLimits[0]);
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    test::Random order(seed);
+    for (std::size_t i = points.size(); i-- > 1;)
+      std::swap(points[i], points[static_cast<std::size_t>(order.in(0, static_cast<double>(i) + 0.999))]);
+    CHECK(sample(points, 0) == forward);
+    CHECK(crowded(points) == any);
+  }
+  std::sort(points.begin(), points.end());
+  CHECK(sample(points, 0) == forward);
+  const test::TempFolder folder;
+  LayeredSampler merged(kCoarsest, kLimits, 0);
+  for (std::size_t k = 0; k < 5; ++k) {
+    LayeredSampler part(kCoarsest, kLimits, 0);
+    for (std::size_t i = k * points.size() / 5; i < (k + 1) * points.size() / 5; ++i) part.add(points[i]);
+    part.save(folder / "part");
+    merged.merge(folder / "part");
+  }
+  CHECK(spend(merged) == forward);
+}
+
 TEST_CASE("point sample: few points among many that were told are all that is sampled of their share",
           "[unit]") {
   const std::vector<Double3> points = sheet(100);
