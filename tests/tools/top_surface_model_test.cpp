@@ -311,7 +311,6 @@ TEST_CASE("top surface: a skin is refused where there is none", "[pipeline]") {
     CHECK(r.errors.find("--surface top") != std::string::npos);
     CHECK(r.errors.find(why) != std::string::npos);
   };
-  refused({"--levels", "2"}, "--levels 2");
   refused({"--from", "inside"}, "--from inside");
   refused({"--normals", "given"}, "--normals given");
   refused({"--vegetation", "keep"}, "--vegetation keep");
