@@ -137,7 +137,6 @@ TEST_CASE("ground surface: it is refused where there is none", "[pipeline]") {
     CHECK(r.code == 2);
     CHECK(r.errors.find(why) != std::string::npos);
   };
-  refused(with(kGround, {"--levels", "2"}), "--surface ground with --levels 2");
   refused(with(kGround, {"--from", "around"}), "--surface ground with --from around");
   refused(with(kGround, {"--normals", "given"}), "--surface ground with --normals given");
   refused(with(kGround, {"--viewpoint", "40,40,100"}), "not seen from above");
