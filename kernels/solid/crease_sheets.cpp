@@ -4,6 +4,8 @@
 #include <array>
 #include <tuple>
 
+#include "kernels/mesh/face_corners.h"
+
 namespace tessera {
 namespace {
 
@@ -29,32 +31,28 @@ struct Facet {
 class Balls {
  public:
   explicit Balls(const MeshBlock& block)
-      : block_(block), start_(block.position.size() + 1, 0), around_(3 * block.faces.size()) {
-    for (const auto& f : block.faces)
-      for (const std::uint32_t v : f) ++start_[v + 1];
-    for (std::size_t v = 0; v < block.position.size(); ++v) start_[v + 1] += start_[v];
-    std::vector<std::uint32_t> fill(start_.begin(), start_.end() - 1);
-    for (std::uint32_t f = 0; f < block.faces.size(); ++f)
-      for (const std::uint32_t v : block.faces[f]) around_[fill[v]++] = f;
-    seen_vertex_.resize(block.position.size(), kNever);
-    seen_face_.resize(block.faces.size(), kNever);
-  }
+      : block_(block),
+        corners_(block),
+        seen_vertex_(block.position.size(), 0),
+        seen_face_(block.faces.size(), 0) {}
 
   /// Faces with a corner in the ball around a vertex that are joined to it within the ball, in any order.
   const std::vector<std::uint32_t>& around(std::uint32_t vertex) {
     faces_.clear(), open_.assign(1, vertex);
-    seen_vertex_[vertex] = vertex;
+    ++ball_;
+    seen_vertex_[vertex] = ball_;
     while (!open_.empty()) {
       const std::uint32_t v = open_.back();
       open_.pop_back();
-      for (const std::uint32_t f : star(v)) {
-        if (seen_face_[f] == vertex) continue;
-        seen_face_[f] = vertex;
+      for (const std::uint32_t corner : corners_.at(v)) {
+        const std::uint32_t f = corner >> 2;
+        if (seen_face_[f] == ball_) continue;
+        seen_face_[f] = ball_;
         faces_.push_back(f);
         for (const std::uint32_t u : block_.faces[f])
-          if (seen_vertex_[u] != vertex &&
+          if (seen_vertex_[u] != ball_ &&
               squared_distance(block_.position[u], block_.position[vertex]) < kRadiusSquare) {
-            seen_vertex_[u] = vertex;
+            seen_vertex_[u] = ball_;
             open_.push_back(u);
           }
       }
@@ -62,14 +60,15 @@ class Balls {
     return faces_;
   }
 
-  [[nodiscard]] std::span<const std::uint32_t> star(std::uint32_t v) const {
-    return {around_.data() + start_[v], around_.data() + start_[v + 1]};
-  }
+  /// face * 4 + corner of the vertex in it
+  [[nodiscard]] std::span<const std::uint32_t> corners(std::uint32_t v) const { return corners_.at(v); }
 
  private:
-  static constexpr std::uint32_t kNever = 0xFFFFFFFF;
   const MeshBlock& block_;
-  std::vector<std::uint32_t> start_, around_, seen_vertex_, seen_face_, open_, faces_;
+  FaceCorners corners_;
+  std::vector<std::uint32_t> seen_vertex_, seen_face_;  ///< number of the last ball that they were in
+  std::uint32_t ball_ = 0;
+  std::vector<std::uint32_t> open_, faces_;
 };
 
 Double3 normal_of(const MeshBlock& block, std::uint32_t face) {
@@ -83,7 +82,7 @@ std::vector<std::uint8_t> near_creases(const MeshBlock& block, Balls& balls) {
   std::vector<Double3> normals;
   for (std::uint32_t v = 0; v < block.position.size(); ++v) {
     normals.clear();
-    for (const std::uint32_t f : balls.star(v)) normals.push_back(unit_or_zero(normal_of(block, f)));
+    for (const std::uint32_t c : balls.corners(v)) normals.push_back(unit_or_zero(normal_of(block, c >> 2)));
     const bool sharp = std::any_of(normals.begin(), normals.end(), [&](const Double3& a) {
       return std::any_of(normals.begin(), normals.end(),
                          [&](const Double3& b) { return dot(a, b) < kOneSheet; });

@@ -127,8 +127,7 @@ OptionTable option_table(ReconstructOptions& o) {
         "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
         "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "
         "auto: in noisy scans what is narrower than the radius, slits too, from above, and where few points "
-        "lie "
-        "farther apart than h, 20 h with a rim of at most 400 edges, by a membrane or a patch that folds "
+        "lie farther apart than h, 20 h with a rim of at most 400 edges, by a membrane or a patch that folds "
         "where no smooth one fits; none with --border raw")
       .shown_as("auto|N");
   t.add("holes", &o.holes,
