@@ -52,34 +52,36 @@ class Surroundings {
     square_[0] += d[0] * d[0], square_[1] += d[0] * d[1], square_[2] += d[0] * d[2];
     square_[3] += d[1] * d[1], square_[4] += d[1] * d[2], square_[5] += d[2] * d[2];
   }
-  /// Whether they lie about a plane and the probe on it.
-  bool hold(double radius) const { return hold(radius, count_ < kFewAround ? kFewVariation : kMaxVariation); }
-  /// The same of few: strewn ones lie about a plane by chance more easily.
-  bool few_hold(double radius) const { return hold(radius, kFewVariation); }
-  /// Of the plane that they lie about. \pre some were added
-  Double3 normal() const { return axes().direction[0]; }
-
- private:
-  struct PrincipalAxes {
+  /// The plane that they lie about. \pre some were added
+  struct Plane {
     Double3 mean{}, variance{};  ///< ascending
-    std::array<Double3, 3> direction{};
+    Double3 normal{};
   };
-  PrincipalAxes axes() const {
-    PrincipalAxes out;
+  Plane plane() const {
+    Plane out;
     out.mean = sum_ / count_;
     std::array<double, 6> cov = square_;
     for (double& c : cov) c /= count_;
     const Double3& m = out.mean;
     cov[0] -= m[0] * m[0], cov[1] -= m[0] * m[1], cov[2] -= m[0] * m[2];
     cov[3] -= m[1] * m[1], cov[4] -= m[1] * m[2], cov[5] -= m[2] * m[2];
-    symmetric_eigen3(cov, out.variance, out.direction);
+    std::array<Double3, 3> axes{};
+    symmetric_eigen3(cov, out.variance, axes);
+    out.normal = axes[0];
     return out;
   }
-  bool hold(double radius, double max_variation) const {
+  /// Whether they lie about it and the probe on it.
+  bool hold(const Plane& plane, double radius) const {
+    return hold(plane, radius, count_ < kFewAround ? kFewVariation : kMaxVariation);
+  }
+  /// The same of few: strewn ones lie about a plane by chance more easily.
+  bool few_hold(const Plane& plane, double radius) const { return hold(plane, radius, kFewVariation); }
+
+ private:
+  bool hold(const Plane& plane, double radius, double max_variation) const {
     if (count_ < kMinAround) return false;
-    const PrincipalAxes plane = axes();
     const double minimum = std::max(plane.variance[0], 0.0);
-    const double off = std::fabs(dot(plane.mean, plane.direction[0]));
+    const double off = std::fabs(dot(plane.mean, plane.normal));
     return minimum <= max_variation * (minimum + plane.variance[1] + plane.variance[2]) &&
            off <= kMaxOff * std::sqrt(minimum) + kRounding * radius;
   }
@@ -271,27 +273,36 @@ void measure_spacing(const SampleCell& cell, double share, double minimum, doubl
   for (const std::size_t probe : probes.at) {
     std::array<std::pair<double, std::size_t>, kNearby> nearest;  // squared distance, which
     nearest.fill({radius * radius, probe});
-    Surroundings around;
-    offset.clear();
     for (std::size_t i = 0; i < cell.points.size(); ++i) {
       const double d = squared_distance(cell.points[i], cell.points[probe]);
-      if (i == probe || d >= radius * radius) continue;
-      offset.push_back(cell.points[i] - cell.points[probe]);
-      around.add(offset.back());
-      if (d >= nearest.back().first) continue;
+      if (d >= nearest.back().first || i == probe) continue;
       std::size_t at = kNearby - 1;
       for (; at > 0 && nearest[at - 1].first > d; --at) nearest[at] = nearest[at - 1];
       nearest[at] = {d, i};
     }
     const double spacing = std::sqrt(nearest[kSpacingRank - 1].first) / 2;
     if (spacing <= minimum || spacing > maximum) continue;
-    Surroundings nearby;
+    Surroundings around, nearby;
+    offset.clear();
+    for (std::size_t i = 0; i < cell.points.size(); ++i) {
+      if (i == probe || squared_distance(cell.points[i], cell.points[probe]) >= radius * radius) continue;
+      offset.push_back(cell.points[i] - cell.points[probe]);
+      around.add(offset.back());
+    }
     for (const auto& [d, i] : nearest)
       if (i != probe) nearby.add(cell.points[i] - cell.points[probe]);
-    out.push_back({spacing, std::sqrt(nearest.front().first), std::sqrt(nearest[kGapRank - 1].first),
-                   spacing * spacing * probes.each / share, around.hold(radius), nearby.few_hold(radius),
-                   nearest[kSpacingRank - 1].second != probe,
-                   !offset.empty() && is_height_outlier(offset, around.normal(), spacing, heights)});
+    SpacingProbe& found = out.emplace_back();
+    found.spacing = spacing;
+    found.nearest = std::sqrt(nearest.front().first);
+    found.gap = std::sqrt(nearest[kGapRank - 1].first);
+    found.area = spacing * spacing * probes.each / share;
+    found.in_range = nearest[kSpacingRank - 1].second != probe;
+    found.on_surface = found.flat_nearby = false;
+    if (offset.empty()) continue;
+    const Surroundings::Plane plane = around.plane();
+    found.on_surface = around.hold(plane, radius);
+    found.flat_nearby = nearby.few_hold(nearby.plane(), radius);
+    found.beside_surface = is_height_outlier(offset, plane.normal, spacing, heights);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <string>
 #include <tuple>
 
@@ -78,8 +79,11 @@ void CellSampler::shrink() {
   const auto by_hash = [](const HashedPoint& a, const HashedPoint& b) { return a.hash < b.hash; };
   std::size_t sorted = std::min(points_.size(), limit_ + limit_ / 4);
   const auto first = points_.begin() + static_cast<std::ptrdiff_t>(sorted);
-  std::nth_element(points_.begin(), first, points_.end(), by_hash);
-  std::sort(points_.begin(), first, by_hash);
+  // A saved sample comes back in order.
+  if (!std::is_sorted(points_.begin(), points_.end(), by_hash)) {
+    std::nth_element(points_.begin(), first, points_.end(), by_hash);
+    std::sort(points_.begin(), first, by_hash);
+  }
   const std::size_t maximum = std::max<std::size_t>(1, limit_ / 8);
   std::size_t sum = 0;
   std::size_t out = 0;
@@ -112,18 +116,18 @@ void CellSampler::shrink() {
 
 std::vector<CellSampler::Cell> CellSampler::take() {
   shrink();
-  std::sort(points_.begin(), points_.end(), before);
   std::vector<Cell> cells;
-  std::uint64_t hash = 0;
-  for (const HashedPoint& h : points_) {
-    if (crowded_.count(h.hash) != 0) continue;
-    if (cells.empty() || h.hash != hash) {
-      cells.emplace_back();
-      for (std::size_t a = 0; a < 3; ++a) cells.back().min[a] = std::floor(h.p[a] / size_) * size_;
-      hash = h.hash;
+  for (auto h = points_.begin(); h != points_.end();) {
+    const auto end = std::find_if(h, points_.end(), [&](const HashedPoint& o) { return o.hash != h->hash; });
+    if (crowded_.count(h->hash) == 0) {
+      Cell& cell = cells.emplace_back();
+      cell.points.reserve(static_cast<std::size_t>(end - h));
+      std::transform(h, end, std::back_inserter(cell.points), [](const HashedPoint& o) { return o.p; });
+      std::sort(cell.points.begin(), cell.points.end());
+      cell.points.erase(std::unique(cell.points.begin(), cell.points.end()), cell.points.end());
+      for (std::size_t a = 0; a < 3; ++a) cell.min[a] = std::floor(cell.points.front()[a] / size_) * size_;
     }
-    auto& points = cells.back().points;
-    if (points.empty() || points.back() != h.p) points.push_back(h.p);
+    h = end;
   }
   points_.clear();
   return cells;

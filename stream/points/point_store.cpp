@@ -285,6 +285,13 @@ std::vector<PointRecord> PointStore::records(std::size_t brick) const {
   return out;
 }
 
+PointRecord PointStore::record(std::size_t brick, std::uint64_t index) const {
+  PointRecord out;
+  std::vector<PointRecord> buffer;
+  impl_->stream(impl_->bricks[brick], index, 1, buffer, [&](const PointRecord* p, std::size_t) { out = *p; });
+  return out;
+}
+
 bool PointStore::has_bodies() const {
   return impl_->overlay && impl_->overlay->volumetric() == VolumetricUse::kBodies;
 }

@@ -88,6 +88,8 @@ class PointStore {
 
   /// All points of a brick as the overlay has them, outliers too.
   std::vector<PointRecord> records(std::size_t brick) const;
+  /// One of them. \pre index below the brick's points
+  PointRecord record(std::size_t brick, std::uint64_t index) const;
   /// Points of the box [origin - halo, origin + cells + halo), cells, canonical order, outliers skipped.
   /// \param fields  of PointBlock to be filled; flags also where samples of the top surface are among them
   /// \pre cells + 2 halo below 2^14 per axis, so that positions are exact floats

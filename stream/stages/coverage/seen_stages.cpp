@@ -110,7 +110,7 @@ class SeenSpacingStage : public SerialStage {
  private:
   /// The distance of a point to the neighbour that tells spacing, from a small box around it.
   void look(std::size_t brick, std::size_t index, std::vector<double>& squares) const {
-    const PointRecord p = points_.records(brick).at(index);
+    const PointRecord p = points_.record(brick, index);
     Int3 origin{};
     for (std::size_t a = 0; a < 3; ++a) origin[a] = (p.q[a] >> (kQuantumBits + kLeafBits)) << kLeafBits;
     const PointBlock block =

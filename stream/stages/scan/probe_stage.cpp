@@ -78,37 +78,45 @@ class MeasuringStage : public Stage {
 class NearestSquares {
  public:
   /// \param rank  of the farthest that is wanted, from 0; below the number of points
-  NearestSquares(const std::vector<Double3>& points, std::size_t rank) : rank_(rank) {
-    for (std::size_t a = 0; a < 3; ++a) {
-      axis_[a].resize((points.size() + kBatch - 1) / kBatch * kBatch,
-                      std::numeric_limits<double>::infinity());
-      for (std::size_t i = 0; i < points.size(); ++i) axis_[a][i] = points[i][a];
-    }
+  NearestSquares(std::vector<Double3> points, std::size_t rank) : rank_(rank), points_(std::move(points)) {
+    for (std::size_t a = 1; a < 3; ++a)
+      if (extent(a) > extent(axis_)) axis_ = a;
+    std::sort(points_.begin(), points_.end(),
+              [&](const Double3& p, const Double3& q) { return p[axis_] < q[axis_]; });
   }
 
   std::vector<double> of(const Double3& p) const {
     std::vector<double> minimum(rank_ + 1, std::numeric_limits<double>::infinity());
-    for (std::size_t begin = 0; begin < axis_[0].size(); begin += kBatch) {
-      std::array<double, kBatch> squared{};
-      for (std::size_t a = 0; a < 3; ++a)
-        for (std::size_t i = 0; i < kBatch; ++i) {
-          const double d = p[a] - axis_[a][begin + i];
-          squared[i] += d * d;
-        }
-      for (const double d : squared)
-        if (d < minimum.back()) {
-          auto at = std::upper_bound(minimum.begin(), minimum.end(), d);
-          std::copy_backward(at, minimum.end() - 1, minimum.end());
-          *at = d;
-        }
-    }
+    // Away from p along one axis, on either side until what is left lies too far off in that alone.
+    const auto meet = [&](const Double3& q) {
+      const Double3 d = p - q;
+      if (d[axis_] * d[axis_] >= minimum.back()) return false;
+      const double square = dot(d, d);
+      if (square < minimum.back()) {
+        const auto at = std::upper_bound(minimum.begin(), minimum.end(), square);
+        std::copy_backward(at, minimum.end() - 1, minimum.end());
+        *at = square;
+      }
+      return true;
+    };
+    const auto middle =
+        std::lower_bound(points_.begin(), points_.end(), p,
+                         [&](const Double3& q, const Double3& r) { return q[axis_] < r[axis_]; });
+    for (auto q = middle; q != points_.end() && meet(*q);) ++q;
+    for (auto q = middle; q != points_.begin() && meet(*(q - 1));) --q;
     return minimum;
   }
 
  private:
-  static constexpr std::size_t kBatch = 16;
+  double extent(std::size_t a) const {
+    const auto [low, high] = std::minmax_element(
+        points_.begin(), points_.end(), [&](const Double3& p, const Double3& q) { return p[a] < q[a]; });
+    return (*high)[a] - (*low)[a];
+  }
+
   std::size_t rank_;
-  std::array<std::vector<double>, 3> axis_;
+  std::size_t axis_ = 0;
+  std::vector<Double3> points_;
 };
 
 class ProbeStage : public MeasuringStage {
