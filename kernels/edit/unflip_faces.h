@@ -32,8 +32,8 @@ struct UnflipReport {
   std::size_t before = 0, left = 0;
 };
 
-/// Relaxes free vertices within more and more rings around faces that are turned over until none is left, a fixed number of times;
-/// keeps what leaves the fewest. Nothing else moves.
+/// Lifts faces that are turned over, by less than a tenth of an edge. Where that leaves some, relaxes free vertices within more and more
+/// rings around them until none is left, a fixed number of times; keeps what leaves the fewest. Nothing else moves.
 UnflipReport unflip(const RotatedBase& base, std::vector<Double3>& posed);
 
 /// Blends the surface towards another pose around flipped faces: first half the way, then all of it, over one more ring each

@@ -3,6 +3,9 @@
 
 #include <catch2/catch.hpp>
 
+#include <algorithm>
+#include <cmath>
+
 #include "octree/placement.h"
 #include "tests/helpers/surfaces.h"
 
@@ -62,6 +65,30 @@ TEST_CASE("upright faces: a fold comes out, and what is far from it keeps its bi
     else
       CHECK(norm(posed[v] - s.wanted[v]) < 0.05);
   }
+}
+
+TEST_CASE("upright faces: what is pressed together to next to nothing stays pressed", "[unit]") {
+  const Sheet s;
+  // Three columns of squares, flat now, become a hundredth as wide; one vertex is beyond its neighbour there.
+  std::vector<Double3> posed;
+  for (std::size_t v = 0; v < s.at_rest.position.size(); ++v) {
+    Double3 p = s.at_rest.position[v];
+    const double in = std::clamp(p[0] - 9.0, 0.0, 3.0);
+    if (p[0] > 7.0 && p[0] < 14.0) p[2] = 0.0;
+    p[0] -= 0.99 * in;
+    if (v == kMiddle) p[0] += 0.012;
+    posed.push_back(s.to.apply(p));
+  }
+  const RotatedBase base = s.base();
+  const std::vector<Double3> given = posed;
+  REQUIRE_FALSE(flipped_faces(base, posed).empty());
+  CHECK(unflip(base, posed).left == 0);
+  CHECK(flipped_faces(base, posed).empty());
+  // Relaxed, all of it would go back towards its width: by a whole edge.
+  double far = 0.0;
+  for (std::size_t v = 0; v < posed.size(); ++v) far = std::max(far, norm(posed[v] - given[v]));
+  CHECK(far > 0.0);
+  CHECK(far < 0.1);
 }
 
 TEST_CASE("upright faces: what is held folds what nothing can unfold, and is counted", "[unit]") {
