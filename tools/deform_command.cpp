@@ -44,9 +44,10 @@ void print_solved(const Json& report, const std::string& islands) {
   if (report.at("base").contains("split")) {
     const Json& split = report.at("base").at("split");
     fmt::print(
-        "its edges were {:.4g} long around the support, which wants {:.4g}: split, from {} vertices on\n",
-        split.at("edge_before").get<double>(), split.at("edge").get<double>(),
-        split.at("vertices_before").get<std::uint64_t>());
+        "its edges were {:.4g} long around the support, too long in {:.0f} % of it: split, to {:.4g} at its "
+        "narrowest, from {} vertices on\n",
+        split.at("edge_before").get<double>(), 100.0 * report.at("base").at("coarse_area").get<double>(),
+        split.at("edge").get<double>(), split.at("vertices_before").get<std::uint64_t>());
   }
   if (const auto pieces = edit.at("loose_pieces").get<std::uint64_t>(); pieces > 0)
     fmt::print("{} loose pieces of the support, {} vertices, touch nothing that holds them: --islands {}\n",

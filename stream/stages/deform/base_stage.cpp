@@ -69,7 +69,7 @@ class BaseStage : public SerialStage {
     BaseSurface base = own_ ? BaseSurface{std::move(block.position), std::move(block.faces)}
                             : even_base(std::move(block), out, context);
     context.check_stop();
-    if (own_ && options_.base == "split") split(base, out, context);
+    if (own_ && may_split(options_)) split(base, out, context);
     save_base(context.create(kBaseFile), base);
     out["vertices"] = base.position.size();
     out["faces"] = base.faces.size();
@@ -131,7 +131,10 @@ class BaseStage : public SerialStage {
   void split(BaseSurface& base, Json& out, TaskContext& context) const {
     const std::size_t before = base.position.size(), most = most_split(options_.base_vertices);
     const EditScript script = parse_edit(options_.edit, "the edit");
+    // Unasked, it is told in the report alone.
     const auto leave = [&](const std::string& why) {
+      out["whole"] = why;
+      if (options_.base != "split") return;
       out["warnings"] = Json::array();
       out["warnings"].push_back("--base split: edges stay as long as they are: " + why);
     };

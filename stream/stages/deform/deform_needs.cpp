@@ -80,9 +80,13 @@ std::uint64_t most_split(std::uint64_t base_vertices) {
   return std::min(base_vertices, kMostSplit);
 }
 
+bool may_split(const DeformOptions& options) {
+  return options.base == "auto" || options.base == "split";
+}
+
 std::uint64_t split_base_bytes(const DeformOptions& options) {
   const std::uint64_t most = most_split(options.base_vertices);
-  return options.base == "split" ? refined_base_bytes(most, 2 * most) : 0;
+  return may_split(options) ? refined_base_bytes(most, 2 * most) : 0;
 }
 
 std::uint64_t base_stage_bytes(bool own, const BaseInput& input, std::uint64_t base_vertices) {
@@ -173,7 +177,7 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
     cases.push_back({true, std::min(mesh.faces, 4 * options.base_vertices),
                      std::min(mesh.vertices, options.base_vertices)});
   // Split where its edges are long beside the support: nobody knows before its regions are found.
-  if (options.base == "split" && may_be_own && cases.front().vertices < most_split(options.base_vertices))
+  if (may_split(options) && may_be_own && cases.front().vertices < most_split(options.base_vertices))
     cases.push_back({true, cases.front().faces, most_split(options.base_vertices)});
   if (may_be_made) {
     SimplifyOptions reduce;

@@ -15,6 +15,8 @@ namespace tessera {
 std::uint64_t base_capacity(std::uint64_t faces, std::uint64_t base_vertices);
 /// Vertices of a base whose edges are split: no more are made.
 std::uint64_t most_split(std::uint64_t base_vertices);
+/// Whether the options let edges be split that are long beside the support.
+bool may_split(const DeformOptions& options);
 /// What splitting takes beside the base. 0 where the options do not ask for it.
 std::uint64_t split_base_bytes(const DeformOptions& options);
 /// The mesh that a base is made of.

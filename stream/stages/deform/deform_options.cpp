@@ -12,12 +12,11 @@ OptionTable option_table(DeformOptions& o) {
   t.add("edit", &o.edit, "the edit as JSON").hidden();
   t.add("base", &o.base,
         "auto: a mesh that is small enough is its own base, unless a tenth of its area lies in long thin "
-        "triangles; split: of such a mesh edges are halved that are long beside the width of the support, so "
-        "that "
-        "the result hangs less on its triangles, e.g. deform part.ply edit.json --base split -o bent.ply; "
-        "even: "
-        "always remeshed")
-      .one_of({"auto", "split", "even"});
+        "triangles, and of such a mesh edges are halved that are long beside the width of the support, so "
+        "that the result hangs on the surface and not on its triangles; split: the same, with a warning "
+        "where regions name points; own: such a mesh as it is, e.g. deform part.ply edit.json --base own -o "
+        "bent.ply; even: always remeshed")
+      .one_of({"auto", "split", "own", "even"});
   t.add("base-vertices", &o.base_vertices,
         "most vertices of the base surface, which is solved for in memory: a mesh with no more is its own "
         "base, a larger one is decimated and remeshed to about as many and follows as details")

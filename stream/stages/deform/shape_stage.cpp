@@ -33,9 +33,10 @@ class ShapeStage : public SerialStage {
       context.advance(patch.faces.size());
     }
     const double share = thin.share();
-    const Json shape = {{"vertices", vertices},
-                        {"thin_area", share},
-                        {"own", options_.base != "even" && small && share <= kMaxThin}};
+    const Json shape = {
+        {"vertices", vertices},
+        {"thin_area", share},
+        {"own", small && (options_.base == "own" || (options_.base != "even" && share <= kMaxThin))}};
     write_durably(context.create(kShapeFile), dump_json(shape));
     return shape;
   }
