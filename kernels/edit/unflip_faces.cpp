@@ -190,6 +190,13 @@ std::vector<std::uint32_t> flipped_faces(const RotatedBase& base, std::span<cons
   return out;
 }
 
+UnflipReport lift_flipped(const RotatedBase& base, std::vector<Double3>& posed) {
+  std::vector<FlippedFace> flipped = find_flipped(base, posed);
+  UnflipReport report{flipped.size(), flipped.size()};
+  if (!flipped.empty()) report.left = lift_all(base, std::move(flipped), posed);
+  return report;
+}
+
 UnflipReport unflip(const RotatedBase& base, std::vector<Double3>& posed) {
   std::vector<FlippedFace> flipped = find_flipped(base, posed);
   UnflipReport report{flipped.size(), flipped.size()};

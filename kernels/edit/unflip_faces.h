@@ -36,6 +36,9 @@ struct UnflipReport {
 /// rings around them until none is left, a fixed number of times; keeps what leaves the fewest. Nothing else moves.
 UnflipReport unflip(const RotatedBase& base, std::vector<Double3>& posed);
 
+/// The first step of it alone: what it leaves stays.
+UnflipReport lift_flipped(const RotatedBase& base, std::vector<Double3>& posed);
+
 /// Blends the surface towards another pose around flipped faces: first half the way, then all of it, over one more ring each
 /// round. Keeps the state with the fewest flipped faces. \param left  flipped_faces() of `posed` \return flipped_faces() of the result
 std::size_t yield_to(const RotatedBase& base, std::span<const Double3> other, std::size_t left,

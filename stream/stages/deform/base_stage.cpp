@@ -157,6 +157,7 @@ class BaseStage : public SerialStage {
     if (!(share > kMaxCoarse)) return;
     base.split_edge = mean_longest_edge(base.position, base.faces, edges);
     base.given_crossings = crossing_support(base, base_regions(base, script, source_, context).role);
+    base.given_faces = base.faces;
     double across = script.order == 3 ? kEvenAcross : kAcross;
     for (double& e : edges) e *= kEnough / across;
     const double edge = *std::min_element(edges.begin(), edges.end());

@@ -3,8 +3,8 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kBaseKind = {"TSEBASE3", "a base surface"};
-constexpr PackedKind kBasisKind = {"TSEBASI2", "a basis of an edit"};
+constexpr PackedKind kBaseKind = {"TSEBASE4", "a base surface"};
+constexpr PackedKind kBasisKind = {"TSEBASI3", "a basis of an edit"};
 
 enum Key : std::uint64_t {
   kPositions,
@@ -17,6 +17,7 @@ enum Key : std::uint64_t {
   kTargets,
   kAbout,
   kRotations,
+  kGivenFaces,
   kLevels = 100,   ///< kLevelParts of each level
   kBatches = 1000  ///< two of each batch
 };
@@ -38,7 +39,8 @@ void save_base(const std::filesystem::path& path, const BaseSurface& base) {
   const std::vector<double> split = {base.split_edge, static_cast<double>(base.given_crossings)};
   const std::vector<Section> sections = {file.append(bytes_of(base.position)),
                                          file.append(bytes_of(base.faces)), file.append(bytes_of(base.sharp)),
-                                         file.append(bytes_of(split))};
+                                         file.append(bytes_of(split)),
+                                         file.append(bytes_of(base.given_faces))};
   file.finish(sections);
 }
 
@@ -46,14 +48,16 @@ BaseSurface load_base(const std::filesystem::path& path) {
   const PackedFile file(path, kBaseKind, sizeof(Section));
   const auto sections = file.table<Section>();
   const auto split = file.load<double>(sections.at(3));
-  return {file.load<Double3>(sections.at(0)), file.load<std::array<std::uint32_t, 3>>(sections.at(1)),
-          file.load<Double3>(sections.at(2)), split.at(0), static_cast<std::uint64_t>(split.at(1))};
+  return {file.load<Double3>(sections.at(0)),      file.load<std::array<std::uint32_t, 3>>(sections.at(1)),
+          file.load<Double3>(sections.at(2)),      split.at(0),
+          static_cast<std::uint64_t>(split.at(1)), file.load<std::array<std::uint32_t, 3>>(sections.at(4))};
 }
 
 BasisWriter::BasisWriter(const std::filesystem::path& path, const DeformBasis& basis)
     : file_(path, kBasisKind) {
   put(kPositions, bytes_of(basis.base.position));
   put(kFaces, bytes_of(basis.base.faces));
+  put(kGivenFaces, bytes_of(basis.base.given_faces));
   put(kRoles, bytes_of(basis.edit.role));
   put(kActive, bytes_of(basis.edit.active));
   put(kCentres, bytes_of(basis.edit.centre));
@@ -110,6 +114,7 @@ std::string BasisReader::about() const {
 DeformBasis BasisReader::load() const {
   DeformBasis out;
   out.base = {part<Double3>(kPositions), part<std::array<std::uint32_t, 3>>(kFaces), {}};
+  out.base.given_faces = part<std::array<std::uint32_t, 3>>(kGivenFaces);
   out.edit.role = part<std::int32_t>(kRoles);
   out.edit.active = part<std::int32_t>(kActive);
   out.edit.centre = part<Double3>(kCentres);

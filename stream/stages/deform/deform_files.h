@@ -26,6 +26,8 @@ struct BaseSurface {
   /// Above 0: edges are split (refined_base.h), and were so long in the mean around the support. A basis does not tell.
   double split_edge = 0.0;
   std::uint64_t given_crossings = 0;  ///< of a split one: faces at the support that crossed others before
+  /// Of a split one: the mesh's own faces, over its first vertices. Empty: it is not split.
+  std::vector<std::array<std::uint32_t, 3>> given_faces{};
 };
 void save_base(const std::filesystem::path& path, const BaseSurface& base);
 BaseSurface load_base(const std::filesystem::path& path);

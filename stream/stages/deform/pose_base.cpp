@@ -68,6 +68,20 @@ Detailed with_fewer_flips(const RotatedBase& rotated, std::vector<Double3> moved
   return details;
 }
 
+/// Faces of the mesh itself are larger than those of a split base, and may turn over where none of these do. Their corners are
+/// its first vertices.
+UnflipReport lift_given(const RotatedBase& rotated, std::span<const Face> given,
+                        std::vector<Double3>& position) {
+  std::size_t count = 0;
+  for (const Face& f : given)
+    for (const std::uint32_t v : f) count = std::max<std::size_t>(count, v + 1);
+  std::vector<Double3> own(position.begin(), position.begin() + static_cast<std::ptrdiff_t>(count));
+  const UnflipReport report = lift_flipped(
+      {rotated.rest.first(count), given, rotated.free.first(count), rotated.rotation.first(count)}, own);
+  std::copy(own.begin(), own.end(), position.begin());
+  return report;
+}
+
 /// Details that keep the volumes of their prisms. \param vectors  where displacement vectors lead
 Detailed with_volumes(const DeformBasis& basis, const SmoothPose& smooth, const RotatedBase& rotated,
                       std::span<const Double3> vectors, std::span<const Double3> widening,
@@ -170,6 +184,12 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     crossing = std::move(report.kept() ? by_volumes : by_vectors);
     check_stop();
   }
+  if (const auto& given = basis.base.given_faces; !given.empty()) {
+    const UnflipReport own = lift_given(rotated, given, details.position);
+    out.flipped_given = own.left;
+    // What is counted is what is written.
+    if (own.left < own.before) crossing.reset();
+  }
   if (!crossing) crossing = self_intersections(details.position, faces, watched);
   check_stop();
   out.flipped = details.flipped;
@@ -193,6 +213,7 @@ Json pose_json(const PosedBase& pose) {
                {"pose_basis_s", pose.basis_s},
                {"pose_turns_s", pose.rotations_s},
                {"pose_base_s", pose.pose_s}};
+  if (pose.flipped_given) json["own_flipped_faces"] = *pose.flipped_given;
   if (const auto& d = pose.details)
     json["details"] = {{"prisms", d->volumes.prisms},
                        {"levels", d->volumes.levels},

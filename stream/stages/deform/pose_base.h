@@ -26,9 +26,10 @@ struct VolumeDetails {
 
 struct PosedBase {
   std::vector<Double3> position;
-  std::size_t flipped_by_rotations = 0;  ///< faces, before anything was done about them
-  std::size_t flipped = 0;               ///< faces that turn over against how the smooth base turns
-  std::size_t crossing_before = 0;       ///< faces that cross others, at rest
+  std::size_t flipped_by_rotations = 0;      ///< faces, before anything was done about them
+  std::size_t flipped = 0;                   ///< faces that turn over against how the smooth base turns
+  std::optional<std::size_t> flipped_given;  ///< of a split base: the same of the mesh's own faces
+  std::size_t crossing_before = 0;           ///< faces that cross others, at rest
   std::size_t crossing = 0, crossing_local = 0;
   double volume = 0.0, volume_before = 0.0;
   std::optional<VolumeDetails> details;

@@ -91,6 +91,18 @@ TEST_CASE("upright faces: what is pressed together to next to nothing stays pres
   CHECK(far < 0.1);
 }
 
+TEST_CASE("upright faces: lifted alone, a fold that wants more than a tenth of an edge stays", "[unit]") {
+  const Sheet s;
+  std::vector<Double3> posed = s.wanted;
+  posed[kMiddle] = s.to.apply({12.3, 10.2, 0.0});
+  const std::vector<Double3> given = posed;
+  const UnflipReport report = lift_flipped(s.base(), posed);
+  CHECK(report.before == flipped_faces(s.base(), given).size());
+  CHECK(report.left == flipped_faces(s.base(), posed).size());
+  CHECK(report.left > 0);
+  for (std::size_t v = 0; v < posed.size(); ++v) CHECK(norm(posed[v] - given[v]) < 0.11);
+}
+
 TEST_CASE("upright faces: what is held folds what nothing can unfold, and is counted", "[unit]") {
   Sheet s;
   std::vector<Double3> posed = s.wanted;
