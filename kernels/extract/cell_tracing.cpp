@@ -55,11 +55,29 @@ void emit_plain_loop(const DirectedField& field, const TracedLoop& loop, const L
     patch.add_face(vertex[i], vertex[loop.after(i)], centre, boundary >> i & 1u);
 }
 
+/// Whether the fan's triangles at kinks have an area.
+bool fits_kinks(const TracedLoop& loop, const LoopKinks& kinks, const Float3& centre) {
+  for (std::size_t k = 0; k < kinks.all.size(); ++k) {
+    const LoopKink& kink = kinks.all[k];
+    if (kink.snapped != 0) continue;
+    const bool last = k + 1 == kinks.all.size() || kinks.all[k + 1].segment != kink.segment ||
+                      kinks.all[k + 1].snapped != 0;
+    const bool first = k == 0 || kinks.all[k - 1].segment != kink.segment || kinks.all[k - 1].snapped != 0;
+    if (first && is_sliver(loop.samples.point[kink.segment], kink.at, centre)) return false;
+    if (is_sliver(kink.at, last ? loop.samples.point[loop.after(kink.segment)] : kinks.all[k + 1].at, centre))
+      return false;
+  }
+  return true;
+}
+
 /// Keeps a loop that a feature passes. \returns false: it passes none, or none that can be sampled
-bool keep_feature_loop(const BrickInput& brick, std::uint32_t rank, TracedLoop& loop, PatchBuilder& patch,
-                       FeatureLoops& features, ExtractReport& report) {
-  const FeatureSample sample = feature_of(brick, loop);
+bool keep_feature_loop(const BrickInput& brick, std::uint32_t rank, TracedLoop& loop, const LoopKinks& kinks,
+                       CreaseCells& creases, PatchBuilder& patch, FeatureLoops& features,
+                       ExtractReport& report) {
+  FeatureSample sample = feature_of(brick, loop);
   if (sample.kind == FeatureKind::kNone) return false;
+  if (sample.kind != FeatureKind::kRejected && !fits_kinks(loop, kinks, sample.position))
+    sample.kind = FeatureKind::kRejected;
   const Int3& cell = loop.cell;
   const bool own = inside_brick(cell), corner = sample.kind == FeatureKind::kCorner;
   if (sample.kind == FeatureKind::kRejected) {
@@ -76,16 +94,21 @@ bool keep_feature_loop(const BrickInput& brick, std::uint32_t rank, TracedLoop& 
   if (own && (cell[0] == kBrickCells - 1 || cell[1] == kBrickCells - 1 || cell[2] == kBrickCells - 1))
     patch.add_exported(patch.key(cell, 6 + loop.number), centre);
   features.add(loop, rank, centre, sample.position);
+  // Of kinks in faces of other bricks, who emits the faces there has the vertices.
+  for (const LoopKink& kink : kinks.all)
+    if (kink.snapped == 0 && inside_brick(kink.above))
+      features.add_kink(kink.segment, creases.vertex(kink, patch));
   return true;
 }
 
 }  // namespace
 
 void trace_leaf(const BrickInput& brick, const LeafMasks& leaf, const LeafEdges& edges, BorderShift& border,
-                PatchBuilder& patch, FeatureLoops& features, ExtractReport& report) {
+                CreaseCells& creases, PatchBuilder& patch, FeatureLoops& features, ExtractReport& report) {
   const auto inside = brick.band.corner_words(leaf, &LeafMasks::inside);
   const LeafWords at_boundary = patch.names() && leaf.own() ? brick.band.boundary_cells(leaf) : LeafWords{};
   LoopTriangles triangles;
+  LoopKinks kinks;
   const auto trace_cell = [&](const Int3& cell, unsigned pattern) {
     const bool own = inside_brick(cell), closing = has_cell(leaf.leaf->closing, cell);
     const std::size_t faces_before = patch.faces();
@@ -97,12 +120,22 @@ void trace_leaf(const BrickInput& brick, const LeafMasks& leaf, const LeafEdges&
           edges.loop(brick.field, cell, number, edge, loops.length[static_cast<std::size_t>(number)]);
       report.loops += own;
       // Beside a border that cuts cells there are no features: their samples would lie beyond it.
+      const bool kinked = creases.find_kinks(brick, loop, kinks);
+      if (kinked && !closing && creases.follow(brick, loop, kinks, patch)) {
+        report.crease_loops += own;
+        continue;
+      }
+      report.unfollowed_loops += kinked && own;
       const bool cut = edges.moving() && border.triangulate(edge, loop.root.data(), loop.size(), triangles);
       if (!cut && brick.method == ExtractMethod::kExtendedMarchingCubes && !closing &&
-          keep_feature_loop(brick, leaf.cell_rank(cell[0] & 7, cell[1] & 7, cell[2] & 7), loop, patch,
-                            features, report))
+          keep_feature_loop(brick, leaf.cell_rank(cell[0] & 7, cell[1] & 7, cell[2] & 7), loop, kinks,
+                            creases, patch, features, report))
         continue;
       if (!own) continue;
+      if (kinked) {
+        creases.fill(brick, loop, kinks, patch);
+        continue;
+      }
       if (cut)
         border.triangulate_crossing(cell, edge, loop.root.data(), loop.size(), triangles);
       else

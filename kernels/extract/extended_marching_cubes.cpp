@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "kernels/extract/cell_tracing.h"
+#include "kernels/extract/crease_cells.h"
 #include "kernels/extract/level_cells.h"
 #include "kernels/extract/level_faces.h"
 #include "octree/morton.h"
@@ -16,8 +17,9 @@ namespace {
 /// \param level   of the brick   \param levels  null where all bricks are of one
 /// \param band    reused from brick to brick
 Patch extract_brick(const DirectedField& field, const ExtractOptions& options, const Int3& brick, int level,
-                    const LevelCells* levels, BrickBand& band, ExtractReport& report) {
-  assert(!options.bends || !options.names);
+                    const LevelCells* levels, const CreaseLines* creases, BrickBand& band,
+                    ExtractReport& report) {
+  assert((!options.bends && !creases) || !options.names);
   const bool extended = options.method == ExtractMethod::kExtendedMarchingCubes;
   Int3 in_block, corner;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -33,12 +35,13 @@ Patch extract_brick(const DirectedField& field, const ExtractOptions& options, c
   BorderShift border(field, band, in_block);
   emit_edge_vertices(field, band, border, patch);
   FeatureLoops features(extended ? band.active_cells() : 0);
+  CreaseCells crease_cells(extended ? creases : nullptr, in_block);
   LeafEdges edges;
   for (const LeafMasks& leaf : band.leaves()) {
     const bool meets_finer = levels && leaf.own();
     if (!leaf.any_active && !meets_finer) continue;
     edges.collect(band, leaf);
-    trace_leaf(input, leaf, edges, border, patch, features, report);
+    trace_leaf(input, leaf, edges, border, crease_cells, patch, features, report);
     if (meets_finer) report.loops += emit_level_faces(input, leaf, edges, patch);
   }
   emit_feature_segments(input, features, options.bends && input.thresholds.exact, patch, report);
@@ -48,7 +51,7 @@ Patch extract_brick(const DirectedField& field, const ExtractOptions& options, c
 }  // namespace
 
 ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& options,
-                              const std::function<void(Patch&&)>& sink) {
+                              const std::function<void(Patch&&)>& sink, const CreaseLines* creases) {
   Int3 bricks;
   for (std::size_t a = 0; a < 3; ++a) {
     assert(field.cells[a] % kBrickCells == 0 && field.origin[a] % kBrickCells == 0);
@@ -68,7 +71,7 @@ ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& 
   ExtractReport report;
   BrickBand band;
   for (const auto& entry : order) {
-    Patch patch = extract_brick(field, options, entry.second, 0, nullptr, band, report);
+    Patch patch = extract_brick(field, options, entry.second, 0, nullptr, creases, band, report);
     if (!patch.empty()) sink(std::move(patch));
   }
   return report;
@@ -79,7 +82,7 @@ Patch extract_level_brick(const LevelFields& fields, const LevelSurroundings& ar
   const DirectedField mixed = mix_levels(fields, around);
   const LevelCells cells(fields, around, mixed);
   BrickBand band;
-  return extract_brick(mixed, options, {0, 0, 0}, level, &cells, band, report);
+  return extract_brick(mixed, options, {0, 0, 0}, level, &cells, nullptr, band, report);
 }
 
 }  // namespace tessera

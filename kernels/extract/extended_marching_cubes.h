@@ -10,6 +10,8 @@
 
 namespace tessera {
 
+struct CreaseLines;
+
 enum class ExtractMethod { kMarchingCubes, kExtendedMarchingCubes };
 
 struct ExtractOptions {
@@ -29,6 +31,9 @@ struct ExtractReport {
   std::uint64_t corner_samples = 0;
   std::uint64_t flips = 0;
   std::uint64_t bend_samples = 0;
+  std::uint64_t crease_loops = 0;  ///< cut along the creases of the mesh
+  std::uint64_t unfollowed_loops =
+      0;  ///< creases of the mesh pass their faces, and could not be followed within
   std::uint64_t rejected_samples = 0;  ///< feature found but its sample turned triangles: plain triangulation
 };
 
@@ -40,8 +45,10 @@ struct ExtractReport {
 /// \pre   field.cells are multiples of kBrickCells
 /// \post  the union of all patches, welded by key, is an oriented 2-manifold with border; the border lies
 ///        only where valid cells meet invalid ones; no face is degenerate
+/// \param creases  of the mesh that the field comes from, of the same block, to be followed in the cells that they pass; null:
+///        features are found from the roots alone. Not with names.
 ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& options,
-                              const std::function<void(Patch&&)>& sink);
+                              const std::function<void(Patch&&)>& sink, const CreaseLines* creases = nullptr);
 
 struct LevelFields;
 struct LevelSurroundings;

@@ -103,6 +103,18 @@ void add_bend(const BrickInput& brick, const FeatureLoop& loop, const FeatureLoo
   patch.add_face(middle, b.vertex, loop.centre);
 }
 
+/// Faces from the segment, kink by kink, to the centre, and to that beyond. \param beyond  null: who is there has its own faces
+void emit_kinked(const FeatureLoops& features, const FeatureLoop& loop, const FeatureLoop::Corner& first,
+                 std::uint32_t last, const FeatureLoop* beyond, PatchBuilder& patch) {
+  std::uint32_t from = first.vertex;
+  for (std::size_t k = 0; k <= first.kinks; ++k) {
+    const std::uint32_t to = k == first.kinks ? last : features.kink(first.first_kink + k);
+    patch.add_face(from, to, loop.centre);
+    if (beyond) patch.add_face(to, from, beyond->centre);
+    from = to;
+  }
+}
+
 void emit_segment(const BrickInput& brick, FeatureLoops& features, FeatureLoop& loop, std::size_t s,
                   bool bends, PatchBuilder& patch, ExtractReport& report) {
   const FeatureLoop::Corner &first = features.corner(loop, s), &second = features.corner(loop, s + 1);
@@ -117,6 +129,10 @@ void emit_segment(const BrickInput& brick, FeatureLoops& features, FeatureLoop& 
   const bool emits = face & 1 ? inside_brick(across) || (own && other_level()) : own;
   if (!emits) return;
   FeatureLoop* beyond = features.find(brick.band, across, mirrored_edge(first.edge, axis));
+  if (first.kinks > 0) {
+    if (!beyond || !(face & 1)) emit_kinked(features, loop, first, b, beyond, patch);
+    return;
+  }
   if (!beyond) {
     patch.add_face(a, b, loop.centre, brick.band.takes_part(across) ? 0u : 1u);
     return;
@@ -154,8 +170,14 @@ void FeatureLoops::add(const TracedLoop& loop, std::uint32_t rank, std::uint32_t
   added.centre = centre;
   added.position = position;
   for (std::size_t i = 0; i < loop.size(); ++i)
-    corners_.push_back({loop.vertex[i], loop.root[i], loop.samples.edge[i]});
+    corners_.push_back({.vertex = loop.vertex[i], .root = loop.root[i], .edge = loop.samples.edge[i]});
   loops_.push_back(added);
+}
+
+void FeatureLoops::add_kink(std::size_t segment, std::uint32_t vertex) {
+  FeatureLoop::Corner& corner = corners_[loops_.back().first + segment];
+  if (corner.kinks++ == 0) corner.first_kink = static_cast<std::uint32_t>(kinks_.size());
+  kinks_.push_back(vertex);
 }
 
 FeatureLoop* FeatureLoops::find(const BrickBand& band, const Int3& cell, int edge) {

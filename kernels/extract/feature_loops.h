@@ -26,6 +26,8 @@ struct FeatureLoop {
   struct Corner {
     std::uint32_t vertex, root;
     std::uint8_t edge;
+    std::uint8_t kinks = 0;        ///< of the segment from here
+    std::uint32_t first_kink = 0;  ///< FeatureLoops::kink()
   };
   Int3 cell;            ///< relative to the brick; -1 on one axis for the halo
   std::uint8_t number;  ///< loop of the cell
@@ -44,6 +46,9 @@ class FeatureLoops {
 
   /// \param rank  LeafMasks::cell_rank() of its cell; loops of a cell come one after the other
   void add(const TracedLoop& loop, std::uint32_t rank, std::uint32_t centre, const Float3& position);
+  /// A vertex on a segment of the loop added last, in the order of segments and along them.
+  void add_kink(std::size_t segment, std::uint32_t vertex);
+  [[nodiscard]] std::uint32_t kink(std::size_t k) const { return kinks_[k]; }
   /// Null where the cell has no feature loop through the edge.
   FeatureLoop* find(const BrickBand& band, const Int3& cell, int edge);
   std::vector<FeatureLoop>& all() { return loops_; }
@@ -55,6 +60,7 @@ class FeatureLoops {
  private:
   std::vector<FeatureLoop> loops_;
   std::vector<FeatureLoop::Corner> corners_;
+  std::vector<std::uint32_t> kinks_;
   std::vector<std::int32_t> first_of_cell_;  ///< per active cell, -1 = none
 };
 

@@ -15,7 +15,9 @@ namespace tessera {
 ///        3..5  the same point as the cells on its + side of axis (type - 3 + 2) mod 3 name it where valid cells
 ///              meet only across the edge: two vertices then, which keeps them manifold
 ///        6..9  centre of loop 0..3 in the cell
+///        10..15  two places each in the cell's faces towards -x, -y, -z where creases pass from brick to brick
 using VertexKey = std::uint64_t;
+inline constexpr int kFirstKinkType = 10;
 
 [[nodiscard]] constexpr VertexKey make_vertex_key(std::uint32_t i, std::uint32_t j, std::uint32_t k,
                                                   std::uint32_t type) {

@@ -17,7 +17,7 @@ class TracedBrick {
   void trace() {
     for (const LeafMasks& leaf : band.leaves()) {
       edges.collect(band, leaf);
-      trace_leaf(input, leaf, edges, border, patch, features, report);
+      trace_leaf(input, leaf, edges, border, creases, patch, features, report);
     }
   }
 
@@ -26,6 +26,7 @@ class TracedBrick {
   PatchBuilder patch;
   BorderShift border;
   FeatureLoops features;
+  CreaseCells creases{nullptr, {0, 0, 0}};
   LeafEdges edges;
   ExtractReport report;
 };

@@ -16,7 +16,7 @@ const std::map<std::string, std::set<std::string>> kKernelFolders = {
     {"picture", {}},
     {"field", {"mesh"}},
     {"closing", {"field"}},
-    {"solid", {"field", "mesh"}},
+    {"solid", {"extract", "field", "mesh"}},
     {"extract", {"field", "mesh"}},
     {"decimate", {"mesh"}},
     {"merge", {"field", "mesh", "holes"}},

@@ -182,6 +182,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"collapse_deviation", "collapse_mesh", "decimator", "decimator_sweep", "feature_edges", "quadric"});
     by("kernels/extract/extended_marching_cubes", "kernels/extract",
        {"brick_band", "cell_loops", "feature_sample", "loop_triangulation", "tangent_planes"});
+    by("kernels/solid/mesh_creases", "kernels/extract", {"crease_cells", "crease_lines"});
     by("kernels/extract/level_cells", "kernels/extract", {"brick_levels", "level_faces"});
     by("kernels/field/band_vdb", "kernels/field", {"band_leaf", "vdb_leaf"});
     by("kernels/field/field", "kernels/field",

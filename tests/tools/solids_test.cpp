@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "octree/portable_math.h"
 #include "stream/files/json.h"
@@ -95,6 +96,72 @@ TEST_CASE("resurface: a dirty mesh becomes one closed one, the same bytes whatev
     REQUIRE(r.code == 0);
     CHECK(file_bytes(again) == bytes);
     if (how[0] == "--memory") CHECK(r.peak_bytes < (std::uint64_t{96} << 20));
+  }
+}
+
+TEST_CASE("resurface: edges that bend or lie within a cell of others are met, the same bytes whatever runs",
+          "[pipeline]") {
+  // A stack of three plates of twelve sides, turned; their sides bend by 30 degrees every 3.2 cells, the middle one's are
+  // 1.4 cells inside of the others'.
+  std::vector<Double3> at;
+  const double turn = 0.4, lean = 0.7;
+  const std::vector<std::array<double, 2>> rings = {{3.1, 0},   {3.1, 2.3}, {2.4, 2.3},
+                                                    {2.4, 4.1}, {3.1, 4.1}, {3.1, 6.2}};
+  for (const auto& [radius, z] : rings)
+    for (int i = 0; i < 12; ++i) {
+      const SinCos t = sin_cos(kPi * i / 6.0 + turn), l = sin_cos(lean);
+      const Double3 p = {radius * t.cos, radius * t.sin, z};
+      at.push_back({p[0], p[1] * l.cos - p[2] * l.sin, p[1] * l.sin + p[2] * l.cos});
+    }
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  for (std::uint32_t i = 2; i < 12; ++i) {
+    faces.push_back({0, i, i - 1});
+    faces.push_back({60, 60 + i - 1, 60 + i});
+  }
+  for (std::uint32_t r = 0; r < 60; r += 12)
+    for (std::uint32_t i = 0; i < 12; ++i) {
+      const std::uint32_t j = i == 11 ? 0 : i + 1;
+      faces.push_back({r + i, r + j, r + 12 + j});
+      faces.push_back({r + i, r + 12 + j, r + 12 + i});
+    }
+  std::string text = "OFF\n72 " + std::to_string(faces.size()) + " 0\n";
+  for (const Double3& p : at) {
+    char line[96];
+    std::snprintf(line, sizeof line, "%.9g %.9g %.9g\n", p[0], p[1], p[2]);
+    text += line;
+  }
+  for (const auto& f : faces)
+    text += "3 " + std::to_string(f[0]) + " " + std::to_string(f[1]) + " " + std::to_string(f[2]) + "\n";
+  const TempFolder folder;
+  const std::string in = folder.write("stack.off", text).string(), out = (folder / "a.ply").string(),
+                    again = (folder / "b.ply").string();
+  REQUIRE(solid_command({"resurface", in, "-o", out, "--resolution", "0.5"}).code == 0);
+  const WholeMesh mesh = read_whole(out);
+  CHECK(is_closed(mesh));
+  std::vector<std::array<std::uint32_t, 3>> made;
+  for (const MeshFace& f : mesh.faces)
+    made.push_back({static_cast<std::uint32_t>(f[0]), static_cast<std::uint32_t>(f[1]),
+                    static_cast<std::uint32_t>(f[2])});
+  const ClosestFaces there(mesh.points, made, {0, 0, 0});
+  int all = 0, beyond = 0;
+  const auto look = [&](std::uint32_t a, std::uint32_t b) {
+    for (int i = 0; i <= 40; ++i, ++all)
+      beyond += there.closest(at[a] + (at[b] - at[a]) * (i / 40.0), 100.0, ClosestFaces::kNone).square >
+                0.01 * 0.01;
+  };
+  for (std::uint32_t r = 0; r < 72; r += 12)
+    for (std::uint32_t i = 0; i < 12; ++i) {
+      look(r + i, r + (i == 11 ? 0 : i + 1));
+      if (r < 60 && r != 12 && r != 36) look(r + i, r + 12 + i);
+    }
+  CAPTURE(all, beyond);
+  CHECK(20 * beyond < all);
+  for (const std::vector<std::string>& how :
+       {std::vector<std::string>{"-t", "1", "--tile-size", "64"}, {"-t", "2"}}) {
+    std::vector<std::string> words = {"resurface", in, "-o", again, "--resolution", "0.5", "--force"};
+    words.insert(words.end(), how.begin(), how.end());
+    REQUIRE(solid_command(words).code == 0);
+    CHECK(file_bytes(again) == file_bytes(out));
   }
 }
 

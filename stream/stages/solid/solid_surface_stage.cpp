@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "kernels/mesh/patch_components.h"
+#include "kernels/solid/mesh_creases.h"
 #include "octree/error.h"
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
@@ -17,6 +18,11 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kSurfaceTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
+/// Faces of a mesh for each place where it passes a lattice edge, up to which its creases are followed: those of a finer one are
+/// far below the lattice, and would take more memory than all else.
+constexpr std::uint64_t kCreaseFaces = 4;
+/// Faces of a mesh as fine as the lattice in a leaf at its surface.
+constexpr std::uint64_t kLeafFaces = 128;
 
 class SolidSurfaceStage : public Stage {
  public:
@@ -25,12 +31,14 @@ class SolidSurfaceStage : public Stage {
         plan_(Plan::of_work(state.work)),
         solids_(load(state.work)),
         shapes_(make_shapes(state)),
-        tiling_(tables(), plan_.brick_min, plan_.brick_max, is_open()) {
+        tiling_(tables(), plan_.brick_min, plan_.brick_max, is_open(),
+                [this](const SolidBlock& block) { return crease_bytes(block); }) {
     for (std::size_t o = 0; o < model_.meshes.size(); ++o)
       for (const std::size_t input : model_.meshes[o].inputs) {
         stores_.push_back({open_imported_mesh(state.work, solid_import(input)), o});
         patch_bytes_ = std::max(patch_bytes_, stores_.back().mesh.largest_patch_bytes() * 5 / 4);
       }
+    choose_creased();
     for (const MeshSolid& s : solids_) operands_.push_back(&s);
     for (const Shape& s : shapes_) operands_.push_back(s.solid.get());
     const int edge = state.run.tile_cells > 0 ? std::max(1, state.run.tile_cells / kBrickCells) : 4;
@@ -72,26 +80,32 @@ class SolidSurfaceStage : public Stage {
     for (const Tile& tile : groups_[task]) {
       context.check_stop();
       const SolidBlock block = solid_block(tile);
-      std::vector<SolidCrossing> crossings = find(block, context);
+      MeshCreases creases(block, options.feature_angle_deg);
+      std::vector<SolidCrossing> crossings = find(block, creases, context);
       std::vector<Int3> closing;
       close(block, crossings, closing);
       if (!crossings.empty() || !closing.empty()) {
         const DirectedField field = build_solid_field(block, std::move(crossings), operands_, model_.tree,
                                                       closing, roots, [&context] { context.check_stop(); });
         if (between) between->add(field);
-        const ExtractReport report = extract_surface(field, options, [&](Patch&& patch) {
+        const CreaseLines lines = creases.lines();
+        const auto add_patch = [&](Patch&& patch) {
           ++patches;
           vertices += patch.position.size();
           faces += patch.faces.size();
           for (const std::uint8_t flag : patch.synthetic) synthetic += flag;
           if (between) between->add(patch);
           if (result) result->add(patch, find_components(patch));
-        });
+        };
+        const ExtractReport report =
+            extract_surface(field, options, add_patch, lines.pieces.empty() ? nullptr : &lines);
         total.loops += report.loops;
         total.crease_samples += report.crease_samples;
         total.corner_samples += report.corner_samples;
         total.flips += report.flips;
         total.bend_samples += report.bend_samples;
+        total.crease_loops += report.crease_loops;
+        total.unfollowed_loops += report.unfollowed_loops;
         total.rejected_samples += report.rejected_samples;
       }
       context.advance(1);
@@ -106,6 +120,8 @@ class SolidSurfaceStage : public Stage {
             {"corner_samples", total.corner_samples},
             {"flips", total.flips},
             {"bend_samples", total.bend_samples},
+            {"crease_loops", total.crease_loops},
+            {"unfollowed_loops", total.unfollowed_loops},
             {"rejected_samples", total.rejected_samples},
             {"roots", roots.roots},
             {"membrane_roots", roots.membrane_roots},
@@ -183,8 +199,8 @@ class SolidSurfaceStage : public Stage {
                        [](const MeshSolid& s) { return !s.border().empty(); });
   }
 
-  /// Crossings of all surfaces with the lines of the block.
-  std::vector<SolidCrossing> find(const SolidBlock& block, TaskContext& context) const {
+  /// Crossings of all surfaces with the lines of the block, and the faces whose creases are to be followed.
+  std::vector<SolidCrossing> find(const SolidBlock& block, MeshCreases& creases, TaskContext& context) const {
     std::vector<SolidCrossing> crossings;
     crossings.reserve(tiling_.load(block).crossings);
     const NodeBox nodes = block.nodes();
@@ -193,12 +209,9 @@ class SolidSurfaceStage : public Stage {
         shapes_[s].solid->find_crossings(block, leaf_of_row_key(leaf.key),
                                          static_cast<std::uint8_t>(solids_.size() + s), crossings);
       });
-    MeshBox box;
-    for (std::size_t a = 0; a < 3; ++a) {
-      box.low[a] = plan_.lattice.world(static_cast<int>(a), nodes.low[a] - 1);
-      box.high[a] = plan_.lattice.world(static_cast<int>(a), nodes.high[a] + 1);
-    }
+    const MeshBox box = world_box(block);
     std::vector<LatticeCrossing> found;
+    std::vector<Float3> normals;
     for (const Source& source : stores_) {
       const Placement& placement = model_.meshes[source.operand].placement;
       for (const std::size_t p : source.mesh.select(placed_box(placement.inverse(), box))) {
@@ -206,20 +219,57 @@ class SolidSurfaceStage : public Stage {
         MeshBlock mesh = source.mesh.load({&p, 1});
         transform_block(placement, mesh);
         const std::vector<Long3> corner = quantise_block(plan_.lattice, mesh);
+        const bool creased = creased_[source.operand] != 0;
+        normals.clear();
         for (const auto& f : mesh.faces) {
           const QuantisedTriangle triangle = {corner[f[0]], corner[f[1]], corner[f[2]]};
           found.clear();
           find_crossings(triangle, nodes, 7, found);
-          if (found.empty()) continue;
+          if (found.empty() && !creased) continue;
           const Float3 normal = face_normal(mesh, f, triangle);  // turned outward with its root
+          if (creased) normals.push_back(normal);
           for (LatticeCrossing& c : found) {
             if (inside_out_[source.operand] != 0) c.winding = static_cast<std::int8_t>(-c.winding);
             crossings.push_back(block.local_crossing(c, normal, static_cast<std::uint8_t>(source.operand)));
           }
         }
+        if (creased) creases.add(static_cast<std::uint8_t>(source.operand), corner, mesh.faces, normals);
       }
     }
     return crossings;
+  }
+
+  MeshBox world_box(const SolidBlock& block) const {
+    const NodeBox nodes = block.nodes();
+    MeshBox box;
+    for (std::size_t a = 0; a < 3; ++a) {
+      box.low[a] = plan_.lattice.world(static_cast<int>(a), nodes.low[a] - 1);
+      box.high[a] = plan_.lattice.world(static_cast<int>(a), nodes.high[a] + 1);
+    }
+    return box;
+  }
+
+  /// Meshes whose creases are followed; none where the result has names or no features.
+  void choose_creased() {
+    creased_.assign(solids_.size(), 0);
+    if (model_.is_measured() || model_.extract.method != ExtractMethod::kExtendedMarchingCubes) return;
+    for (std::size_t o = 0; o < solids_.size(); ++o) {
+      std::uint64_t faces = 0, crossings = 0;
+      for (const Source& source : stores_) faces += source.operand == o ? source.mesh.face_count() : 0;
+      for (const LeafWindings& leaf : solids_[o].lines().leaves()) crossings += leaf.crossings;
+      creased_[o] = faces <= kCreaseFaces * crossings;
+    }
+  }
+  std::uint64_t crease_bytes(const SolidBlock& block) const {
+    std::uint64_t faces = 0;
+    const MeshBox box = world_box(block);
+    for (const Source& source : stores_) {
+      if (!creased_[source.operand]) continue;
+      for (const std::size_t p :
+           source.mesh.select(placed_box(model_.meshes[source.operand].placement.inverse(), box)))
+        faces += source.mesh.patches()[p].faces;
+    }
+    return MeshCreases::bytes(faces);
   }
 
   /// Of the face as the file has it; of its quantised one where that has none.
@@ -251,6 +301,7 @@ class SolidSurfaceStage : public Stage {
   Plan plan_;
   std::uint64_t shared_bytes_ = 0, patch_bytes_ = 0;
   std::vector<std::uint8_t> inside_out_;  ///< per mesh operand
+  std::vector<std::uint8_t> creased_;     ///< per mesh operand: its creases are followed
   std::vector<MeshSolid> solids_;
   std::vector<Shape> shapes_;
   SolidTiling tiling_;
@@ -265,6 +316,7 @@ std::uint64_t solid_surface_bytes(const JobState& state, const SolidModel& model
                                   std::uint64_t patch_bytes) {
   std::uint64_t bytes = SolidTiling::brick_bytes(leaves, model.meshes.size() + model.shapes.size()) +
                         patch_bytes * 5 / 4 + kSurfaceTaskBytes;
+  if (!model.is_measured()) bytes += MeshCreases::bytes(leaves * kLeafFaces);
   for (const PlacedShape& s : model.shapes) bytes += placed_shape_bytes(state, s);
   return bytes;
 }

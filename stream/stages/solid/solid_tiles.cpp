@@ -19,8 +19,9 @@ constexpr std::uint64_t kLeafCrossings = 128;  ///< of one with a surface across
 }  // namespace
 
 SolidTiling::SolidTiling(std::vector<const LineWindings*> tables, const Int3& bricks_low,
-                         const Int3& bricks_high, bool open)
-    : tables_(std::move(tables)), low_(bricks_low), high_(bricks_high), open_(open) {
+                         const Int3& bricks_high, bool open,
+                         std::function<std::uint64_t(const SolidBlock&)> more)
+    : tables_(std::move(tables)), low_(bricks_low), high_(bricks_high), open_(open), more_(std::move(more)) {
   for (const LineWindings* t : tables_) leaves_ += t->leaves().size();
 }
 
@@ -40,7 +41,7 @@ std::uint64_t SolidTiling::tile_bytes(const Tile& tile) const {
   const std::uint64_t slots = block.slots();
   const std::uint64_t leaves = open_ ? slots : std::min(slots, kLeavesPerOccupied * load.leaves);
   return solid_field_bytes(leaves, load.crossings + (open_ ? 128 * leaves : 0), slots, tables_.size()) +
-         std::min(kBrickLeafCount, leaves) * kPatchBytesPerLeaf;
+         std::min(kBrickLeafCount, leaves) * kPatchBytesPerLeaf + (more_ ? more_(block) : 0);
 }
 
 std::uint64_t SolidTiling::brick_bytes(std::uint64_t leaves, std::size_t operands) {

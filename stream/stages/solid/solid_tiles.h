@@ -3,6 +3,7 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -22,8 +23,9 @@ class SolidTiling {
  public:
   /// \param tables  per operand: the leaves at its surface; they stay where they are
   /// \param bricks_low, bricks_high  bricks that the solids may touch  \param open  membranes may pass any of them
+  /// \param more  bytes that a block takes beside its field
   SolidTiling(std::vector<const LineWindings*> tables, const Int3& bricks_low, const Int3& bricks_high,
-              bool open);
+              bool open, std::function<std::uint64_t(const SolidBlock&)> more = {});
 
   /// Calls for the leaves of a table that a block holds, in the order of the table.
   template <class Visit>
@@ -57,6 +59,7 @@ class SolidTiling {
   std::vector<const LineWindings*> tables_;
   Int3 low_, high_;
   bool open_;
+  std::function<std::uint64_t(const SolidBlock&)> more_;
   std::uint64_t leaves_ = 0;
 };
 
