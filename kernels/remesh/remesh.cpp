@@ -94,6 +94,8 @@ void RemeshOptions::validate() const {
   need(refine_within >= 0.0 && std::isfinite(refine_within), "refine_within", "a length of 0 or more");
   need(angle_weight > 0.0 && std::isfinite(angle_weight), "angle_weight", "above 0");
   need(last_relaxations >= 0, "last_relaxations", "0 or more");
+  need(size_relaxations >= 0, "size_relaxations", "0 or more");
+  need(sine_weight >= 0.0 && std::isfinite(sine_weight), "sine_weight", "0 or more");
   need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
   need(max_normal_deviation_deg >= 0.0 && max_normal_deviation_deg <= 180.0, "max_normal_turn_deg",
        "in [0, 180]");

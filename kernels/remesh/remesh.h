@@ -44,6 +44,8 @@ struct RemeshOptions {
   int relaxations = 3;          ///< in each of them
   int last_relaxations = 2;     ///< behind the last iteration: of angles and of the cells around vertices
   double angle_weight = 8.0;    ///< of angles in these, against areas; above 0
+  int size_relaxations = 0;     ///< behind these: of the sum of what cells and angles are off, not of squares
+  double sine_weight = 0.2;     ///< of a corner's sine of what it is off 60 degrees there, against a cell
   bool float_positions = true;  ///< new positions are rounded to float, as the file will hold them
   /// The block still is a part of the reference: creases are found, and lattices coarsened away. Later ones bear creases
   /// (kFaceCrease01).

@@ -19,6 +19,9 @@ constexpr double kSplitAbove = 4.0 / 3.0, kCollapseBelow = 0.8;  ///< of the tar
 /// the loop would ever change them. So the first iteration begins with far fewer vertices than there will be.
 constexpr double kCoarseBelow = 1.8, kCoarseLongest = 2.4;
 constexpr int kCoarseRounds = 4;
+/// Flips along a strip at most, and iterations at the end that make no more than the short one.
+constexpr std::size_t kShortGlide = 4, kLongGlide = 8;
+constexpr int kLastIterations = 4;
 /// Of a face's area that each half keeps when it is cut; in the middle it is one half.
 constexpr double kMinShare = 1.0 / 64.0;
 constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a float without a sign
@@ -138,7 +141,8 @@ void Remesher::run(RemeshReport& report) {
       compact();
     }
     flip_all(report);
-    if (i > 0) glide_all(report);  // the first leaves lengths that splits and collapses change all over
+    // The first leaves lengths that splits and collapses change all over; the last ones undo what long strips leave.
+    if (i > 0) glide_all(i + kLastIterations < options_.iterations ? kLongGlide : kShortGlide, report);
     // Coarse work first: what early iterations leave is split and collapsed again.
     const int fewer = i + 2 < options_.iterations ? 1 : 0;
     for (int r = fewer; r < options_.relaxations; ++r) relax_all(report);

@@ -133,8 +133,8 @@ class Remesher {
   Refusal flip_if_sound(std::uint32_t c);
   int excess(std::uint32_t v, std::uint32_t corner) const;
   bool wants_six(std::uint32_t v) const;
-  void glide_all(RemeshReport& report);
-  void glide(std::uint32_t c, bool forward, RemeshReport& report);
+  void glide_all(std::size_t most_steps, RemeshReport& report);
+  void glide(std::uint32_t c, bool forward, std::size_t most_steps, RemeshReport& report);
   std::size_t relax_all(RemeshReport& report);
   bool relax(std::uint32_t v, RemeshReport& report);
   bool keeps_chords(std::uint32_t v, const ReferenceSurface::Foot& to) const;
@@ -144,7 +144,8 @@ class Remesher {
   double share_of_cell(std::uint32_t v, double area) const;
   void measure_cells();
   void add_star_to_cells(std::uint32_t v, const Double3& p, double sign);
-  Double3 wish_for_cells(std::uint32_t v) const;
+  double mean_share() const;
+  Double3 wish_for_cells(std::uint32_t v, double mean) const;
   void even_cells(RemeshReport& report);
   void finish(RemeshReport& report);
   std::pair<Double3, Double3> directions_at(std::uint32_t v) const;

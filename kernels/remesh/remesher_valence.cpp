@@ -11,8 +11,7 @@
 namespace tessera {
 namespace {
 
-/// Each leaves two flat faces behind, so that relaxation undoes few of them and not more.
-constexpr std::size_t kMostSteps = 4;
+constexpr std::size_t kMostSteps = 8;
 constexpr double kMinRoundness = 0.35;  ///< of these; 0.6 in a regular lattice
 /// Cosine of what they may turn from one to the other, 15 degrees: where edges are long beside the surface's curvature a flip
 /// that relaxation does not undo takes more of the shape than a regular vertex is worth.
@@ -26,20 +25,21 @@ bool Remesher::wants_six(std::uint32_t v) const {
   return (mesh_.state(v) & kNot) == 0 && !info_[v].line && !info_[v].pinned;
 }
 
-void Remesher::glide_all(RemeshReport& report) {
+/// \param most_steps  at most kMostSteps; each leaves two flat faces behind, of which relaxation undoes few and not more
+void Remesher::glide_all(std::size_t most_steps, RemeshReport& report) {
   count_valences();
   begin_guarding();
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     step();
     if (mesh_.face(f).state & kStateDead) continue;
     for (std::uint32_t c = 4 * f; c < 4 * f + 3; ++c)
-      for (const bool forward : {true, false}) glide(c, forward, report);
+      for (const bool forward : {true, false}) glide(c, forward, most_steps, report);
   }
 }
 
 /// Of five faces at the vertex of the corner and seven at the next or the previous one: flips along the strip of faces that
 /// begins there, if within some steps they come to where the sum of squares falls.
-void Remesher::glide(std::uint32_t c, bool forward, RemeshReport& report) {
+void Remesher::glide(std::uint32_t c, bool forward, std::size_t most_steps, RemeshReport& report) {
   const auto ahead = [&](std::uint32_t corner) {
     return forward ? next_corner(corner) : prev_corner(corner);
   };
@@ -50,7 +50,7 @@ void Remesher::glide(std::uint32_t c, bool forward, RemeshReport& report) {
   std::array<std::uint32_t, 2 * kMostSteps> strip{};
   std::size_t steps = 0;
   for (bool meets = false; !meets; ++steps) {
-    if (steps == kMostSteps) return;
+    if (steps == most_steps) return;
     const std::uint32_t d = mesh_.opposite(c);
     if (d == kNoCorner || is_line(c)) return;
     const auto end = strip.begin() + static_cast<std::ptrdiff_t>(2 * steps);

@@ -19,8 +19,11 @@ constexpr double kShapeShare = 0.2;
 /// Where edges follow the surface closely, these and a few splits bring it to a tenth.
 constexpr double kFineShare = 0.06, kFineSplitShare = 0.08;
 /// Of the presets: more iterations leave more regular vertices, around which angles and areas can be more alike.
-constexpr int kEvenRelaxations = 8, kTimesForAngles = 2, kTimesForAreas = 4;
-constexpr double kWeightForAngles = 20.0, kWeightForAreas = 0.8;
+constexpr int kTimesForAngles = 2, kTimesForAreas = 4;
+/// Squares come near where sizes are least, in fewer sweeps.
+constexpr int kSquaresForAngles = 3, kSizesForAngles = 9, kSquaresForAreas = 6, kSizesForAreas = 18;
+constexpr double kWeightForAngles = 20.0, kWeightForAreas = 0.8, kSinesForAngles = 1.25,
+                 kSinesForAreas = 0.17;
 /// Of the length: how far the chord of an edge may leave the crease that it follows. A tenth less than is promised, as the
 /// middles of edges alone are asked.
 constexpr double kCreaseShare = 0.018;
@@ -131,7 +134,9 @@ RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool fine
     const bool angles = even == "angles";
     k.iterations *= angles ? kTimesForAngles : kTimesForAreas;
     k.angle_weight = angles ? kWeightForAngles : kWeightForAreas;
-    k.last_relaxations = kEvenRelaxations;
+    k.last_relaxations = angles ? kSquaresForAngles : kSquaresForAreas;
+    k.size_relaxations = angles ? kSizesForAngles : kSizesForAreas;
+    k.sine_weight = angles ? kSinesForAngles : kSinesForAreas;
   }
   return k;
 }
