@@ -14,6 +14,8 @@ constexpr std::size_t kMaxVertices = 64;
 /// A crease nearer than this to the chord between its ends is straight, in cells.
 constexpr double kStraight = 0.004;
 constexpr float kNoTriangle = 1e30f;
+/// Triangles of one smooth region turn by less than this (60 degrees) where they meet: more is a fold.
+constexpr double kFoldCosine = 0.5;
 /// What a triangle costs whose height would not survive rounding: more than any area.
 constexpr float kSliverCost = 100.0f;
 
@@ -307,8 +309,30 @@ class Cutter {
         }
       }
     if (!(cost[size - 1] < kSliverCost)) return false;
+    const std::size_t first = patch_.triangles.size();
     emit(region, split, 0, size - 1);
-    return true;
+    return !is_folded(region, first);
+  }
+  /// Whether triangles of a region, which is smooth, turn too far at a chord between them. \param first  its first triangle
+  [[nodiscard]] bool is_folded(const Polygon& region, std::size_t first) const {
+    std::array<std::uint64_t, kMaxVertices> side{};
+    for (std::size_t i = 0; i < region.size(); ++i)
+      side[region[i]] |= std::uint64_t{1} << region[i + 1 == region.size() ? 0 : i + 1];
+    const auto normal = [&](const std::array<std::uint8_t, 3>& t) {
+      return unit_or_zero(
+          triangle_normal(wide(position_[t[0]]), wide(position_[t[1]]), wide(position_[t[2]])));
+    };
+    const auto& all = patch_.triangles;
+    for (std::size_t i = first; i < all.size(); ++i)
+      for (std::size_t j = i + 1; j < all.size(); ++j)
+        for (std::size_t e = 0; e < 9; ++e) {
+          const std::uint8_t a = all[i][e / 3], b = all[i][(e / 3 + 1) % 3];
+          if (all[j][e % 3] != b || all[j][(e % 3 + 1) % 3] != a) continue;
+          if ((side[a] >> b & 1) != 0 && (side[b] >> a & 1) != 0)
+            continue;  // both sides of a crease that ends
+          if (!(dot(normal(all[i]), normal(all[j])) > kFoldCosine)) return true;
+        }
+    return false;
   }
   void emit(const Polygon& region, const std::vector<std::uint8_t>& split, std::size_t i, std::size_t j) {
     if (j - i < 2) return;

@@ -125,4 +125,13 @@ TEST_CASE("crease patch: creases that cross, or whose turn is unknown, are refus
   CHECK_FALSE(triangulate_patch(outline, 7, patch));
 }
 
+TEST_CASE("crease patch: a region that would have to fold is refused", "[unit]") {
+  CreasePatch patch;
+  PatchOutline outline = level({0.5f}, {});
+  outline.corners[1].at[2] = 0.6f;
+  CHECK(triangulate_patch(outline, 5, patch));
+  outline.corners[1].at[2] = 1.9f;
+  CHECK_FALSE(triangulate_patch(outline, 5, patch));
+}
+
 }  // namespace crease_patch_test
