@@ -10,14 +10,8 @@ namespace {
 
 using Face = std::array<std::uint32_t, 3>;
 
-constexpr int kSteps = 12;
-constexpr double kMaxShift = 1.0;  ///< cells
 /// Of a face's least height: three corners that go so far do not turn it over.
 constexpr double kHeightShare = 0.3;
-/// Cosine of 38 degrees: two faces within it of one normal do not meet in an edge that looks sharp.
-constexpr double kMinCosine = 0.788;
-/// Edges of a hole that twelve steps would shrink to a point: of the 8 corners of a circle they leave a seventh.
-constexpr int kSmallHole = 8;
 constexpr std::uint32_t kNone = 0xffffffffu;
 
 /// A vertex that moves.
@@ -29,9 +23,9 @@ struct Bead {
 using Neighbours =
     std::vector<std::array<std::uint32_t, 2>>;  ///< along the border, kNone where there is none
 
-bool is_at_small_hole(const Neighbours& along, std::uint32_t vertex) {
+bool is_at_small_hole(const Neighbours& along, std::uint32_t vertex, int edges) {
   std::uint32_t before = vertex, at = along[vertex][0];
-  for (int edge = 1; edge < kSmallHole && at != kNone; ++edge) {
+  for (int edge = 1; edge < edges && at != kNone; ++edge) {
     const std::uint32_t next = along[at][along[at][0] == before ? 1 : 0];
     if (next == vertex) return true;
     before = at;
@@ -41,7 +35,7 @@ bool is_at_small_hole(const Neighbours& along, std::uint32_t vertex) {
 }
 
 /// Vertices with two border edges, ascending, but for those of small holes.
-std::vector<Bead> find_beads(const BorderStrip& strip) {
+std::vector<Bead> find_beads(const BorderStrip& strip, int small_hole) {
   Neighbours along(strip.position.size(), {kNone, kNone});
   std::vector<std::uint8_t> degree(strip.position.size(), 0);
   const auto link = [&](std::uint32_t from, std::uint32_t to) {
@@ -62,7 +56,7 @@ std::vector<Bead> find_beads(const BorderStrip& strip) {
     if (degree[v] != 2) along[v] = {kNone, kNone};
   std::vector<Bead> beads;
   for (std::uint32_t v = 0; v < degree.size(); ++v)
-    if (degree[v] == 2 && !is_at_small_hole(along, v)) beads.push_back({v, along[v]});
+    if (degree[v] == 2 && !is_at_small_hole(along, v, small_hole)) beads.push_back({v, along[v]});
   return beads;
 }
 
@@ -91,8 +85,8 @@ double cosine_to(const Double3& normal, const Double3& area) {
 
 }  // namespace
 
-void fair_border(BorderStrip& strip, double lift) {
-  const std::vector<Bead> beads = find_beads(strip);
+void fair_border(BorderStrip& strip, double lift, const BorderFairing& by) {
+  const std::vector<Bead> beads = find_beads(strip, by.small_hole);
   const std::vector<Double3> start = strip.position, normal = vertex_normals(strip);
   std::vector<std::uint8_t> moves(start.size(), 0);
   for (const Bead& b : beads) moves[b.vertex] = 1;
@@ -105,7 +99,7 @@ void fair_border(BorderStrip& strip, double lift) {
   std::vector<Double3> next = at;
   std::vector<double> height(at.size());
   std::vector<std::uint8_t> stays(at.size());
-  for (int step = 0; step < kSteps; ++step) {
+  for (int step = 0; step < by.steps; ++step) {
     std::fill(height.begin(), height.end(), std::numeric_limits<double>::max());
     for (Scale& s : scales) {
       const Double3 &a = at[s.face[0]], &b = at[s.face[1]], &c = at[s.face[2]];
@@ -124,14 +118,14 @@ void fair_border(BorderStrip& strip, double lift) {
       Double3 to = p + shift;
       const double off = dot(to - start[b.vertex], normal[b.vertex]);
       to = to - normal[b.vertex] * (off - std::clamp(off, -lift, lift));
-      const double farthest = strip.cell.empty() ? kMaxShift : kMaxShift * strip.cell[b.vertex];
+      const double farthest = strip.cell.empty() ? by.max_shift : by.max_shift * strip.cell[b.vertex];
       next[b.vertex] = squared_distance(to, start[b.vertex]) > farthest * farthest ? p : to;
     }
     std::fill(stays.begin(), stays.end(), 0);
     for (const Scale& s : scales) {
       const Double3 area = triangle_normal(next[s.face[0]], next[s.face[1]], next[s.face[2]]);
       const double cosine = cosine_to(s.normal, area);
-      if (cosine >= kMinCosine || cosine >= s.cosine) continue;
+      if (cosine >= by.min_cosine || cosine >= s.cosine) continue;
       for (const std::uint32_t v : s.face) stays[v] = 1;
     }
     for (const Bead& b : beads)

@@ -156,8 +156,9 @@ TEST_CASE("border fairing: a vertex where two sheets touch stays", "[unit]") {
 }
 
 TEST_CASE("border fairing: a small hole does not shrink to a point, a large one becomes round", "[unit]") {
-  const std::uint32_t corners = GENERATE(3u, 8u, 30u);
-  CAPTURE(corners);
+  const std::uint32_t corners = GENERATE(3u, 8u, 12u, 30u);
+  const bool shadow = GENERATE(false, true);
+  CAPTURE(corners, shadow);
   BorderStrip strip;
   const double radius = 0.15 * corners;
   for (std::uint32_t i = 0; i < corners; ++i)
@@ -172,10 +173,28 @@ TEST_CASE("border fairing: a small hole does not shrink to a point, a large one 
     strip.faces.push_back({a, b + 1, b});
   }
   const BorderStrip before = strip;
-  fair_border(strip, 0.1);
+  fair_border(strip, 0.1, shadow ? kShadowFairing : BorderFairing());
   std::uint32_t moved = 0;
   for (std::uint32_t i = 0; i < corners; ++i) moved += strip.position[2 * i] != before.position[2 * i];
-  CHECK(moved == (corners > 8 ? corners : 0));
+  CHECK(moved == (corners > (shadow ? 12u : 8u) ? corners : 0));
+}
+
+TEST_CASE(
+    "border fairing: rims of shadows that waver over many edges become straight, no farther than they may",
+    "[unit]") {
+  // Waves of ten edges, a cell and a half from crest to trough.
+  BorderStrip before = ragged_strip(60, 0.75, 0.0, 0.0);
+  for (std::uint32_t i = 0; i < 60; ++i)
+    before.position[4 * i][1] -= 0.75 + 0.75 * sin_cos(0.2 * kPi * i).sin;
+  BorderStrip plain = before, shadow = before;
+  fair_border(plain, 0.0);
+  fair_border(shadow, 0.0, kShadowFairing);
+  const double straight = 59 * 0.75 * std::sqrt(1.0 + kSlope[0] * kSlope[0]);
+  CHECK(border_length(before) > 1.07 * straight);
+  CHECK(border_length(shadow) < 1.01 * straight);
+  CHECK(border_length(shadow) - straight < 0.5 * (border_length(plain) - straight));
+  for (std::size_t v = 0; v < shadow.position.size(); ++v)
+    CHECK(norm(shadow.position[v] - before.position[v]) <= kShadowFairing.max_shift);
 }
 
 }  // namespace border_fairing_test
