@@ -126,9 +126,9 @@ OptionTable option_table(ReconstructOptions& o) {
   t.add("max-hole", &o.max_hole,
         "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
         "their faces marked (`synthetic` in PLY) and counted, but where they would cross the mesh; 0 = none; "
-        "auto: in noisy scans what is narrower than the radius, slits too, from above, and where few points "
-        "lie farther apart than h, 20 h with a rim of at most 400 edges, by a membrane or a patch that folds "
-        "where no smooth one fits; none with --border raw")
+        "auto: in noisy scans what is narrower than the radius, slits too, in rooms 10 h with a rim of at "
+        "most 100 edges, from above, and where few points lie farther apart than h, 20 h with one of at most "
+        "400, by a membrane or a patch that folds where no smooth one fits; none with --border raw")
       .shown_as("auto|N");
   t.add("holes", &o.holes,
         "keep: the surface ends where the data does; close: an object gets no border at all, open terrain "

@@ -43,11 +43,14 @@ CommandResult reconstruct(const std::filesystem::path& in, const std::filesystem
   return tessera_command(words);
 }
 
-tessera::Json orient_entry(const std::filesystem::path& out) {
+tessera::Json stage_entry(const std::filesystem::path& out, const std::string& name) {
   const tessera::Json report = tessera::parse_json(file_bytes(out.string() + ".report.json"));
   for (const auto& stage : report.at("stages"))
-    if (stage.at("name") == "orient") return stage.at("result");
+    if (stage.at("name") == name) return stage.at("result");
   return nullptr;
+}
+tessera::Json orient_entry(const std::filesystem::path& out) {
+  return stage_entry(out, "orient");
 }
 
 }  // namespace
@@ -100,6 +103,14 @@ TEST_CASE("orient: what stays in doubt in a room is a toss of a coin, and what i
   const auto right = all.at("agree").get<double>() - doubt.at("agree").get<double>();
   CHECK(wrong / (wrong + right) < 0.004);
   CHECK(doubt.at("fraction").get<double>() < 0.6);  // 0.71 right where nothing looks again
+
+  // What the scan is told as reaches the passes behind: rims of shadows are blunted and their holes filled.
+  CHECK(stage_entry(out, "blunt").at("moved_vertices").get<int>() > 0);
+  CHECK(stage_entry(out, "loops").contains("chained"));
+  const tessera::Json holes = stage_entry(out, "holes");
+  INFO(tessera::dump_json(holes));
+  CHECK(holes.at("filled").get<int>() > 0);
+  CHECK(holes.at("rounded").get<int>() > 0);
 }
 
 TEST_CASE("orient: a city scanned from the air shows upwards, roofs too, with nothing given", "[pipeline]") {

@@ -18,7 +18,7 @@ namespace {
 LevelEnds ends_of(const ReconstructOptions& options, const Plan& plan) {
   LevelEnds ends;
   if (options.smooths_border()) ends.lift = plan.noise_cells * plan.lattice.h;
-  ends.holes = hole_limit(options, plan, false);
+  ends.holes = hole_limit(options, plan, HoleScene::kOther);
   return ends;
 }
 

@@ -80,7 +80,8 @@ PlannedScan planned_scan(const Plan& plan, const std::vector<PlanBrick>& bricks,
                             (asks && scan.columns && scan.columns->look_open());
   scan.closes = HolesMode(options.holes).close;
   scan.fuses_stores = options.fuses_stores(plan);
-  const HoleLimit holes = hole_limit(options, plan, !options.has_levels());
+  const HoleLimit holes =
+      hole_limit(options, plan, options.has_levels() ? HoleScene::kOther : HoleScene::kAbove);
   scan.max_hole_edges = holes.edges, scan.max_chained_edges = holes.chained;
   scan.filling_bytes = holes.filling_bytes();
 

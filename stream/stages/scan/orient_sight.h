@@ -17,6 +17,9 @@
 
 namespace tessera {
 
+/// Left in the work directory by the pass "orient" where the scan shows rooms.
+inline constexpr const char* kRoomFile = "room.json";
+
 /// Votes of what is seen, by block.
 class SightVotes {
  public:

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "octree/error.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
@@ -141,6 +142,8 @@ class OrientStage : public Stage {
       entry["vegetation"] = {
           {"points", volumetric_count()},
           {"as", name_of(vegetation_ == "drop" ? VolumetricUse::kDrop : decisions.volumetric)}};
+    if (sight_ && sight_->is_room())
+      write_durably(context.create(kRoomFile), dump_json({{"scene", scene}}) + "\n");
     decisions.save(context.create(PointOverlay::kDecisionsFile));
     return entry;
   }

@@ -34,6 +34,8 @@ constexpr int short_halo(std::uint32_t edges) {
 static_assert(short_halo(kMaxShortEdges) <= 60);  // StripReader::gather
 /// Loops of up to so many edges are chained from the bricks' border edges, at the end.
 inline constexpr std::uint32_t kMaxChainedEdges = 400;
+/// Of rooms: longer ones go around what stands there, few are gaps, and their fillings take the most time.
+inline constexpr std::uint32_t kMaxRoomEdges = 100;
 /// New vertices of their fillings, at most: a hole 20 cells wide needs fewer.
 inline constexpr std::uint64_t kChainedVertices = 3'000;
 /// Border edges of paths that are open at once, at most: what lies between a front of bricks and the next.

@@ -265,9 +265,9 @@ std::unique_ptr<Stage> make_holes_stage(const JobState& state) {
 
 namespace {
 
-// Microseconds a face: of noisy scans, whose holes nobody knows yet; those of two field scans took 0.5 and 0.9. Of rooms most
-// are too wide to be filled.
-constexpr double kLoopsTime = 0.14, kHolesTime = 0.6, kRoomHolesTime = 0.1;
+// Microseconds a face: of noisy scans, whose holes nobody knows yet; those of two field scans took 0.5 and 0.9, of two rooms
+// 1.0 and 1.2.
+constexpr double kLoopsTime = 0.14, kHolesTime = 0.6, kRoomHolesTime = 1.0;
 
 }  // namespace
 

@@ -9,6 +9,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/task_counts.h"
 #include "stream/stages/plan/planned_scan.h"
+#include "stream/stages/scan/orient_sight.h"
 #include "stream/stages/weld/blunt_reader.h"
 #include "stream/stages/weld/border_moves.h"
 
@@ -25,7 +26,8 @@ class BluntStage : public Stage {
       : work_(state.work),
         sparse_(Plan::of_work(state.work).is_sparse()),
         needed_(is_blunted(reconstruct_options(state), Plan::of_work(state.work)) &&
-                (sparse_ || std::filesystem::exists(state.work / kSurfacePointFolder))),
+                (sparse_ || std::filesystem::exists(state.work / kSurfacePointFolder) ||
+                 std::filesystem::exists(state.work / kRoomFile))),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}
 
@@ -104,7 +106,7 @@ StageForecast forecast_blunt(const PlannedScan& scan) {
           .task_bytes = scan.patches.max_of_tasks(blunt_task_bytes),
           .sure_bytes = blunt_task_bytes({}),
           .files = scan.groups.size(),
-          .processor_us = scan.is_room() ? 0.0 : scan.faces * kBluntTime};
+          .processor_us = scan.faces * kBluntTime};
 }
 
 }  // namespace tessera

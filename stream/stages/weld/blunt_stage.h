@@ -1,6 +1,6 @@
 /// \file blunt_stage.h
-/// Pass "blunt": in noisy scenes from above sharp edges are rounded off at the border, before holes are filled, and where what was seen meets what nobody saw, as at walls
-/// below crowns and around columns that were filled (kernels/smooth/crease_blunting.h); in sparse scans all that are sharp. Every brick moves its own vertices, for
+/// Pass "blunt": in noisy scenes from above and in rooms sharp edges are rounded off at the border, before holes are filled, and where what was seen
+/// meets what nobody saw, as at walls below crowns and around columns that were filled (kernels/smooth/crease_blunting.h); in sparse scans all that are sharp. Every brick moves its own vertices, for
 /// which it sees the faces in the bricks around it. What comes to cross goes back in the pass "uncross".
 #pragma once
 #include <cstdint>

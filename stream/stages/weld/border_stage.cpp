@@ -8,6 +8,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/task_counts.h"
 #include "stream/stages/plan/planned_scan.h"
+#include "stream/stages/scan/orient_sight.h"
 #include "stream/stages/weld/border_moves.h"
 #include "stream/stages/weld/border_strip.h"
 
@@ -23,6 +24,7 @@ class BorderStage : public Stage {
   explicit BorderStage(const JobState& state)
       : state_(state),
         lift_(reconstruct_options(state).smooths_border() ? Plan::of_work(state.work).noise_cells : 0.0),
+        fairing_(std::filesystem::exists(state.work / kRoomFile) ? kShadowFairing : BorderFairing()),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}
 
@@ -94,7 +96,7 @@ class BorderStage : public Stage {
     const auto end = std::lower_bound(own, names.end(), std::uint64_t{patch + 1} << 32);
     const std::vector<Double3> before(strip.position.begin() + (own - names.begin()),
                                       strip.position.begin() + (end - names.begin()));
-    fair_border(strip, lift_);
+    fair_border(strip, lift_, fairing_);
     moves.clear();
     for (auto v = own; v != end; ++v) {
       const Double3& at = strip.position[static_cast<std::size_t>(v - names.begin())];
@@ -105,6 +107,7 @@ class BorderStage : public Stage {
 
   JobState state_;
   double lift_;  ///< cells; 0 = nothing moves
+  BorderFairing fairing_;
   PatchStore store_;
   Numbering numbering_;
 };

@@ -1,6 +1,7 @@
 #include "stream/stages/surface/hole_files.h"
 
 #include "stream/files/durable_file.h"
+#include "stream/stages/surface/hole_limit.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera::hole_files_test {
@@ -64,6 +65,27 @@ TEST_CASE("hole files: what was kept of a batch stands in for it", "[unit]") {
   CHECK(load_fillings_head(now[1]).faces == 3);
   CHECK(load_filling_spans(now[1]).size() == 1);
   CHECK(HoleFillings::load(now[0]).rim.size() == 9);
+}
+
+TEST_CASE("hole limit: in noisy rooms wider holes are filled than elsewhere, narrower ones than from above",
+          "[unit]") {
+  ReconstructOptions options;
+  Plan plan;
+  plan.radius_cells = 3.0;
+  plan.noise_cells = 0.1;
+  const HoleLimit other = hole_limit(options, plan, HoleScene::kOther),
+                  room = hole_limit(options, plan, HoleScene::kRoom),
+                  above = hole_limit(options, plan, HoleScene::kAbove);
+  CHECK(other.width == 3.0);
+  CHECK(room.width == 10.0);
+  CHECK(above.width == 20.0);
+  CHECK((room.membranes && !other.membranes));
+  CHECK((room.chained > room.edges && other.chained == 0));
+  // Exact samples end where they say, and what the user asks for holds everywhere.
+  plan.noise_cells = 0.0;
+  CHECK(hole_limit(options, plan, HoleScene::kRoom).edges == 0);
+  options.max_hole = "30";
+  CHECK(hole_limit(options, plan, HoleScene::kRoom).edges == 30);
 }
 
 }  // namespace tessera::hole_files_test
