@@ -18,9 +18,9 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kSurfaceTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
-/// Faces of a mesh for each place where it passes a lattice edge, up to which its creases are followed: those of a finer one are
-/// far below the lattice, and would take more memory than all else.
-constexpr std::uint64_t kCreaseFaces = 4;
+/// Faces of a mesh for each place where it passes a lattice edge, up to which its creases are followed: finer ones are noise to
+/// the lattice as often as not, and would take more memory than all else.
+constexpr std::uint64_t kCreaseFaces = 1;
 /// Faces of a mesh as fine as the lattice in a leaf at its surface.
 constexpr std::uint64_t kLeafFaces = 128;
 
@@ -249,7 +249,7 @@ class SolidSurfaceStage : public Stage {
     return box;
   }
 
-  /// Meshes whose creases are followed; none where the result has names or no features.
+  /// Meshes whose creases are followed: closed ones, none where the result has names or no features.
   void choose_creased() {
     creased_.assign(solids_.size(), 0);
     if (model_.is_measured() || model_.extract.method != ExtractMethod::kExtendedMarchingCubes) return;
@@ -257,7 +257,7 @@ class SolidSurfaceStage : public Stage {
       std::uint64_t faces = 0, crossings = 0;
       for (const Source& source : stores_) faces += source.operand == o ? source.mesh.face_count() : 0;
       for (const LeafWindings& leaf : solids_[o].lines().leaves()) crossings += leaf.crossings;
-      creased_[o] = faces <= kCreaseFaces * crossings;
+      creased_[o] = solids_[o].border().empty() && faces <= kCreaseFaces * crossings ? 1 : 0;
     }
   }
   std::uint64_t crease_bytes(const SolidBlock& block) const {
