@@ -188,7 +188,10 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     const UnflipReport own = lift_given(rotated, given, details.position);
     out.flipped_given = own.left;
     // What is counted is what is written.
-    if (own.left < own.before) crossing.reset();
+    if (own.before > 0) {
+      details.flipped = flipped_faces(rotated, details.position).size();
+      crossing.reset();
+    }
   }
   if (!crossing) crossing = self_intersections(details.position, faces, watched);
   check_stop();
