@@ -144,21 +144,25 @@ TEST_CASE("mesh import: a mesh comes back as it went in, whatever its order", "[
   // With holes everywhere, so that borders pass from bucket to bucket.
   Mesh mesh = make_sheet(420);
   std::erase_if(mesh.faces, [](const MeshFace& f) { return (f[0] * 2654435761u + f[1] * 40503u) % 97 < 9; });
-  std::map<std::pair<std::uint64_t, std::uint64_t>, int> edges;
-  for (const MeshFace& f : mesh.faces)
-    for (std::size_t e = 0; e < 3; ++e) ++edges[std::minmax(f[e], f[(e + 1) % 3])];
-  const auto borders = std::count_if(edges.begin(), edges.end(), [](const auto& e) { return e.second == 1; });
-  write(mesh, folder.path() / "a.ply");
-  const auto before = faces_of(mesh);
-  const Imported first = round_trip(folder.path() / "a.ply", folder.path());
-  CHECK(first.patches > 16);
-  CHECK(first.report.at("mesh-read").at("buckets").get<int>() > 1);
-  CHECK(first.report.at("mesh-tiles").at("border_edges") == borders);
-  CHECK(first.report.at("mesh-tiles").at("fixes").get<int>() > 0);
-  CHECK(faces_of(first.mesh) == before);
-  shuffle(mesh, 7);
-  write(mesh, folder.path() / "b.ply");
-  CHECK(round_trip(folder.path() / "b.ply", folder.path()).bytes == first.bytes);
+  const auto borders = [&] {
+    std::map<std::pair<std::uint64_t, std::uint64_t>, int> edges;
+    for (const MeshFace& f : mesh.faces)
+      for (std::size_t e = 0; e < 3; ++e) ++edges[std::minmax(f[e], f[(e + 1) % 3])];
+    return std::count_if(edges.begin(), edges.end(), [](const auto& e) { return e.second == 1; });
+  }();
+  {  // What the test holds counts against the caps of its jobs.
+    write(mesh, folder.path() / "a.ply");
+    const auto before = faces_of(mesh);
+    const Imported first = round_trip(folder.path() / "a.ply", folder.path());
+    CHECK(first.patches > 16);
+    CHECK(first.report.at("mesh-read").at("buckets").get<int>() > 1);
+    CHECK(first.report.at("mesh-tiles").at("border_edges") == borders);
+    CHECK(first.report.at("mesh-tiles").at("fixes").get<int>() > 0);
+    CHECK(faces_of(first.mesh) == before);
+    shuffle(mesh, 7);
+    write(mesh, folder.path() / "b.ply");
+    CHECK(round_trip(folder.path() / "b.ply", folder.path()).bytes == first.bytes);
+  }
   // Without colours and with room for them, vertices are read once and kept.
   mesh.rgba.clear();
   write(mesh, folder.path() / "c.ply");
