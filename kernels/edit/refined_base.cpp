@@ -179,6 +179,15 @@ double coarse_share(std::span<const Double3> position, std::span<const Face> fac
   return all > 0.0 ? coarse / all : 0.0;
 }
 
+double least_height(std::span<const Double3> position, std::span<const Face> faces,
+                    std::span<const double> wanted) {
+  double least = std::numeric_limits<double>::infinity();
+  for_wanting(position, faces, wanted, [&](double area, double longest, double) {
+    least = std::min(least, longest > 0.0 ? area / (longest * longest) : 0.0);
+  });
+  return least;
+}
+
 double mean_longest_edge(std::span<const Double3> position, std::span<const Face> faces,
                          std::span<const double> wanted) {
   double all = 0.0, sum = 0.0;

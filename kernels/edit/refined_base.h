@@ -30,6 +30,12 @@ enum class SupportPart : std::uint8_t { kAll, kEdge /**< faces with what is held
                                   std::span<const std::array<std::uint32_t, 3>> faces,
                                   std::span<const double> wanted, double times);
 
+/// Of these faces the least height, as a share of its longest edge; infinite without such faces. Halves of a face without area
+/// have edges without length, for which no cotangents are.
+[[nodiscard]] double least_height(std::span<const Double3> position,
+                                  std::span<const std::array<std::uint32_t, 3>> faces,
+                                  std::span<const double> wanted);
+
 /// Longest edges of these faces, mean by area.
 [[nodiscard]] double mean_longest_edge(std::span<const Double3> position,
                                        std::span<const std::array<std::uint32_t, 3>> faces,

@@ -37,6 +37,8 @@ constexpr double kShortest = 0.25;  ///< of the edges: shorter ones that are lef
 
 /// Edges across the support of an edit. A mesh with so many stays as it is, but for a share of the area around it.
 constexpr double kEnough = 60.0, kMaxCoarse = 0.05;
+constexpr double kLeastHeight =
+    1e-5;  ///< of a face, times its longest edge: none is split about one without area
 /// A coarser one gets so many, and within a few edges of what is held, where regions end between vertices, twice as many twice.
 /// Not of order 3: second derivatives beside the support want even faces.
 constexpr double kAcross = 40.0, kEvenAcross = 80.0;
@@ -155,6 +157,8 @@ class BaseStage : public SerialStage {
     const double share = coarse_share(base.position, base.faces, edges, 1.0);
     out["coarse_area"] = share;
     if (!(share > kMaxCoarse)) return;
+    if (least_height(base.position, base.faces, edges) < kLeastHeight)
+      return leave("a face of the support has no area, and its halves would have edges without length");
     base.split_edge = mean_longest_edge(base.position, base.faces, edges);
     base.given_crossings = crossing_support(base, base_regions(base, script, source_, context).role);
     base.given_faces = base.faces;

@@ -146,6 +146,11 @@ TEST_CASE("refined base: what is wanted is a share of the support's width, piece
   CHECK(coarse_share(s.position, s.faces, wanted, 10.0) == 0.0);
   CHECK(coarse_share(s.position, s.faces, wanted, 2.0) == Approx(5.0 / 16.0).epsilon(0.2));
   CHECK(coarse_share(s.position, s.faces, wanted, 1.0) == 1.0);
+  CHECK(least_height(s.position, s.faces, wanted) == Approx(0.5));
+  auto faces = s.faces;
+  faces.push_back({faces[30][0], faces[30][1], faces[30][0]});
+  CHECK(least_height(s.position, faces, std::vector<double>(role.size(), 1.0)) == 0.0);
+  CHECK(least_height(s.position, faces, std::vector<double>(role.size(), kInfinite)) == kInfinite);
   CHECK(refined_base_bytes(100, 200) > 100 * sizeof(Double3));
   // Nothing is held.
   const std::vector<double> free = wanted_edges(
