@@ -314,7 +314,7 @@ void MeshCreases::trace_sections(CreaseLines& lines) {
   std::vector<std::uint32_t> order;
   for (std::uint32_t c = 0; c < crossings_.size(); ++c)
     if (crossings_[c].face != kUnknown) order.push_back(c);
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
     return std::tie(crossings_[a].face, crossings_[a].at) < std::tie(crossings_[b].face, crossings_[b].at);
   });
   std::vector<std::uint8_t> done(crossings_.size(), 0);
@@ -347,7 +347,7 @@ void MeshCreases::trace_sections(CreaseLines& lines) {
       }
       of_face.push_back(std::move(found));
     }
-    std::sort(of_face.begin(), of_face.end(), [](const Found& a, const Found& b) {
+    std::stable_sort(of_face.begin(), of_face.end(), [](const Found& a, const Found& b) {
       return std::tie(a.chain.edge, a.chain.t) < std::tie(b.chain.edge, b.chain.t);
     });
     std::uint32_t number = 0;
