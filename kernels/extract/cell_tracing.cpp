@@ -108,32 +108,44 @@ void trace_leaf(const BrickInput& brick, const LeafMasks& leaf, const LeafEdges&
   const auto inside = brick.band.corner_words(leaf, &LeafMasks::inside);
   const LeafWords at_boundary = patch.names() && leaf.own() ? brick.band.boundary_cells(leaf) : LeafWords{};
   LoopTriangles triangles;
-  LoopKinks kinks;
+  const LoopKinks none;
+  std::vector<CreasedLoop> creased;
   const auto trace_cell = [&](const Int3& cell, unsigned pattern) {
     const bool own = inside_brick(cell), closing = has_cell(leaf.leaf->closing, cell);
     const std::size_t faces_before = patch.faces();
     CellLoops storage;
     const CellLoops& loops = loops_of(brick.band, cell, pattern, storage);
+    const auto loop_of = [&](const std::uint8_t* edge, int number) {
+      return edges.loop(brick.field, cell, number, edge, loops.length[static_cast<std::size_t>(number)]);
+    };
     const std::uint8_t* edge = loops.edge.data();
-    for (int number = 0; number < loops.count; edge += loops.length[static_cast<std::size_t>(number++)]) {
-      TracedLoop loop =
-          edges.loop(brick.field, cell, number, edge, loops.length[static_cast<std::size_t>(number)]);
-      report.loops += own;
+    creased.clear();
+    if (creases.pass(cell)) {
+      for (int number = 0; number < loops.count; edge += loops.length[static_cast<std::size_t>(number++)])
+        creased.emplace_back().loop = loop_of(edge, number);
       // Beside a border that cuts cells there are no features: their samples would lie beyond it.
-      const bool kinked = creases.find_kinks(brick, loop, kinks);
-      if (kinked && !closing && creases.follow(brick, loop, kinks, patch)) {
+      creases.settle(brick, !closing, creased);
+      edge = loops.edge.data();
+    }
+    for (int number = 0; number < loops.count; edge += loops.length[static_cast<std::size_t>(number++)]) {
+      TracedLoop loop = loop_of(edge, number);
+      report.loops += own;
+      const CreasedLoop* known = creased.empty() ? nullptr : &creased[static_cast<std::size_t>(number)];
+      if (known && known->followed) {
+        if (own) creases.emit(brick, *known, patch);
         report.crease_loops += own;
         continue;
       }
-      report.unfollowed_loops += kinked && own;
+      report.unfollowed_loops += known && known->kinked && own;
+      const LoopKinks& kinks = known ? known->kinks : none;
       const bool cut = edges.moving() && border.triangulate(edge, loop.root.data(), loop.size(), triangles);
       if (!cut && brick.method == ExtractMethod::kExtendedMarchingCubes && !closing &&
           keep_feature_loop(brick, leaf.cell_rank(cell[0] & 7, cell[1] & 7, cell[2] & 7), loop, kinks,
                             creases, patch, features, report))
         continue;
       if (!own) continue;
-      if (kinked) {
-        creases.fill(brick, loop, kinks, patch);
+      if (!kinks.all.empty()) {
+        creases.fill(brick, *known, patch);
         continue;
       }
       if (cut)

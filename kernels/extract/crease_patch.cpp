@@ -16,6 +16,10 @@ constexpr double kStraight = 0.004;
 constexpr float kNoTriangle = 1e30f;
 /// Triangles of one smooth region turn by less than this (60 degrees) where they meet: more is a fold.
 constexpr double kFoldCosine = 0.5;
+/// Faces that would meet if one lay lower by this are too close for what bricks and files will round, in cells.
+constexpr double kLift = 1.0 / 32768;
+/// Only faces that lie back to back do.
+constexpr double kBackCosine = -0.9;
 /// What a triangle costs whose height would not survive rounding: more than any area.
 constexpr float kSliverCost = 100.0f;
 
@@ -375,8 +379,25 @@ class Cutter {
       }
       if (collinear(face.corner[0], face.corner[1], face.corner[2])) return true;
       for (const ContactFace& other : faces)
-        if (face_contact(other, face) != FaceContact::kNone) return true;
+        if (face_contact(other, face) != FaceContact::kNone || lies_on(other, face) || lies_on(face, other))
+          return true;
       faces.push_back(face);
+    }
+    return false;
+  }
+  /// Whether one face lies so close on the other that it may lie below once vertices are rounded.
+  [[nodiscard]] static bool lies_on(const ContactFace& face, const ContactFace& other) {
+    const auto normal = [](const ContactFace& f) {
+      return unit_or_zero(triangle_normal(f.corner[0], f.corner[1], f.corner[2]));
+    };
+    const Double3 up = normal(face);
+    if (dot(up, normal(other)) > kBackCosine) return false;
+    for (const double height : {kLift, -kLift}) {
+      ContactFace moved = other;
+      for (std::size_t k = 0; k < 3; ++k)
+        if (std::find(face.vertex.begin(), face.vertex.end(), other.vertex[k]) == face.vertex.end())
+          moved.corner[k] = moved.corner[k] + up * height;
+      if (face_contact(face, moved) != FaceContact::kNone) return true;
     }
     return false;
   }

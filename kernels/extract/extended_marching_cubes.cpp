@@ -44,6 +44,7 @@ Patch extract_brick(const DirectedField& field, const ExtractOptions& options, c
     trace_leaf(input, leaf, edges, border, crease_cells, patch, features, report);
     if (meets_finer) report.loops += emit_level_faces(input, leaf, edges, patch);
   }
+  crease_cells.close_flaps(patch);
   emit_feature_segments(input, features, options.bends && input.thresholds.exact, patch, report);
   return patch.finish();
 }

@@ -103,16 +103,23 @@ void add_bend(const BrickInput& brick, const FeatureLoop& loop, const FeatureLoo
   patch.add_face(middle, b.vertex, loop.centre);
 }
 
-/// Faces from the segment, kink by kink, to the centre, and to that beyond. \param beyond  null: who is there has its own faces
+/// Faces from the segment, kink by kink, to the centre. \param first  where it begins  \param last  vertex where it ends
 void emit_kinked(const FeatureLoops& features, const FeatureLoop& loop, const FeatureLoop::Corner& first,
-                 std::uint32_t last, const FeatureLoop* beyond, PatchBuilder& patch) {
+                 std::uint32_t last, PatchBuilder& patch) {
   std::uint32_t from = first.vertex;
   for (std::size_t k = 0; k <= first.kinks; ++k) {
     const std::uint32_t to = k == first.kinks ? last : features.kink(first.first_kink + k);
     patch.add_face(from, to, loop.centre);
-    if (beyond) patch.add_face(to, from, beyond->centre);
     from = to;
   }
+}
+
+/// The corner of the loop across at which the segment begins, that is ends.
+const FeatureLoop::Corner& corner_across(const FeatureLoops& features, const FeatureLoop& beyond,
+                                         const FeatureLoop::Corner& second) {
+  std::size_t s = 0;
+  while (features.corner(beyond, s).root != second.root) ++s;
+  return features.corner(beyond, s);
 }
 
 void emit_segment(const BrickInput& brick, FeatureLoops& features, FeatureLoop& loop, std::size_t s,
@@ -129,8 +136,12 @@ void emit_segment(const BrickInput& brick, FeatureLoops& features, FeatureLoop& 
   const bool emits = face & 1 ? inside_brick(across) || (own && other_level()) : own;
   if (!emits) return;
   FeatureLoop* beyond = features.find(brick.band, across, mirrored_edge(first.edge, axis));
-  if (first.kinks > 0) {
-    if (!beyond || !(face & 1)) emit_kinked(features, loop, first, b, beyond, patch);
+  // One of the two may go without the kinks: then a flap lies between (crease_cells.h).
+  const FeatureLoop::Corner* across_at = beyond ? &corner_across(features, *beyond, second) : nullptr;
+  if (first.kinks > 0 || (across_at && across_at->kinks > 0)) {
+    if (beyond && (face & 1)) return;
+    emit_kinked(features, loop, first, b, patch);
+    if (beyond) emit_kinked(features, *beyond, *across_at, a, patch);
     return;
   }
   if (!beyond) {

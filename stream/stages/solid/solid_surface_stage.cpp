@@ -20,7 +20,7 @@ namespace {
 constexpr std::uint64_t kSurfaceTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
 /// Faces of a mesh for each place where it passes a lattice edge, up to which its creases are followed: finer ones are noise to
 /// the lattice as often as not, and would take more memory than all else.
-constexpr std::uint64_t kCreaseFaces = 1;
+constexpr std::uint64_t kCreaseFaces = 4;
 /// Faces of a mesh as fine as the lattice in a leaf at its surface.
 constexpr std::uint64_t kLeafFaces = 128;
 
@@ -249,10 +249,13 @@ class SolidSurfaceStage : public Stage {
     return box;
   }
 
-  /// Meshes whose creases are followed: closed ones, none where the result has names or no features.
+  /// Meshes whose creases are followed: closed ones that stand alone, for those of two at one place could be followed from one
+  /// brick and not from the next; none where the result has names or no features.
   void choose_creased() {
     creased_.assign(solids_.size(), 0);
-    if (model_.is_measured() || model_.extract.method != ExtractMethod::kExtendedMarchingCubes) return;
+    if (model_.is_measured() || solids_.size() + model_.shapes.size() > 1 ||
+        model_.extract.method != ExtractMethod::kExtendedMarchingCubes)
+      return;
     for (std::size_t o = 0; o < solids_.size(); ++o) {
       std::uint64_t faces = 0, crossings = 0;
       for (const Source& source : stores_) faces += source.operand == o ? source.mesh.face_count() : 0;
