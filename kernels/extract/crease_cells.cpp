@@ -22,6 +22,8 @@ constexpr float kSameRoot = 1e-6f;
 constexpr float kSameNormal = 0.999f;
 /// A face between bricks has so many names for kinks (patch.h).
 constexpr std::uint32_t kNamedKinks = 2;
+/// Of a segment: more are noise to the lattice, and vertices of an outline have numbers of a byte.
+constexpr std::uint32_t kMostKinks = 16;
 
 /// Whether a section ends in a root. \param sign  +1 or -1: its normal against the root's
 bool ends_in(const CreaseChain& chain, std::size_t end, const EdgeRoot& root, int& sign) {
@@ -247,7 +249,7 @@ void CreaseCells::find_kinks(const BrickInput& brick, const TracedLoop& loop, Lo
     const CreaseChain* chain = nullptr;
     for (const CreaseChain& c : chains)
       if (c.edge[0] == ends[0] && c.edge[1] == ends[1]) chain = &c;
-    if (!chain) continue;
+    if (!chain || chain->count > kMostKinks) continue;
     const EdgeRoot &first = brick.field.roots[loop.root[turned ? j : i]],
                    &last = brick.field.roots[loop.root[turned ? i : j]];
     int at_first = 0, at_last = 0;
