@@ -255,7 +255,7 @@ class Cutter {
         if (out[c] != kNone && !follow_to_corner(out[c], c, region)) return false;
       } while (c != start);
       ++count;
-      add_region(std::move(region));
+      add_region(region);
     }
     for (std::size_t start = 0; start < used_.size(); ++start) {
       if (used_[start]) continue;
@@ -267,12 +267,12 @@ class Cutter {
         if (!next_arc(arc, arc)) return false;
       } while (arc != start);
       ++count;
-      add_region(std::move(region));
+      add_region(region);
     }
     return count + inner_nodes == 1 + lines_.size();  // Euler: a disk
   }
 
-  void add_region(Polygon region) {
+  void add_region(const Polygon& region) {
     Polygon single;
     for (const std::uint8_t v : region)
       if (single.empty() || single.back() != v) single.push_back(v);

@@ -187,11 +187,8 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   if (const auto& given = basis.base.given_faces; !given.empty()) {
     const UnflipReport own = lift_given(rotated, given, details.position);
     out.flipped_given = own.left;
-    // What is counted is what is written.
-    if (own.before > 0) {
-      details.flipped = flipped_faces(rotated, details.position).size();
-      crossing.reset();
-    }
+    // What is counted is what is written. Of turned faces that is own.left: those of the base are as it was solved.
+    if (own.before > 0) crossing.reset();
   }
   if (!crossing) crossing = self_intersections(details.position, faces, watched);
   check_stop();
