@@ -21,8 +21,8 @@ namespace tessera {
 enum class SceneKind : std::uint8_t {
   kObject,  ///< from around it: its front is the side that sees more of the open
   kLand,    ///< from amid it: how far a side sees, and how much of the open
-  kRoom,  ///< from inside it, some cannot be seen from outside the job, or far more points lie near than far
-          ///< on what shuts the view out: how far a side sees
+  kRoom,  ///< from inside it: some cannot be seen from outside the job, or what shuts the view out stands around the
+          ///< scanner (far more points near than far, or fronts that see each other): how far a side sees
 };
 
 /// Votes of looks from surfels to both sides, in directions that hang on their place alone.
@@ -32,7 +32,8 @@ struct VisibilityVotes {
   double enclosed = 0.0;         ///< share of the surfels that cannot be seen from outside the job
   double shells = 0.0;           ///< share of them with one side that sees next to nothing of the open
   double density_spread = 0.0;   ///< 1: points lie evenly; far more where a scanner stood amid its scene
-  double sight = 0.0;            ///< mean length of the looks that end on something, cells
+  double facing = 0.0;  ///< share of the looks from the freer side of every surfel that end on something
+  double sight = 0.0;   ///< mean length of the looks that end on something, cells
   SceneKind scene = SceneKind::kLand;
 };
 

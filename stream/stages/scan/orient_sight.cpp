@@ -13,7 +13,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kSightKind = {"TSSIGHT2", "a file of what surfels see"};
+constexpr PackedKind kSightKind = {"TSSIGHT3", "a file of what surfels see"};
 /// Votes of what surfels see, of one surfel, against those of its links.
 constexpr double kVisibilityScale = kVoteScale;
 /// Of the job's memory: disks of surfels, as many bytes again while they are made, and rays. What else is held takes 75 MiB in large
@@ -132,6 +132,7 @@ void SightVotes::tell(Json& entry) const {
   entry["enclosed_fraction"] = facts_.enclosed;
   entry["shell_fraction"] = facts_.shells;
   entry["density_spread"] = facts_.density_spread;
+  entry["facing_fraction"] = facts_.facing;
   entry["scene"] = name_of(facts_.scene);
 }
 
@@ -192,7 +193,7 @@ void look_around(const PointOverlay& overlay, const std::vector<PatchBlock>& blo
     VisibilityVotes seen = vote_by_visibility(parts, viewers.up, kVisibilityScale, known, run);
     joined->share_out(seen);
     facts.enclosed = seen.enclosed, facts.shells = seen.shells;
-    facts.density_spread = seen.density_spread, facts.sight = seen.sight, facts.scene = seen.scene;
+    facts.density_spread = seen.density_spread, facts.facing = seen.facing, facts.sight = seen.sight, facts.scene = seen.scene;
     std::span<const PatchVote> sides = seen.sides, pairs = seen.pairs;
     std::vector<std::uint32_t> groups;
     for (const PatchBlock& block : blocks) {

@@ -40,7 +40,7 @@ class SightVotes {
   friend void look_around(const PointOverlay&, const std::vector<PatchBlock>&, const PatchLinks&,
                           const Viewers&, std::uint64_t, const TaskContext&, const std::filesystem::path&);
   struct Facts {
-    double enclosed = 0.0, shells = 0.0, density_spread = 0.0, sight = 0.0;
+    double enclosed = 0.0, shells = 0.0, density_spread = 0.0, facing = 0.0, sight = 0.0;
     SceneKind scene = SceneKind::kLand;
     std::uint8_t by_sensors = 0;
     std::array<std::uint8_t, 6> unused{};

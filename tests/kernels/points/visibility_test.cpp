@@ -51,6 +51,37 @@ TEST_CASE(
   CHECK(scene_of(100.0f) == SceneKind::kRoom);
 }
 
+TEST_CASE(
+    "sight: fronts that see each other make a room where a scanner stood among them, not where it did not",
+    "[unit]") {
+  // An open bowl, with another one around it of which less was seen.
+  const auto scene_of = [](float dense, bool around, double& facing) {
+    std::vector<JobSurfel> bowl = ball(dense);
+    std::erase_if(bowl, [](const JobSurfel& s) { return s.position[2] > 242.0f; });
+    const std::size_t inner = bowl.size();
+    for (std::size_t i = 0; around && i < inner; ++i) {
+      JobSurfel s = bowl[i];
+      for (float& x : s.position) x = 200.0f + 1.15f * (x - 200.0f);
+      s.surfels = 4;
+      bowl.push_back(s);
+    }
+    const VisibilityVotes v = vote_by_visibility(bowl, kScale);
+    CHECK(v.enclosed < 0.01);
+    CHECK((v.shells > 0.2) == around);
+    CHECK(v.density_spread < 3.0);
+    CHECK((v.density_spread > 1.7) == (dense > 1.0f));
+    facing = v.facing;
+    return v.scene;
+  };
+  double facing = 0.0;
+  CHECK(scene_of(6.0f, true, facing) == SceneKind::kRoom);
+  CHECK(facing > 0.5);
+  CHECK(scene_of(1.0f, true, facing) == SceneKind::kObject);
+  CHECK(facing > 0.5);
+  CHECK(scene_of(6.0f, false, facing) == SceneKind::kLand);
+  CHECK(facing < 0.1);
+}
+
 TEST_CASE("sight: of few surfels that lie evenly fewer need be shut in to make an object", "[unit]") {
   std::size_t between = 0;
   for (double cut = -0.5; cut < 1.0; cut += 0.05) {
