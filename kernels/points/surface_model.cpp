@@ -20,7 +20,7 @@ constexpr std::int32_t kCell = kQuantaPerCell;
 constexpr std::int32_t kLayerDepth = 3 * kCell;
 constexpr std::size_t kLayerShare = 8, kFewestInLayer = 2, kMostInLayer = 3;
 
-/// Holes no wider than twice this are filled, chessboard columns.
+/// Holes no wider than twice this are filled, columns.
 constexpr int kFillRadius = 10;
 constexpr int kFillRounds = 12;
 /// How much a column that was not seen may stand above the lowest of its neighbours: what hides the ground is not filled
@@ -378,7 +378,8 @@ SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse
     model.wall_u[i] = layers[i].wall_u, model.wall_v[i] = layers[i].wall_v;
   }
   // Columns between samples are no holes: those with nothing all around are.
-  const std::vector<std::uint8_t> closed = erode(s, dilate(s, measured, kFillRadius), kFillRadius);
+  const std::vector<std::uint8_t> closed =
+      dilate_round(s, dilate_round(s, measured, kFillRadius), kFillRadius, false);
   hole = dilate(s, erode(s, hole, 1), 1);
 
   // Strewn points and rough layers against the others.

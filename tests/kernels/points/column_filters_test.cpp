@@ -67,4 +67,35 @@ TEST_CASE("column filters: sums, dilation, erosion and medians are those of the 
     }
 }
 
+TEST_CASE(
+    "column filters: a round dilation of one column is nearly a disk, and an erosion is that of what is left "
+    "out",
+    "[unit]") {
+  const ColumnSquare square{41};
+  const auto count = square.at(0, square.edge);
+  std::vector<std::uint8_t> mask(count), inverse(count, 1);
+  mask[square.at(20, 20)] = 1, inverse[square.at(20, 20)] = 0;
+  for (const int radius : {1, 2, 5, 10, 15}) {
+    const auto more = dilate_round(square, mask, radius);
+    const auto less = dilate_round(square, inverse, radius, false);
+    for (int v = 0; v < square.edge; ++v)
+      for (int u = 0; u < square.edge; ++u) {
+        const int across = (u - 20) * (u - 20) + (v - 20) * (v - 20);
+        const std::size_t i = square.at(u, v);
+        CAPTURE(radius, u, v);
+        // An octagon lies between disks of 0.92 and 1.09 of its radius; columns are whole.
+        if (across * 100 <= (9 * radius - 5) * (9 * radius - 5)) CHECK(more[i] == 1);
+        if (across * 100 > (11 * radius + 5) * (11 * radius + 5)) CHECK(more[i] == 0);
+        CHECK(less[i] == 1 - more[i]);
+      }
+    CHECK(more[square.at(20 + radius, 20)] == 1);
+    CHECK(more[square.at(20, 20 - radius)] == 1);
+  }
+  // At the rim the columns that are there.
+  std::vector<std::uint8_t> corner(count);
+  corner[0] = 1;
+  CHECK(dilate_round(square, corner, 10)[square.at(0, 10)] == 1);
+  CHECK(dilate_round(square, corner, 10)[square.at(0, 11)] == 0);
+}
+
 }  // namespace column_filters_test
