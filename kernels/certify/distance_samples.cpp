@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/mesh/box_mask.h"
+#include "octree/lists.h"
 #include "octree/vector.h"
 
 namespace tessera {
@@ -15,8 +15,6 @@ using SampledFace = std::array<std::uint32_t, 3>;
 
 /// Few faces need few points: as many as tell the mean on each of them.
 constexpr std::size_t kMinSamples = 1024, kSamplesPerFace = 16;
-/// Cells an axis of the box in which faces near the points are picked.
-constexpr std::size_t kSampleGrid = 48;
 // Powers of the plastic number: the additive sequence whose points keep farthest apart.
 constexpr double kR2u = 0.75487766624669276005, kR2v = 0.56984029099805326591;
 constexpr double kWider = 1.0 + 0x1p-20;  ///< a bound, so that rounding hides no face
@@ -88,22 +86,83 @@ SampledPart part_of(const SurfaceFaces& surface, const SampledFace& face, const 
   return part;
 }
 
-BoxMask mask_around(const SurfaceSamples& samples, const std::vector<double>& radius) {
-  Double3 low, high;
-  low.fill(std::numeric_limits<double>::infinity());
-  high.fill(-std::numeric_limits<double>::infinity());
-  const auto around = [&](std::size_t i, double sign) {
-    Double3 p = samples.at[i];
-    for (double& c : p) c += sign * radius[i];
-    return p;
-  };
-  for (std::size_t i = 0; i < samples.at.size(); ++i)
-    for (std::size_t k = 0; k < 3; ++k)
-      low[k] = std::min(low[k], around(i, -1.0)[k]), high[k] = std::max(high[k], around(i, 1.0)[k]);
-  BoxMask mask(low, high, kSampleGrid);
-  for (std::size_t i = 0; i < samples.at.size(); ++i) mask.mark(around(i, -1.0), around(i, 1.0));
-  return mask;
+/// Area of the part in the box, the same bits as part_of() has; most faces are all in it or all beyond a side of it.
+double area_in(const SurfaceFaces& surface, const SampledFace& face, const Box3* core) {
+  if (face[1] != face[2]) {
+    const Double3 &a = surface.position[face[0]], &b = surface.position[face[1]],
+                  &c = surface.position[face[2]];
+    bool inside = true, beyond = false;
+    for (std::size_t k = 0; core != nullptr && k < 3; ++k) {
+      const double low = std::min({a[k], b[k], c[k]}), high = std::max({a[k], b[k], c[k]});
+      inside = inside && low >= core->low[k] && high <= core->high[k];
+      beyond = beyond || low > core->high[k] || high < core->low[k];
+    }
+    if (beyond) return 0.0;
+    if (inside) return 0.5 * norm(cross(b - a, c - a));
+  }
+  return part_of(surface, face, core).area;
 }
+
+/// Points in the cells of a grid, to pick the faces that come within a radius of one.
+class PointGrid {
+ public:
+  /// \param radius  of each point, by which its surroundings count
+  PointGrid(std::span<const Double3> at, std::span<const double> radius) {
+    Double3 high;
+    low_.fill(std::numeric_limits<double>::infinity());
+    high.fill(-std::numeric_limits<double>::infinity());
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      widest_ = std::max(widest_, radius[i]);
+      for (std::size_t k = 0; k < 3; ++k)
+        low_[k] = std::min(low_[k], at[i][k]), high[k] = std::max(high[k], at[i][k]);
+    }
+    const auto along = std::clamp(std::sqrt(static_cast<double>(at.size())), kMinCells, kMaxCells);
+    const double extent = std::max({high[0] - low_[0], high[1] - low_[1], high[2] - low_[2]});
+    per_cell_ = extent > 0.0 ? along / extent : 0.0;
+    for (std::size_t k = 0; k < 3; ++k)
+      cells_[k] = 1 + static_cast<std::size_t>((high[k] - low_[k]) * per_cell_);
+    points_ = make_lists<Point>(cells_[0] * cells_[1] * cells_[2], [&](const auto& put) {
+      for (std::size_t i = 0; i < at.size(); ++i)
+        put((cell(at[i][2], 2) * cells_[1] + cell(at[i][1], 1)) * cells_[0] + cell(at[i][0], 0),
+            {at[i], radius[i]});
+    });
+  }
+
+  /// Whether the box may come within the radius of a point.
+  [[nodiscard]] bool is_near(const Double3& low, const Double3& high) const {
+    std::size_t from[3], to[3];
+    for (std::size_t k = 0; k < 3; ++k)
+      from[k] = cell(low[k] - widest_, k), to[k] = cell(high[k] + widest_, k);
+    for (std::size_t z = from[2]; z <= to[2]; ++z)
+      for (std::size_t y = from[1]; y <= to[1]; ++y) {
+        const std::size_t row = (z * cells_[1] + y) * cells_[0];
+        for (std::size_t i = points_.first[row + from[0]]; i < points_.first[row + to[0] + 1]; ++i) {
+          const Point& p = points_.item[i];
+          bool near = true;
+          for (std::size_t k = 0; k < 3; ++k)
+            near = near && p.at[k] >= low[k] - p.radius && p.at[k] <= high[k] + p.radius;
+          if (near) return true;
+        }
+      }
+    return false;
+  }
+
+ private:
+  static constexpr double kMinCells = 4.0, kMaxCells = 64.0;  ///< along the longest side
+  struct Point {
+    Double3 at;
+    double radius;
+  };
+  std::size_t cell(double x, std::size_t k) const {
+    return static_cast<std::size_t>(
+        std::clamp((x - low_[k]) * per_cell_, 0.0, static_cast<double>(cells_[k]) - 0.5));
+  }
+
+  Double3 low_{};
+  double widest_ = 0.0, per_cell_ = 0.0;
+  std::array<std::size_t, 3> cells_{};
+  Lists<Point> points_;  ///< of the cells
+};
 
 }  // namespace
 
@@ -111,8 +170,7 @@ SurfaceSamples spread_samples(const SurfaceFaces& surface, const Box3* core, std
   SurfaceSamples out;
   std::vector<double> area(surface.faces.size());
   double sum = 0.0;
-  for (std::size_t f = 0; f < area.size(); ++f)
-    sum += area[f] = part_of(surface, surface.faces[f], core).area;
+  for (std::size_t f = 0; f < area.size(); ++f) sum += area[f] = area_in(surface, surface.faces[f], core);
   if (!(sum > 0.0) || !std::isfinite(sum)) return out;
   out.at.reserve(count), out.face.reserve(count);
   const double stratum = sum / static_cast<double>(count);
@@ -176,17 +234,22 @@ void measure_samples(const SurfaceFaces& surface, const SurfaceFaces& other, con
   const SurfaceSamples samples =
       spread_samples(surface, core, samples_of(options, surface.faces.size(), other.faces.size()));
   if (samples.at.empty()) return;
+  // Some face is within the bound of a point's own face, and so is the closest one.
+  double largest = 0.0;
+  for (const Double3& p : samples.at)
+    for (const double c : p) largest = std::max(largest, std::abs(c));
   std::vector<double> radius;
   for (const std::uint32_t f : samples.face)
-    radius.push_back(kWider * std::min(options.max_distance, static_cast<double>(bound[f])));
-  const BoxMask mask = mask_around(samples, radius);
+    radius.push_back(kWider * std::min(options.max_distance, static_cast<double>(bound[f])) +
+                     closest_face_error(largest));
+  const PointGrid grid(samples.at, radius);
   std::vector<SampledFace> near;
   for (const SampledFace& f : other.faces) {
-    Double3 low = other.position[f[0]], high = low;
-    for (const std::uint32_t v : {f[1], f[2]})
-      for (std::size_t k = 0; k < 3; ++k)
-        low[k] = std::min(low[k], other.position[v][k]), high[k] = std::max(high[k], other.position[v][k]);
-    if (mask.meets(low, high)) near.push_back(f);
+    const Double3 &a = other.position[f[0]], &b = other.position[f[1]], &c = other.position[f[2]];
+    Double3 low, high;
+    for (std::size_t k = 0; k < 3; ++k)
+      low[k] = std::min({a[k], b[k], c[k]}), high[k] = std::max({a[k], b[k], c[k]});
+    if (grid.is_near(low, high)) near.push_back(f);
   }
   measure_samples(samples, surface.faces[0][1] == surface.faces[0][2],
                   ClosestFaces(other.position, near, origin), options, report);

@@ -108,6 +108,47 @@ TEST_CASE("distance samples: the histogram is that of the area, also beyond the 
   CHECK(exceeding / all == Approx(0.5).margin(0.02));
 }
 
+TEST_CASE("distance samples: faces picked near the points tell what all of them tell, bit for bit",
+          "[property]") {
+  const Surface two = test::height_grid(1, 1.0, [](double, double) { return 0.0; });
+  const Surface wave = test::height_grid(
+      40, 1.0, [](double x, double) { return 0.01 * std::sin(x * std::numbers::pi / 0.1); });
+  const Surface tilted = test::height_grid(3, 1.0, [](double x, double) { return 0.2 * x; });
+  const Surface coarse = test::sphere(2, 0.5), fine = test::sphere(4, 0.5);
+  // All of them across one box.
+  Surface crossing;
+  for (std::uint32_t i = 0; i < 400; ++i) {
+    const double at = i * 0.002;
+    crossing.position.insert(crossing.position.end(),
+                             {{0.0, at, 0.001 * at}, {1.0, 1.0 - at, 0.01}, {1.0, 1.001 - at, 0.0}});
+    crossing.faces.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  const Surface& needles = crossing;
+  for (const auto& [a, b] : {std::pair(&two, &wave), std::pair(&wave, &two), std::pair(&two, &tilted),
+                             std::pair(&wave, &tilted), std::pair(&coarse, &fine), std::pair(&fine, &coarse),
+                             std::pair(&two, &needles), std::pair(&needles, &wave)})
+    for (const double tolerance : {0.005, 0.5}) {
+      CertificateOptions options = generous(tolerance);
+      const SurfaceFaces from{a->position, a->faces}, to{b->position, b->faces};
+      const ClosestFaces all(b->position, b->faces, kOrigin);
+      std::vector<float> bound;
+      options.samples = 0;
+      const DeviationReport before = certify_deviation(from, nullptr, all, options, &bound);
+      options.samples = 1u << 14;
+      DeviationReport picked = before, whole = before;
+      picked.area = whole.area = 1.0;
+      measure_samples(from, to, nullptr, kOrigin, bound, options, picked);
+      measure_samples(spread_samples(from, nullptr, samples_of(options, a->faces.size(), b->faces.size())),
+                      false, all, options, whole);
+      CHECK(picked.samples == whole.samples);
+      CHECK(picked.square_integral == whole.square_integral);
+      CHECK(picked.histogram == whole.histogram);
+      CHECK(picked.lower == whole.lower);
+      CHECK(picked.witness == whole.witness);
+      CHECK(picked.witness_face == whole.witness_face);
+    }
+}
+
 TEST_CASE("distance samples: points have equal shares of the area, and lie in the box", "[unit]") {
   Surface s;
   s.position = {{0, 0, 0}, {3, 0, 0}, {0, 1, 0}, {0, 0, 5}, {1, 0, 5}, {0, 1, 5}, {0, 0, 9}, {1, 0, 9}};
