@@ -94,7 +94,6 @@ void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin
                                    std::vector<std::uint32_t>& slot) {
   const std::size_t n = block.position.size();
   block_vertex_.resize(n);
-  vertices_.resize(n);
   state_.assign(n, 0);
   corner_.assign(n, kNoCorner);
   if (requested == Order::kNearEnough && lies_in_order(block)) {
@@ -108,14 +107,16 @@ void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin
       slot[block_vertex_[i]] = static_cast<std::uint32_t>(i);
     }
   }
-  for (std::size_t i = 0; i < n; ++i) vertices_[i].at = block.position[block_vertex_[i]] - origin;
+  vertices_.reserve(n);
+  for (const std::uint32_t v : block_vertex_) vertices_.push_back({block.position[v] - origin, 0.0});
 }
 
 void CollapseMesh::copy_faces(const MeshBlock& block) {
-  faces_.resize(block.faces.size());
-  for (std::size_t f = 0; f < faces_.size(); ++f) {
-    faces_[f] = face_of(block, f, 0);
-    std::copy(block.faces[f].begin(), block.faces[f].end(), faces_[f].vertex);
+  faces_.reserve(block.faces.size());
+  for (std::size_t f = 0; f < block.faces.size(); ++f) {
+    CollapseFace face = face_of(block, f, 0);
+    std::copy(block.faces[f].begin(), block.faces[f].end(), face.vertex);
+    faces_.push_back(face);
   }
 }
 

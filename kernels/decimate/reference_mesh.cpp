@@ -47,20 +47,19 @@ void set_heights(ReferenceMesh& mesh) {
 }  // namespace
 
 ReferenceMesh::ReferenceMesh(const CollapseMesh& mesh, bool heights) {
-  faces.resize(mesh.faces().size());
-  for (std::size_t f = 0; f < faces.size(); ++f) {
-    const CollapseFace& from = mesh.face(f);
-    faces[f] = {{from.vertex[0], from.vertex[1], from.vertex[2]},
-                0,
-                {from.opposite[0], from.opposite[1], from.opposite[2]},
-                (from.state & (7u * kStateBorder | 7u * kStateCrease)) |
-                    ((std::bit_cast<std::uint32_t>(from.bound) + Face::kLineBits) & ~Face::kLineBits)};
-  }
-  vertices.resize(mesh.vertices());
-  corner.resize(mesh.vertices());
-  for (std::uint32_t v = 0; v < vertices.size(); ++v) {
-    vertices[v] = {mesh.at(v), 0, 0};
-    corner[v] = mesh.corner(v);
+  // Written once: made empty first, arrays of this size would go through memory twice.
+  faces.reserve(mesh.faces().size());
+  for (const CollapseFace& from : mesh.faces())
+    faces.push_back({{from.vertex[0], from.vertex[1], from.vertex[2]},
+                     0,
+                     {from.opposite[0], from.opposite[1], from.opposite[2]},
+                     (from.state & (7u * kStateBorder | 7u * kStateCrease)) |
+                         ((std::bit_cast<std::uint32_t>(from.bound) + Face::kLineBits) & ~Face::kLineBits)});
+  vertices.reserve(mesh.vertices());
+  corner.reserve(mesh.vertices());
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v) {
+    vertices.push_back({mesh.at(v), 0, 0});
+    corner.push_back(mesh.corner(v));
   }
   if (heights) set_heights(*this);
 }
