@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
+#include <set>
 
 #include "octree/morton.h"
 
@@ -59,19 +60,27 @@ Flowed flow(const Inside& inside, int shift, bool local, const Inside& closing) 
     add_field_signs(signs, field);
     enter_field_signs(field, out.signs);
   }
-  std::vector<Int3> bricks;
-  for (int z = 0; z < 3; ++z)
-    for (int y = 0; y < 3; ++y)
-      for (int x = 0; x < 3; ++x) bricks.push_back({x, y, z});
+  std::set<Int3> bricks;  // where leaves are: elsewhere there is nothing to change
+  for (const auto& [key, leaf] : out.signs) {
+    const auto at = morton_decode(key);
+    bricks.insert({static_cast<int>(at[0] >> 3), static_cast<int>(at[1] >> 3), static_cast<int>(at[2] >> 3)});
+  }
   const auto step = [&](const auto& change) {
     std::vector<SignChange> changes;
     for (const Int3& brick : bricks) changes.push_back(change(brick));
+    bool flows = false;
     for (const SignChange& c : changes)
-      for (const auto& [key, leaf] : c) out.signs[key] = leaf;
+      for (const auto& [key, leaf] : c) {
+        NodeSigns& before = out.signs[key];
+        flows |= leaf.inside != before.inside;
+        before = leaf;
+      }
+    return flows;
   };
   step([&](const Int3& brick) { return prepare_flow(out.signs, out.cells, brick); });
-  for (int round = 0; round < kFlowRounds; ++round)
-    step([&](const Int3& brick) { return flow_signs(out.signs, brick); });
+  // What a round leaves as it was, the next one does too: it reads nothing but signs.
+  for (int round = 0, flows = 1; round < kFlowRounds && flows; ++round)
+    flows = step([&](const Int3& brick) { return flow_signs(out.signs, brick); });
   return out;
 }
 
