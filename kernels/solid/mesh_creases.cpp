@@ -154,9 +154,9 @@ std::uint32_t MeshCreases::sharp_edge(std::uint32_t from, std::uint32_t to) cons
              : kUnknown;
 }
 
-bool MeshCreases::inside(const Int3& cell) const {
+bool MeshCreases::inside(const Int3& cell, int beyond) const {
   for (std::size_t k = 0; k < 3; ++k)
-    if (cell[k] < -1 || cell[k] > block_.cells[k]) return false;
+    if (cell[k] < -1 - beyond || cell[k] > block_.cells[k] + beyond) return false;
   return true;
 }
 
@@ -229,11 +229,12 @@ void MeshCreases::cut_edge(std::uint32_t edge, CreaseLines& lines) {
       if (q[k] > p[k]) above = next;
     }
     std::uint32_t to = kUnknown;
-    if (i < steps.size() && (here || inside(next))) {
+    if (i < steps.size() && (inside(cell, 1) || inside(next, 1))) {
       to = static_cast<std::uint32_t>(crossings_.size());
       Crossing& made = crossings_.emplace_back();
       made.edge = edge;
       made.cell = above;
+      made.axis = steps[i].axis;
       made.plane = steps[i].plane;
       made.at = cross_plane(e.a, e.b, steps[i].axis, steps[i].plane, above);
       // Of a cell in the halo, all faces: what its loops become depends on them.
@@ -310,6 +311,34 @@ bool MeshCreases::walk(const Crossing& from, std::uint32_t face, std::vector<std
   return false;
 }
 
+void MeshCreases::find_meetings() {
+  struct Place {
+    Int3 cell;
+    Double3 at;  ///< from its min corner, below 1
+    std::uint32_t crossing;
+  };
+  std::vector<Place> places;
+  for (std::uint32_t c = 0; c < crossings_.size(); ++c) {
+    Place place = {crossings_[c].cell, crossings_[c].at, c};
+    int planes = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (place.at[k] == 1.0) ++place.cell[k], place.at[k] = 0.0;
+      planes += place.at[k] == 0.0;
+    }
+    if (planes > 1) places.push_back(place);
+  }
+  std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
+    return std::tie(a.cell, a.at, a.crossing) < std::tie(b.cell, b.at, b.crossing);
+  });
+  meets_.assign(crossings_.size(), 0);
+  for (std::size_t i = 1; i < places.size(); ++i) {
+    const Crossing &a = crossings_[places[i - 1].crossing], &b = crossings_[places[i].crossing];
+    if (places[i - 1].cell != places[i].cell || places[i - 1].at != places[i].at) continue;
+    if (a.cell == b.cell && a.axis == b.axis) continue;  // in one face: chains_are_sound()
+    meets_[places[i - 1].crossing] = meets_[places[i].crossing] = 1;
+  }
+}
+
 void MeshCreases::trace_sections(CreaseLines& lines) {
   std::vector<std::uint32_t> order;
   for (std::uint32_t c = 0; c < crossings_.size(); ++c)
@@ -339,6 +368,9 @@ void MeshCreases::trace_sections(CreaseLines& lines) {
       found.passed.insert(found.passed.end(), other.begin() + 1, other.end());
       for (const std::uint32_t c : found.passed) done[c] = 1;
       if (!closed || found.chain.edge[0] == found.chain.edge[1]) continue;
+      if (std::any_of(found.passed.begin(), found.passed.end(),
+                      [&](std::uint32_t c) { return meets_[c] != 0; }))
+        continue;
       if (found.chain.edge[0] > found.chain.edge[1]) {
         std::swap(found.chain.edge[0], found.chain.edge[1]);
         std::swap(found.chain.t[0], found.chain.t[1]);
@@ -427,6 +459,7 @@ CreaseLines MeshCreases::lines() {
   }
   edge_first_.push_back(static_cast<std::uint32_t>(crossings_.size()));
   if (lines.pieces.empty()) return lines;
+  find_meetings();
   trace_sections(lines);
   rank_vertices(lines);
   std::stable_sort(lines.pieces.begin(), lines.pieces.end(),

@@ -39,7 +39,8 @@ class MeshCreases {
   struct Crossing {
     std::uint32_t face = 0;  ///< CreaseChain::face
     std::uint32_t edge = 0;  ///< sharp edge
-    std::int32_t plane = 0;  ///< node coordinate along the face's axis, global
+    std::size_t axis = 0;    ///< across the face
+    std::int32_t plane = 0;  ///< node coordinate along it, global
     Double3 at{};            ///< cells from the min corner of that above the face
     Int3 cell{};             ///< above the face
   };
@@ -52,6 +53,9 @@ class MeshCreases {
   void find_sharp_edges();
   [[nodiscard]] std::uint32_t sharp_edge(std::uint32_t from, std::uint32_t to) const;
   void cut_edge(std::uint32_t edge, CreaseLines& lines);
+  /// Crossings of different faces of the lattice at one place of the lattice edge between them, where bodies touch, or a vertex lies
+  /// there: each of them would have a vertex at that place, in cells that do not see each other.
+  void find_meetings();
   void trace_sections(CreaseLines& lines);
   [[nodiscard]] bool walk(const Crossing& from, std::uint32_t face, std::vector<std::uint32_t>& passed,
                           CreaseChain& chain, std::size_t end) const;
@@ -59,7 +63,8 @@ class MeshCreases {
   [[nodiscard]] Double3 cross_plane(std::uint32_t a, std::uint32_t b, std::size_t axis, std::int32_t plane,
                                     const Int3& cell) const;
   void rank_vertices(CreaseLines& lines);
-  [[nodiscard]] bool inside(const Int3& cell) const;
+  /// \param beyond  so many cells beyond those of the lines
+  [[nodiscard]] bool inside(const Int3& cell, int beyond = 0) const;
 
   SolidBlock block_;
   Long3 low_{}, high_{};  ///< in quanta: of the cells looked at
@@ -74,6 +79,7 @@ class MeshCreases {
   std::vector<std::uint32_t> around_first_, around_;
   std::vector<SharpEdge> sharp_;                          ///< ascending by a, b
   std::vector<Crossing> crossings_;                       ///< by number
+  std::vector<std::uint8_t> meets_;                       ///< per crossing: find_meetings()
   std::vector<std::uint32_t> edge_first_;                 ///< per sharp edge: its first crossing
   std::vector<std::uint32_t> of_vertex_;                  ///< per vertex: its number among those of the lines
   std::vector<std::array<std::uint32_t, 2>> piece_edge_;  ///< sharp edge, place in pieces

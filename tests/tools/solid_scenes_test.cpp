@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <sstream>
 
 #include "octree/placement.h"
 #include "octree/portable_math.h"
@@ -172,6 +173,34 @@ TEST_CASE("csg: a scan in a scene is reconstructed first, in the same memory, an
   CHECK(code_of(R"({"scan": "none.las"})") == 3);
   CHECK(code_of(R"({"scan": 5})") == 3);
   CHECK(code_of(R"({"scan": "ball.ply", "resolutoin": 0.05})") == 3);
+}
+
+TEST_CASE("resurface: bodies that touch in a point come out apart", "[pipeline]") {
+  // Corner to corner: edges of both begin there, on a lattice edge, and pass faces of the lattice at one place.
+  std::string text = "OFF\n16 24 0\n", faces;
+  int first = 0;
+  for (const auto& [low, high] : {std::pair{Double3{1, -1, 0}, Double3{1.5, 0, 0.1}},
+                                  std::pair{Double3{1.5, 0, -0.5}, Double3{2, 0.1, 0}}}) {
+    std::istringstream box(box_text(low, high));
+    std::string line;
+    for (int l = 0; std::getline(box, line); ++l) {
+      if (l >= 2 && l < 10) text += line + "\n";
+      std::istringstream words(line);
+      int count = 0, a = 0, b = 0, c = 0;
+      if (l >= 10 && words >> count >> a >> b >> c)
+        faces += "3 " + std::to_string(first + a) + " " + std::to_string(first + b) + " " +
+                 std::to_string(first + c) + "\n";
+    }
+    first += 8;
+  }
+  const TempFolder folder;
+  const std::string in = folder.write("boxes.off", text + faces).string();
+  for (const char* h : {"0.08193819126329309", "0.08", "0.07"}) {
+    CAPTURE(h);
+    const std::string out = (folder / "out.ply").string();
+    REQUIRE(solid_command({"resurface", in, "-o", out, "--resolution", h, "--force"}).code == 0);
+    CHECK(tessera_command({"check", out, "--crossings", "--closed", "--strict"}).code == 0);
+  }
 }
 
 TEST_CASE("csg: crumbs of a wedge thinner than a cell are dropped and counted", "[pipeline]") {

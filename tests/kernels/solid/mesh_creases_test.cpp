@@ -87,7 +87,23 @@ struct Extracted {
   IndexedMesh mesh;
   ExtractReport report;
   std::map<Int3, std::uint64_t> hash;  ///< per brick
+  CreaseLines lines;
 };
+
+/// Where sharp edges pass faces of the lattice, cells from the block's corner.
+std::vector<Double3> kink_places(const CreaseLines& lines) {
+  std::vector<Double3> out;
+  const Int3 size = {lines.cells[0] + 2, lines.cells[1] + 2, lines.cells[2] + 2};
+  for (const CreaseChain& chain : lines.chains)
+    for (std::uint32_t k = chain.first; k < chain.first + chain.count; ++k) {
+      const int cell = static_cast<int>(chain.face / 3);
+      const Int3 at = {cell % size[0] - 1, cell / size[0] % size[1] - 1, cell / size[0] / size[1] - 1};
+      Double3 place;
+      for (std::size_t a = 0; a < 3; ++a) place[a] = at[a] + static_cast<double>(lines.kinks[k].at[a]);
+      out.push_back(place);
+    }
+  return out;
+}
 
 Extracted extract(const Mesh& m, const SolidBlock& block, bool follow, bool backwards = false) {
   std::map<std::uint64_t, LeafWindings> leaves;
@@ -135,6 +151,7 @@ Extracted extract(const Mesh& m, const SolidBlock& block, bool follow, bool back
       },
       follow ? &lines : nullptr);
   out.mesh = weld(patches);
+  out.lines = lines;
   return out;
 }
 
@@ -158,6 +175,32 @@ double share_beyond(const Mesh& m, const IndexedMesh& result) {
     }
   }
   return beyond / all;
+}
+
+/// Two boxes that touch in a corner of each.
+Mesh touching_boxes(const Double3& corner) {
+  Mesh m;
+  for (const auto& [low, high] : {std::pair{Double3{-6, -12, 0}, Double3{0, 0, 1.2}},
+                                  std::pair{Double3{0, 0, -6}, Double3{6, 1.2, 0}}}) {
+    const auto first = static_cast<std::uint32_t>(m.position.size());
+    for (std::uint32_t c = 0; c < 8; ++c)
+      m.position.push_back(
+          corner + Double3{c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]});
+    for (const auto& f : Faces{{0, 2, 3},
+                               {0, 3, 1},
+                               {4, 5, 7},
+                               {4, 7, 6},
+                               {0, 1, 5},
+                               {0, 5, 4},
+                               {2, 6, 7},
+                               {2, 7, 3},
+                               {0, 4, 6},
+                               {0, 6, 2},
+                               {1, 3, 7},
+                               {1, 7, 5}})
+      m.faces.push_back({first + f[0], first + f[1], first + f[2]});
+  }
+  return m;
 }
 
 constexpr Double3 kCentre = {128.31, 127.73, 96.42};  // on the sides of four bricks
@@ -191,6 +234,28 @@ TEST_CASE("mesh creases: bricks are the same bytes in any block, faces in any or
   for (const Int3& brick : {Int3{64, 64, 64}, {128, 64, 64}, {64, 128, 64}, {128, 128, 64}})
     for (const auto& [at, hash] : extract(m, {brick, {64, 64, 64}}, true).hash) alone[at] = hash;
   CHECK(alone == whole.hash);
+}
+
+TEST_CASE("mesh creases: bodies that touch in a point of a lattice edge do not get it twice, in any block",
+          "[property]") {
+  // Edges of both begin there and pass different faces of the lattice at one place, beside the faces of bricks, too.
+  for (const double y : {126.0, 127.0, 128.0, 129.0, 130.0}) {
+    CAPTURE(y);
+    const Mesh m = touching_boxes({126.3, y, 96.0});
+    const Extracted whole = extract(m, kWhole, true);
+    CHECK(whole.report.crease_loops > 20);
+    const MeshChecks checks = check_mesh(whole.mesh);
+    CHECK(checks.defects() == 0);
+    CHECK(checks.boundary_edges == 0);
+    std::vector<Double3> places = kink_places(whole.lines);
+    CHECK(places.size() > 20);
+    std::sort(places.begin(), places.end());
+    CHECK(std::adjacent_find(places.begin(), places.end()) == places.end());
+    std::map<Int3, std::uint64_t> alone;
+    for (const Int3& brick : {Int3{64, 64, 64}, {128, 64, 64}, {64, 128, 64}, {128, 128, 64}})
+      for (const auto& [at, hash] : extract(m, {brick, {64, 64, 64}}, true).hash) alone[at] = hash;
+    CHECK(alone == whole.hash);
+  }
 }
 
 TEST_CASE("mesh creases: edges of three faces, and holes, are left to the roots", "[unit]") {
