@@ -20,8 +20,10 @@ constexpr float kFrank = 0.25f;               ///< cosine; flatter looks say not
 constexpr float kNear = 2.0f * kCoarseCells;  ///< disks reach beyond edges: what ends nearer does not vote
 constexpr std::uint64_t kLooks = 1u << 19;    ///< pairs, there and back, aimed at over the whole job
 constexpr std::uint64_t kMaxLooks = 2 * kLooks;
-constexpr std::uint64_t kPerGroup = 1024;      ///< small groups look more often, while the most allows it
-constexpr std::uint64_t kMax = 32;             ///< of a surfel that looks at all
+constexpr std::uint64_t kPerGroup = 1024;  ///< small groups look more often, while the most allows it
+constexpr std::uint64_t kMax = 32;         ///< of a surfel that looks at all
+/// Of a group that is asked, however many are: a rate of so many looks leaves one in fifty without any.
+constexpr std::uint64_t kLeastAsked = 4 * kMax;
 constexpr std::size_t kHalvings = 32;          ///< of it at most
 constexpr std::size_t kMergePairs = 1u << 18;  ///< pairs are added up from so many on
 constexpr std::size_t kQueriedSensors = 8;     ///< the nearest
@@ -148,19 +150,38 @@ class Looker {
         asked_(std::move(asked)),
         shared_(parts.first_shared, parts.shared) {
     survey();
-    choose_lookers();
   }
 
   VisibilityVotes run(std::optional<SceneKind> known) {
+    for (std::uint32_t p = 0; p < parts_.parts.size(); ++p) choose_lookers(p, [] {});
     std::vector<PatchVote> pairs;
     const std::vector<Answer> answers = look(pairs);
     return result(known, answers, std::move(pairs));
   }
 
   std::vector<GroupView> views(SceneKind scene, double sight) {
-    std::vector<PatchVote> pairs;
     std::vector<GroupView> out;
-    for (const auto& [group, of] : add_up(look(pairs))) out.push_back({group, lean(of.first, scene, sight)});
+    GroupViews seen;
+    const auto flush = [&] {
+      std::vector<PatchVote> pairs;
+      add_up(look(pairs), seen);
+      lookers_.clear();
+    };
+    const auto tell_below = [&](std::uint32_t group) {
+      const auto end = seen.lower_bound(group);
+      for (auto at = seen.begin(); at != end; ++at)
+        out.push_back({at->first, lean(at->second.first, scene, sight)});
+      seen.erase(seen.begin(), end);
+    };
+    // Groups end with their part, so what is held does not grow with their number.
+    for (std::uint32_t p = 0; p < parts_.parts.size(); ++p)
+      choose_lookers(p, [&] {
+        if (lookers_.size() < kMaxLooks / kMax) return;
+        flush();
+        tell_below(parts_.parts[p].first_group);
+      });
+    flush();
+    tell_below(SurfelDisks::kNobody);
     return out;
   }
 
@@ -219,30 +240,33 @@ class Looker {
       sizes.add(surfels, parts_.first_shared);
       shared_.add(surfels, SurfelDisks::kNobody);
       add_looks(sizes, all);
+      for (const std::uint64_t members : sizes.coarse) groups_ += members > 0 ? 1 : 0;
     }
     add_looks(shared_, all);
     scene_.finish();
+    const auto most = static_cast<double>(std::max(kMaxLooks, asked_ ? kLeastAsked * groups_ : 0));
     std::size_t k = 0;
-    while (k + 1 < kHalvings && all[k] > static_cast<double>(kMaxLooks)) ++k;
+    while (k + 1 < kHalvings && all[k] > most) ++k;
     per_group_ = halved(k);
   }
 
-  void choose_lookers() {
-    for (std::uint32_t p = 0; p < parts_.parts.size(); ++p) {
-      const std::vector<JobSurfel> surfels = parts_.load(p);
-      GroupSizes sizes(parts_.parts[p].first_group);
-      sizes.add(surfels, parts_.first_shared);  // a group that looks does so as a whole
-      std::vector<std::uint32_t> disks;
-      for (std::size_t i = 0; i < surfels.size(); ++i) {
-        const JobSurfel& s = surfels[i];
-        if (asked_ && !asked_(s.patch)) continue;
-        const GroupSizes& of = s.patch >= parts_.first_shared ? shared_ : sizes;
-        const double looks = rate(of.coarse[s.patch - of.first], per_group_);
-        if (rounded(looks / static_cast<double>(kMax), seed_of(s)) == 0) continue;
-        if (disks.empty()) disks = disk_numbers(surfels);
-        if (disks[i] == SurfelDisks::kNobody) continue;
-        lookers_.push_back({s, p, disks[i], looks, of.fine[s.patch - of.first]});
-      }
+  /// \param chosen  called after each one
+  template <class Chosen>
+  void choose_lookers(std::uint32_t p, const Chosen& chosen) {
+    const std::vector<JobSurfel> surfels = parts_.load(p);
+    GroupSizes sizes(parts_.parts[p].first_group);
+    sizes.add(surfels, parts_.first_shared);  // a group that looks does so as a whole
+    std::vector<std::uint32_t> disks;
+    for (std::size_t i = 0; i < surfels.size(); ++i) {
+      const JobSurfel& s = surfels[i];
+      if (asked_ && !asked_(s.patch)) continue;
+      const GroupSizes& of = s.patch >= parts_.first_shared ? shared_ : sizes;
+      const double looks = rate(of.coarse[s.patch - of.first], per_group_);
+      if (rounded(looks / static_cast<double>(kMax), seed_of(s)) == 0) continue;
+      if (disks.empty()) disks = disk_numbers(surfels);
+      if (disks[i] == SurfelDisks::kNobody) continue;
+      lookers_.push_back({s, p, disks[i], looks, of.fine[s.patch - of.first]});
+      chosen();
     }
   }
 
@@ -321,8 +345,7 @@ class Looker {
 
   using GroupViews = std::map<std::uint32_t, std::pair<Views, std::uint64_t>>;  ///< and fine surfels
 
-  GroupViews add_up(const std::vector<Answer>& answers) const {
-    GroupViews views;
+  void add_up(const std::vector<Answer>& answers, GroupViews& views) const {
     for (std::size_t k = 0; k < answers.size(); ++k) {
       const Views& seen = answers[k].views;
       const double w = weight(lookers_[k]);
@@ -335,7 +358,6 @@ class Looker {
         sum.deep[side] += w * seen.deep[side];
       }
     }
-    return views;
   }
 
   /// What a group sees with one side against the other. \param sight  mean length
@@ -360,7 +382,8 @@ class Looker {
       const Views& v = answers[k].views;
       facing += w * std::min(v.ended[0], v.ended[1]) / static_cast<double>(kMax);
     }
-    const GroupViews views = add_up(answers);
+    GroupViews views;
+    add_up(answers, views);
     double ended = 0.0, deep = 0.0;
     for (const auto& [group, of] : views) {
       const Views& v = of.first;
@@ -401,7 +424,7 @@ class Looker {
   double scale_;
   std::function<bool(std::uint32_t)> asked_;
   double per_group_ = 0.0;
-  std::uint64_t surfels_ = 0, fine_ = 0;
+  std::uint64_t surfels_ = 0, fine_ = 0, groups_ = 0;
   double none_ = 0.0, once_ = 0.0, twice_ = 0.0;  ///< sums of powers of the points in a surfel
   GroupSizes shared_;
   std::vector<LookingSurfel> lookers_;

@@ -64,7 +64,8 @@ struct GroupView {
 /// Looks of some groups of a room alone, so that every one of them has its share.
 /// \param asked  whether a group is one of them \param sight  VisibilityVotes::sight of all groups
 /// \returns ascending; groups of which no surfel can look are left out
-/// \cost as vote_by_visibility at most
+/// \pre  no group has surfels in two parts
+/// \cost as vote_by_visibility, or 128 looks a group where that is more; what is held does not grow with them
 [[nodiscard]] std::vector<GroupView> look_from_groups(const SurfelParts& parts, const Float3& up,
                                                       const std::function<bool(std::uint32_t)>& asked,
                                                       double sight, const SightRun& run);

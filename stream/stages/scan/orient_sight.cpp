@@ -267,8 +267,9 @@ std::vector<float> look_again(const PointOverlay& overlay, const std::vector<Pat
 /// \param patches  of the largest block
 std::uint64_t look_again_bytes(std::uint64_t coarse, std::uint64_t largest, std::uint64_t patches,
                                std::uint64_t bricks, std::uint64_t memory) {
-  return sight_bytes(sight_sizes(coarse, memory), coarse, largest, bricks) +
-         patches * (sizeof(PatchStats) + 40) + (4u << 20);
+  // Answers of the groups of one block are held beside its surfels.
+  return sight_bytes(sight_sizes(coarse, memory), coarse, largest, bricks) + largest * 2 * sizeof(JobSurfel) +
+         patches * (sizeof(PatchStats) + 200) + (4u << 20);
 }
 
 std::uint64_t look_around_bytes(std::uint64_t coarse, std::uint64_t largest, std::uint64_t patches,

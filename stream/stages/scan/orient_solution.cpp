@@ -202,7 +202,8 @@ std::uint64_t block_orientation_bytes(std::uint64_t patches, std::uint64_t large
 
 std::uint64_t settle_doubt_bytes(std::uint64_t patches, std::uint64_t largest, std::uint64_t coarse,
                                  std::uint64_t surfels, std::uint64_t bricks, std::uint64_t memory) {
-  return patches * kSolvedBytes + look_again_bytes(coarse, surfels, largest, bricks, memory) + (4u << 20);
+  return patches * (kSolvedBytes + sizeof(GroupView)) +
+         look_again_bytes(coarse, surfels, largest, bricks, memory) + (4u << 20);
 }
 
 }  // namespace tessera

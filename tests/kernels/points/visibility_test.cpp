@@ -165,4 +165,32 @@ TEST_CASE("sight: groups of a room that look again see by what all looked before
   }
 }
 
+TEST_CASE("sight: of groups that look again every one sees, however many they are", "[unit]") {
+  // A floor, 64 cells a part; more groups of one surfel than the looks over a whole job would be shared out to.
+  constexpr std::uint32_t kSide = 184, kOf = 8 * kSide;
+  SurfelParts parts;
+  for (std::uint32_t p = 0; p < kSide / 8; ++p) parts.parts.push_back({kOf, p * kOf});
+  parts.load = [](std::size_t p) {
+    std::vector<JobSurfel> surfels;
+    for (std::uint32_t i = 0; i < kOf; ++i) {
+      const Float3 at = {static_cast<float>(64 * p + 8 * (i % 8) + 4), static_cast<float>(8 * (i / 8) + 4),
+                         100.0f};
+      surfels.push_back(surfel(at, {0, 0, 1}, static_cast<std::uint32_t>(p) * kOf + i));
+    }
+    return surfels;
+  };
+  SightRun run;
+  run.for_each = in_order;
+  const auto asked = [](std::uint32_t) { return true; };
+  const std::vector<GroupView> views = look_from_groups(parts, {0, 0, 1}, asked, 50.0, run);
+  REQUIRE(views.size() == kSide * kSide);
+  run.bytes = 1, run.lookers = 5000;
+  const std::vector<GroupView> again = look_from_groups(parts, {0, 0, 1}, asked, 50.0, run);
+  REQUIRE(again.size() == views.size());
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    REQUIRE(views[i].group == i);
+    REQUIRE(again[i].lean == views[i].lean);
+  }
+}
+
 }  // namespace visibility_test
