@@ -162,19 +162,19 @@ int create_aside(const std::filesystem::path& path) {
       "{}: another process is writing this file: wait for it or choose another output", path.string()));
 }
 
+void write_text(const std::filesystem::path& path, const std::string& text) {
+  const Descriptor file(path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW, 0644);
+  if (file.get() < 0) throw_write_error(path, errno);
+  if (const int error = write_all_at(file.get(), text.data(), text.size(), 0); error != 0)
+    throw_write_error(path, error);
+}
+
 void write_durably(const std::filesystem::path& path, const std::string& text) {
   const std::filesystem::path aside = output_aside(path);
   {
     const Descriptor file(create_aside(path));
-    std::size_t done = 0;
-    while (done < text.size()) {
-      const ssize_t wrote = ::write(file.get(), text.data() + done, text.size() - done);
-      if (wrote < 0) {
-        if (errno == EINTR) continue;
-        throw_write_error(aside, errno);
-      }
-      done += static_cast<std::size_t>(wrote);
-    }
+    if (const int error = write_all_at(file.get(), text.data(), text.size(), 0); error != 0)
+      throw_write_error(aside, error);
     if (::fsync(file.get()) != 0) throw_write_error(aside, errno);
   }
   rename_durably(aside, path);

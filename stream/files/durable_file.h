@@ -41,6 +41,9 @@ bool names_file(const std::filesystem::path& path, int fd);
 /// content.
 void write_durably(const std::filesystem::path& path, const std::string& text);
 
+/// Makes a file of a task hold `text`, not forced to the disk: who commits it does that (runtime/commit.h).
+void write_text(const std::filesystem::path& path, const std::string& text);
+
 /// Renames and syncs the folder.
 void rename_durably(const std::filesystem::path& from, const std::filesystem::path& to);
 

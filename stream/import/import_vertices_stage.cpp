@@ -85,7 +85,7 @@ class ImportReadStage : public SerialStage {
     if (plan.file_vertices >= 0xffffffffu)
       throw ResourceError(path_.string() + ": has " + std::to_string(plan.file_vertices) +
                           " vertices and at most 4294967294 can be worked on: cut the mesh in parts");
-    write_durably(context.create(names_.plan()), dump_json(fields_to_json(plan)));
+    write_text(context.create(names_.plan()), dump_json(fields_to_json(plan)));
     const std::uint64_t bytes = plan.info.double_positions ? deal<double>(vertices, plan, context)
                                                            : deal<float>(vertices, plan, context);
     context.count_written(bytes);
@@ -199,7 +199,7 @@ class ImportVerticesStage : public Stage {
       first.push_back(first.back() + s.at("vertices").get<std::uint64_t>());
       conflicts += s.at("colour_conflicts").get<std::uint64_t>();
     }
-    write_durably(context.create(names_.numbering()), dump_json(Json{{"first", first}}));
+    write_text(context.create(names_.numbering()), dump_json(Json{{"first", first}}));
     return {{"vertices", first.back()},
             {"welded", plan_.file_vertices - plan_.nonfinite_vertices - first.back()},
             {"colour_conflicts", conflicts}};

@@ -109,7 +109,7 @@ std::string clump_sentence(const PointClumps& clumps) {
 }
 
 void save_clumps(const std::filesystem::path& path, const PointClumps& clumps) {
-  write_durably(path, dump_json(Json{{"spacing", clumps.spacing}, {"points", clumps.points}}));
+  write_text(path, dump_json(Json{{"spacing", clumps.spacing}, {"points", clumps.points}}));
 }
 
 std::string clump_sentence(const std::filesystem::path& work) {

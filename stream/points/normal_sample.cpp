@@ -113,7 +113,7 @@ void NormalSampler::merge(const std::filesystem::path& file) {
 }
 
 void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement) {
-  write_durably(file, dump_json(fields_to_json(agreement), 1) + "\n");
+  write_text(file, dump_json(fields_to_json(agreement), 1) + "\n");
 }
 
 NormalAgreement agreement_of_work(const std::filesystem::path& work) {

@@ -30,7 +30,7 @@ bool Plan::is_sparse() const {
 }
 
 void Plan::save(const std::filesystem::path& file) const {
-  write_durably(file, dump_json(to_json(), 1) + "\n");
+  write_text(file, dump_json(to_json(), 1) + "\n");
 }
 
 Plan Plan::load(const std::filesystem::path& file) {

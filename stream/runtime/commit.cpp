@@ -5,8 +5,6 @@
 #include <chrono>
 #include <cstring>
 #include <ctime>
-#include <mutex>
-#include <set>
 
 #include <fmt/format.h>
 
@@ -22,6 +20,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// How old a job is when its work begins to be worth a sync.
+constexpr std::chrono::seconds kYoung{2};
+
+/// What lies outside of the work directory.
+bool is_result(const std::string& name) {
+  return name == kOutputName || name.starts_with(kSidecarName);
+}
+
 /// Where a file is before it has its name.
 struct Asides {
   const JobState& state;
@@ -32,9 +38,7 @@ struct Asides {
   fs::path shared(const std::string& name) const {
     return aside_path(committed_path(state, name), name == kOutputName ? "" : writer);
   }
-  bool is_local(const std::string& name) const {
-    return !scratch.empty() && name != kOutputName && !name.starts_with(kSidecarName);
-  }
+  bool is_local(const std::string& name) const { return !scratch.empty() && !is_result(name); }
   /// Where the task writes it.
   fs::path made(const std::string& name) const {
     return is_local(name) ? aside_path(scratch / writer / name) : shared(name);
@@ -120,21 +124,27 @@ bool is_placed(const fs::path& path, const FileRecord& file) {
   return !error && bytes == file.bytes && hash_file(path) == file.xxh3;
 }
 
-/// Syncs the files and gives them their names.
-void place_files(const Asides& asides, const std::vector<std::string>& names, TaskRecord& record) {
+/// Syncs the files and gives them their names. \param late  takes those of the work directory; null: none
+void place_files(const Asides& asides, const std::vector<std::string>& names, LateSync* late,
+                 TaskRecord& record) {
   const JobState& state = asides.state;
   fault_point(FaultPoint::kCommit);
   for (const std::string& name : names) {
     const fs::path part = asides.shared(name);
     asides.bring(name);
-    sync_file(part);
+    if (late == nullptr || is_result(name)) sync_file(part);
     record.files.push_back({name, fs::file_size(part), hash_written_file(part)});
   }
   fault_point(FaultPoint::kCommit);
   std::set<fs::path> folders;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const fs::path path = committed_path(state, names[i]);
-    folders.insert(path.parent_path());
+    if (late == nullptr || is_result(names[i])) {
+      folders.insert(path.parent_path());
+    } else {
+      late->add(path);
+      late->add(path.parent_path());
+    }
     const fs::path part = asides.shared(names[i]);
     std::error_code error;
     if (is_placed(path, record.files[i])) {
@@ -148,7 +158,39 @@ void place_files(const Asides& asides, const std::vector<std::string>& names, Ta
   fault_point(FaultPoint::kCommit);
 }
 
+void sync(const fs::path& path) {
+  fs::is_directory(path) ? sync_folder(path) : sync_file(path);
+}
+
 }  // namespace
+
+bool LateSync::puts_off() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!young_ || std::chrono::steady_clock::now() - start_ < kYoung) return young_;
+  }
+  settle();
+  return false;
+}
+
+void LateSync::add(const fs::path& path) {
+  const std::lock_guard lock(mutex_);
+  if (young_) {
+    files_.insert(path);
+  } else {  // another task has settled since this one asked
+    sync(path);
+  }
+}
+
+void LateSync::settle() {
+  const std::lock_guard lock(
+      mutex_);  // who commits meanwhile must not be on the disk before what it was made of
+  young_ = false;
+  for (const fs::path& path : files_) {
+    if (fs::exists(path)) sync(path);  // else a later stage needed it no longer
+  }
+  files_.clear();
+}
 
 fs::path aside_path(const fs::path& final_path, const std::string& writer) {
   fs::path path = final_path;
@@ -215,7 +257,8 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
     }
     return theirs;
   }
-  place_files(asides, context.names(), record);
+  LateSync* const late = aids.late != nullptr && aids.late->puts_off() ? aids.late : nullptr;
+  place_files(asides, context.names(), late, record);
   record.units = context.units();
   record.bytes_read = context.read();
   record.bytes_written = context.written();
@@ -228,7 +271,7 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
     record.stage_stats["loops_s"] = in_loops.all;
     record.stage_stats["ordered_s"] = in_loops.in_order;
   }
-  journal.append(record, aids.lasting || !record.files.empty());
+  journal.append(record, late == nullptr && (aids.lasting || !record.files.empty()));
   fault_point(FaultPoint::kCommit);
   return record;
 }

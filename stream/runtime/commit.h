@@ -1,9 +1,13 @@
 /// \file commit.h
 /// One task from its start to its journal line.
 #pragma once
+#include <chrono>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -47,6 +51,27 @@ std::filesystem::path aside_path(const std::filesystem::path& final_path, const 
 /// True if every file of the record is there with its size and (if `hash`) its content.
 bool files_match(const JobState& state, const TaskRecord& record, bool hash);
 
+/// What a job did in its first moments is done again as quickly as it would be forced to the disk file by file, so it is not:
+/// where the machine fails then, files do not match their lines of the journal, and their tasks are done again (resume.h). The
+/// first task that ends later brings everything to the disk. What others get to see, the output, never waits.
+class LateSync {
+ public:
+  /// \param young  the job begins now; false: nothing is put off
+  explicit LateSync(bool young) : young_(young) {}
+  /// Whether syncs may be put off still. When that is over it first syncs what was.
+  bool puts_off();
+  /// A file or folder to be synced later. Its name must be the one that it keeps.
+  void add(const std::filesystem::path& path);
+  /// Syncs all, but for what has gone since, and puts nothing off any more.
+  void settle();
+
+ private:
+  std::mutex mutex_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  bool young_;
+  std::set<std::filesystem::path> files_;
+};
+
 /// What a task may have beside its stage.
 struct TaskAids {
   Progress* progress = nullptr;
@@ -58,6 +83,8 @@ struct TaskAids {
   std::function<bool(TaskRecord&)> elsewhere = {};
   /// Where the machine fails before the next line of this writer, the task is to be done again. Only without files.
   bool lasting = true;
+  /// Of a job that one process does alone; null: everything is synced at once.
+  LateSync* late = nullptr;
 };
 
 /// Runs a task, or finish() for kFinishTask, and commits it: its files are synced, get their names, and one

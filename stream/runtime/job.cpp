@@ -106,6 +106,7 @@ class Driver {
         journal_(work.journal_folder() / "main.jsonl"),
         notes_(work.journal_folder(), "main"),
         journal_folder_(work.journal_folder()),
+        late_(work.created()),
         resume_(state, stage_names(job.stages), work.job_hash(), true),
         basis_(resume_.first_basis()),
         plan_(plan_hash(state.run)) {
@@ -159,6 +160,12 @@ class Driver {
     if (last == job_.stages.size()) note_output();
   }
 
+  /// What stays is on the disk.
+  void settle() {
+    late_.settle();
+    journal_.sync();
+  }
+
   const std::vector<StageRecords>& done() const { return done_; }
   std::size_t resumed_stages() const { return resumed_stages_; }
   std::uint64_t child_peak_bytes() const { return child_peak_; }
@@ -185,8 +192,9 @@ class Driver {
     journal_.append(record);
   }
 
-  void stop_if_requested(const std::string& stage) const {
+  void stop_if_requested(const std::string& stage) {
     if (state_.run.until != stage) return;
+    settle();
     throw StoppedError(
         fmt::format("stopped after stage {} as asked: {} is kept, the same command without --until "
                     "goes on",
@@ -217,6 +225,7 @@ class Driver {
   JournalWriter journal_;
   TaskNotes notes_;
   fs::path journal_folder_;
+  LateSync late_;
   Resume resume_;
   std::string basis_;
   std::string plan_;
@@ -346,7 +355,8 @@ TaskRecord Driver::run_one(const Stage& stage, std::int64_t task, const std::vec
       return run_and_commit(stage, task, summaries, state_, basis_, plan_, journal_, stats,
                             {.progress = &progress_,
                              .notes = &notes_,
-                             .lasting = task != kFinishTask || stage.task_count() > 0 || stage.units() > 0});
+                             .lasting = task != kFinishTask || stage.task_count() > 0 || stage.units() > 0,
+                             .late = state_.run.processes ? nullptr : &late_});
     notes_.started(stage.name(), task);
     TaskRecord record = run_child(stage.name(), task);
     progress_.advance(record.units);
@@ -559,6 +569,7 @@ Json run_job(JobState state, const JobDescription& job, const ProgressSink& sink
       report_refusal(state, job, *refusal, report_now);
     throw;
   }
+  if (state.run.keep) driver->settle();
   driver.reset();  // a network file system keeps files that are open, and their folder with them
   log.reset();
   if (!state.run.keep) work.remove();

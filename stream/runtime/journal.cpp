@@ -138,6 +138,10 @@ void JournalWriter::append(const TaskRecord& record, bool durable) {
   bytes_ += line.size();
 }
 
+void JournalWriter::sync() {
+  if (::fdatasync(fd_) != 0) throw_write_error(path_, errno);
+}
+
 std::map<std::int64_t, const TaskRecord*> Journal::find(const std::string& stage, const std::string& basis,
                                                         const std::string& plan) const {
   std::map<std::int64_t, const TaskRecord*> found;

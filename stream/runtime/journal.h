@@ -85,6 +85,8 @@ class JournalWriter {
   /// \param durable  is when it returns; false: with the next that is
   /// \throws ResourceError when the disk is full; the line then does not exist
   void append(const TaskRecord& record, bool durable = true);
+  /// Makes durable what was appended without.
+  void sync();
   /// Stem of the file: tells this writer from every other of the job.
   std::string name() const { return path_.stem().string(); }
 

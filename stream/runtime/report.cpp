@@ -137,7 +137,7 @@ fs::path report_path(const JobState& state) {
 
 void write_report(const JobState& state, const Json& report) {
   const std::string text = dump_json(report, 1) + "\n";
-  write_durably(state.work / "report.json", text);
+  write_text(state.work / "report.json", text);  // goes with the work directory, unless that is kept
   write_durably(report_path(state), text);
 }
 

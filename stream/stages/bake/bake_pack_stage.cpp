@@ -86,8 +86,8 @@ class BakePackStage : public SerialStage {
       pages.push_back({p.width * kMaskCell, p.height * kMaskCell});
       texels += static_cast<double>(p.width * kMaskCell) * (p.height * kMaskCell);
     }
-    write_durably(context.create(kBakePages),
-                  dump_json(Json{{"pages", pages}, {"first_chart", first}, {"texel_scale", scale}}));
+    write_text(context.create(kBakePages),
+               dump_json(Json{{"pages", pages}, {"first_chart", first}, {"texel_scale", scale}}));
     context.advance(charts_ - advanced);
     return {
         {"pages", pages},   {"charts", charts_},      {"texel", scale * made_for.texel},

@@ -88,10 +88,10 @@ class BakeScaleStage : public Stage {
     if (!(texels < kMaxTexels))
       throw UsageError("--texel " + number_text(scale.texel) + " would make " + number_text(texels) +
                        " texels: give more");
-    write_durably(context.create(kBakeScale), dump_json(Json{{"texel", scale.texel},
-                                                             {"spacing", scale.spacing},
-                                                             {"max_distance", scale.max_distance},
-                                                             {"areas", areas}}));
+    write_text(context.create(kBakeScale), dump_json(Json{{"texel", scale.texel},
+                                                          {"spacing", scale.spacing},
+                                                          {"max_distance", scale.max_distance},
+                                                          {"areas", areas}}));
     return {{"texel", scale.texel},
             {"spacing", scale.spacing},
             {"max_distance", scale.max_distance},

@@ -115,7 +115,7 @@ class SimplifyStage : public Stage {
         for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += s.at("costs")[c].get<std::uint64_t>();
       const std::uint32_t limit = cost_class_for(costs, in_.face_count(), options_.target_faces);
       sum["cost_class"] = limit;
-      write_durably(context.create(costs_file(pass_.pass)), dump_json(Json{{"cost_class", limit}}));
+      write_text(context.create(costs_file(pass_.pass)), dump_json(Json{{"cost_class", limit}}));
     }
     return sum;
   }

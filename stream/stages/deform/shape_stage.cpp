@@ -37,7 +37,7 @@ class ShapeStage : public SerialStage {
         {"vertices", vertices},
         {"thin_area", share},
         {"own", small && (options_.base == "own" || (options_.base != "even" && share <= kMaxThin))}};
-    write_durably(context.create(kShapeFile), dump_json(shape));
+    write_text(context.create(kShapeFile), dump_json(shape));
     return shape;
   }
 

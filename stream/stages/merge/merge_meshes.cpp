@@ -24,7 +24,7 @@ MeshBox box_of_segment(const JointEdge& e) {
 }  // namespace
 
 void MergePlan::save(const std::filesystem::path& path) const {
-  write_durably(path, dump_json(fields_to_json(*this)));
+  write_text(path, dump_json(fields_to_json(*this)));
 }
 
 MergePlan MergePlan::of_work(const std::filesystem::path& work) {

@@ -50,7 +50,7 @@ class ForecastStage : public SerialStage {
       return forecast_job(plan, bricks, inputs, job);
     });
     const Json j = fields_to_json(forecast);
-    write_durably(context.create(Forecast::kFile), dump_json(j, 1) + "\n");
+    write_text(context.create(Forecast::kFile), dump_json(j, 1) + "\n");
     return {{"peak_disk_bytes", forecast.peak_disk_bytes}, {"output_bytes", forecast.output_bytes}};
   }
 

@@ -146,7 +146,7 @@ class RemeshStage : public Stage {
     sum["quality"] = quality_report(quality, sizing_.edge);
     if (sizing_.fine && options_.keeps_faces() &&
         (verdict_.are_far_more(quality.faces) || RemeshVerdict::is_poor(sum))) {
-      write_durably(context.create(sizing_file(pass_.round + 1)), dump_json(sizing_.coarser().to_json()));
+      write_text(context.create(sizing_file(pass_.round + 1)), dump_json(sizing_.coarser().to_json()));
       sum["less_near"] = true;
       return sum;
     }
@@ -157,7 +157,7 @@ class RemeshStage : public Stage {
     const double times =
         kLongerStill * std::sqrt(static_cast<double>(quality.faces) / static_cast<double>(options_.faces));
     const Sizing longer = sizing_.longer(times, quality.faces);
-    write_durably(context.create(sizing_file(pass_.round + 1)), dump_json(longer.to_json()));
+    write_text(context.create(sizing_file(pass_.round + 1)), dump_json(longer.to_json()));
     sum["longer_edge"] = longer.edge;
     return sum;
   }

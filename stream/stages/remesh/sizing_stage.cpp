@@ -161,7 +161,7 @@ class SizingStage : public Stage {
                          " would make more faces than can be counted: " + "give longer ones");
       sizing.faces.emplace(store_.patches()[p].key, static_cast<std::uint64_t>(faces));
     }
-    write_durably(context.create(sizing_file(0)), dump_json(sizing.to_json()));
+    write_text(context.create(sizing_file(0)), dump_json(sizing.to_json()));
     Json result = {{"edge", edge},
                    {"shortest_edge", shortest},
                    {"area", area},

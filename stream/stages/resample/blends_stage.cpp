@@ -195,7 +195,7 @@ class BlendsStage : public Stage {
       added += blend.at("faces_added").get<std::uint64_t>();
       if (blend.at("distance").is_number()) farthest = std::max(farthest, blend.at("distance").get<double>());
     }
-    write_durably(context.create(kStandsFile), dump_json(Json(stands)));
+    write_text(context.create(kStandsFile), dump_json(Json(stands)));
     Json result = {{"blends", blends},         {"changed", changed},   {"left", left.size()},
                    {"faces_removed", removed}, {"faces_added", added}, {"distance", farthest}};
     if (!left.empty()) result["warnings"] = {warning(left)};

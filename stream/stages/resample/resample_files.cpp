@@ -19,7 +19,7 @@ struct Link {
 }  // namespace
 
 void MeshScale::save(const std::filesystem::path& path) const {
-  write_durably(path, dump_json(Json{{"edge", edge}, {"tolerance", tolerance}}));
+  write_text(path, dump_json(Json{{"edge", edge}, {"tolerance", tolerance}}));
 }
 MeshScale MeshScale::of_work(const std::filesystem::path& work) {
   const Json j = parse_json(read_text(work / kFile));
@@ -58,7 +58,7 @@ void save_blend_curves(const std::filesystem::path& path, const std::vector<Foun
                    {"convex", t.curve.convex},
                    {"half_width", t.curve.half_width},
                    {"key", t.curve.key}});
-  write_durably(path, dump_json(out));
+  write_text(path, dump_json(out));
 }
 std::vector<FoundCurve> load_blend_curves(const std::filesystem::path& work) {
   std::vector<FoundCurve> out;

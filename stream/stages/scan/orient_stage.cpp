@@ -143,7 +143,7 @@ class OrientStage : public Stage {
           {"points", volumetric_count()},
           {"as", name_of(vegetation_ == "drop" ? VolumetricUse::kDrop : decisions.volumetric)}};
     if (sight_ && sight_->is_room())
-      write_durably(context.create(kRoomFile), dump_json({{"scene", scene}}) + "\n");
+      write_text(context.create(kRoomFile), dump_json({{"scene", scene}}) + "\n");
     decisions.save(context.create(PointOverlay::kDecisionsFile));
     return entry;
   }

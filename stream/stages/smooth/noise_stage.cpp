@@ -80,7 +80,7 @@ class NoiseStage : public Stage {
       sum.add(
           {counts_of(s.at("residual")), counts_of(s.at("between")), s.at("vertices").get<std::uint64_t>()});
     const Json found = {{"noise", sum.noise()}, {"edge", edge_}};
-    if (name_ + ".json" == kNoiseFile) write_durably(context.create(kNoiseFile), dump_json(found));
+    if (name_ + ".json" == kNoiseFile) write_text(context.create(kNoiseFile), dump_json(found));
     Json out = found;
     out["vertices"] = sum.vertices;
     return out;

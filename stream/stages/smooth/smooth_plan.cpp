@@ -52,7 +52,7 @@ std::string moved_file(std::size_t round) {
 }
 
 void save_longest_move(const std::filesystem::path& path, double move) {
-  write_durably(path, dump_json(Json{{"largest_move", move}}));
+  write_text(path, dump_json(Json{{"largest_move", move}}));
 }
 
 double longest_move(const std::filesystem::path& work, std::size_t rounds) {

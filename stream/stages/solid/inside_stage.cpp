@@ -49,7 +49,7 @@ class InsideStage : public SerialStage {
       }
       inside_out.push_back(turned);
     }
-    write_durably(context.create(kInsideSummary), dump_json(inside_out));
+    write_text(context.create(kInsideSummary), dump_json(inside_out));
     if (borders_ > 0) result["inside_out"] = inside_out;
     return result;
   }

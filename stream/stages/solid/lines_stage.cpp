@@ -160,7 +160,7 @@ class LinesStage : public Stage {
       borders += edges;
       operands.push_back({{"leaves", leaves}, {"border_edges", edges}, {"inside_out", volume < 0}});
     }
-    write_durably(context.create(kSummary), dump_json(operands));
+    write_text(context.create(kSummary), dump_json(operands));
     return {{"operands", operands}, {"crossings", crossings}, {"border_edges", borders}};
   }
 

@@ -116,7 +116,7 @@ class SamplesStage : public Stage {
           ", the farthest at " + number_text(sum.position[0]) + " " + number_text(sum.position[1]) + " " +
           number_text(sum.position[2]) + "): the least --tolerance that can do is " +
           (sum.beyond > 0 ? "more than " : "") + number_text(min_above(sum.farthest / (1.0 - kMinLeft))));
-    if (before_) write_durably(context.create(kLeftFile), dump_json(Json{{"left", left}}));
+    if (before_) write_text(context.create(kLeftFile), dump_json(Json{{"left", left}}));
     if (sum.over > 0)
       throw ValidationError("the result gets no name: " + std::to_string(sum.over) + " of " +
                             std::to_string(sum.samples) + " points are farther than " +

@@ -47,7 +47,7 @@ class GridStage : public LevelStage {
       met += s.at("met_by_grid").get<std::uint64_t>();
       widest = std::max(widest, s.at("widest").get<std::int64_t>());
     }
-    write_durably(
+    write_text(
         context.create(kGrid),
         dump_json(
             Json{{"step", grid_.step}, {"origin", grid_.origin}, {"met_by_grid", met}, {"widest", widest}}));
@@ -90,8 +90,7 @@ class FinerGridStage : public LevelStage {
       for (std::size_t h = 1; h < met.size(); ++h) met[h] += s.at("met").at(h - 1).get<std::uint64_t>();
     // The coarsest of the best: finer ones make larger files.
     const auto best = static_cast<std::size_t>(std::min_element(met.begin(), met.end()) - met.begin());
-    write_durably(context.create(kFinerGrid),
-                  dump_json(Json{{"step", step(best)}, {"met_by_grid", met[best]}}));
+    write_text(context.create(kFinerGrid), dump_json(Json{{"step", step(best)}, {"met_by_grid", met[best]}}));
     return {{"level", level_}, {"grid_step", step(best)}, {"met_by_grid", met}};
   }
 

@@ -96,7 +96,7 @@ class LevelToleranceStage : public SerialStage {
     if (!samples_.empty()) choice = choose(context);
     Json result = {{"level", level_}, {"tolerance", choice.tolerance}, {"faces_below", below_.face_count()}};
     if (choice.tolerance > 0.0) result["method"] = kMethodNames[static_cast<std::size_t>(choice.method)];
-    write_durably(context.create(kChoice), dump_json(result));
+    write_text(context.create(kChoice), dump_json(result));
     return result;
   }
 

@@ -138,8 +138,8 @@ class TilePointsStage : public SerialStage {
     if (kept == 0) throw EmptyError("the textures of the mesh show nothing of it");
     spacing = std::sqrt(area / static_cast<double>(kept));
     const double texel = texture_ == kAutoTexture ? kTexelShare * spacing : texture_;
-    write_durably(context.create(kPointsScale),
-                  dump_json(Json{{"texel", texel}, {"spacing", spacing}, {"area", area}, {"pages", pages_}}));
+    write_text(context.create(kPointsScale),
+               dump_json(Json{{"texel", texel}, {"spacing", spacing}, {"area", area}, {"pages", pages_}}));
     Json result = {
         {"from", pages_ ? "textures" : "vertices"}, {"points", kept}, {"spacing", spacing}, {"texel", texel}};
     if (const std::vector<std::string> notices = from.notices(); !notices.empty())

@@ -99,7 +99,7 @@ class TilesStage : public LevelStage {
       texture = sums.report();
       texture["texel"] = texture_.texel;
     }
-    write_durably(context.create(kTileTextures), dump_json(texture));
+    write_text(context.create(kTileTextures), dump_json(texture));
     return {{"level", level_},
             {"tiles", cells_.size()},
             {"faces", store_.face_count()},

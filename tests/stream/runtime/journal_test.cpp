@@ -6,6 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/runtime/commit.h"
 #include "tests/helpers/shell.h"
 
 namespace journal_test {
@@ -14,6 +15,8 @@ using namespace tessera;
 using test::file_bytes;
 using test::spill;
 using test::TempFolder;
+
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -142,6 +145,24 @@ TEST_CASE("journal: a line that is not synced is there for whoever reads, and fo
   const Journal journal = read_journal(scratch.path());
   CHECK(journal.damaged_lines == 0);
   CHECK(journal.find("order", "00aa", "11bb").size() == 2);
+}
+
+TEST_CASE("late sync: puts off what a young job commits, until it settles", "[unit]") {
+  const TempFolder scratch;
+  const fs::path file = scratch / "committed", gone = scratch / "gone";
+  spill(file, "text");
+  LateSync late(true);
+  CHECK(late.puts_off());
+  late.add(file);
+  late.add(scratch.path());
+  CHECK_NOTHROW(late.add(gone));  // not looked at
+  CHECK_NOTHROW(late.settle());   // a later stage deleted it
+  CHECK_FALSE(late.puts_off());
+  CHECK_NOTHROW(late.add(file));
+  CHECK_THROWS_AS(late.add(gone), Error);  // synced at once
+  LateSync old(false);
+  CHECK_FALSE(old.puts_off());
+  CHECK_THROWS_AS(old.add(gone), Error);
 }
 
 TEST_CASE("journal: a damaged line in the middle costs only its task", "[fault]") {
