@@ -11,8 +11,10 @@
 #include <utility>
 
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <malloc.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <fmt/format.h>
 
@@ -79,15 +81,38 @@ std::uint64_t number_in(const std::filesystem::path& path) {
   return std::strtoull(word.c_str(), nullptr, 10);
 }
 
-/// A line "Name:   123 kB" of a /proc file.
+/// A line "Name:   123 kB" near the start of a /proc file. Stages ask several times each: no stream.
 std::uint64_t kib_line(const std::filesystem::path& path, const std::string& name) {
-  std::ifstream file(path);
-  std::string line;
-  while (std::getline(file, line)) {
-    if (line.rfind(name + ":", 0) == 0)
-      return std::strtoull(line.c_str() + name.size() + 1, nullptr, 10) * 1024;
+  std::array<char, 8192> buffer;
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return 0;
+  const ssize_t got = ::read(fd, buffer.data(), buffer.size() - 1);
+  ::close(fd);
+  if (got <= 0) return 0;
+  buffer[static_cast<std::size_t>(got)] = '\0';
+  const std::string_view text(buffer.data(), static_cast<std::size_t>(got));
+  for (std::size_t line = 0; line < text.size();) {
+    if (text.substr(line).starts_with(name) && text.substr(line + name.size()).starts_with(":"))
+      return std::strtoull(text.data() + line + name.size() + 1, nullptr, 10) * 1024;
+    const std::size_t end = text.find('\n', line);
+    if (end == std::string_view::npos) break;
+    line = end + 1;
   }
   return 0;
+}
+
+/// What the process holds now, in a file that costs the system a tenth of the long one. 0 where there is none.
+std::uint64_t resident_pages() {
+  std::array<char, 256> buffer;
+  const int fd = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return 0;
+  const ssize_t got = ::read(fd, buffer.data(), buffer.size() - 1);
+  ::close(fd);
+  if (got <= 0) return 0;
+  buffer[static_cast<std::size_t>(got)] = '\0';
+  char* rest = nullptr;
+  std::strtoull(buffer.data(), &rest, 10);  // the size of the address space comes first
+  return std::strtoull(rest, nullptr, 10);
 }
 
 void consider(MemoryCap& cap, std::uint64_t limit, const std::string& source) {
@@ -235,7 +260,8 @@ MemoryCap detect_memory_cap(const LimitSources& sources) {
 }
 
 std::uint64_t resident_bytes() {
-  return kib_line("/proc/self/status", "VmRSS");
+  static const auto page = static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+  return resident_pages() * page;
 }
 std::uint64_t peak_resident_bytes() {
   return kib_line("/proc/self/status", "VmHWM");
