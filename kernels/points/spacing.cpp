@@ -43,6 +43,79 @@ Probes probes_of(const SampleCell& cell) {
   return probes;
 }
 
+/// The points of a cell, of which those around one after another are asked for. Where they ascend in x, as cells of samples
+/// do, what lies too far off in that alone is passed over.
+class CellPoints {
+ public:
+  explicit CellPoints(std::span<const Double3> points)
+      : points_(points),
+        ascending_(std::is_sorted(points.begin(), points.end(),
+                                  [](const Double3& a, const Double3& b) { return a[0] < b[0]; })) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      axes_[a].reserve(points.size());
+      for (const Double3& p : points) axes_[a].push_back(p[a]);
+    }
+    square_.resize(points.size());
+  }
+
+  /// From here on asked about what lies nearer to this point than `radius`.
+  void look_from(std::size_t probe, double radius) {
+    probe_ = probe;
+    end_square_ = radius * radius;
+    first_ = 0, last_ = points_.size();
+    if (ascending_) {
+      const auto x = axes_[0].begin();
+      const auto here = x + static_cast<std::ptrdiff_t>(probe);
+      const auto beyond = [&](double other) { return square_along_x(other) >= end_square_; };
+      last_ = static_cast<std::size_t>(
+          std::partition_point(here, axes_[0].end(), [&](double other) { return !beyond(other); }) - x);
+      first_ = static_cast<std::size_t>(std::partition_point(x, here, beyond) - x);
+    }
+    const Double3 p = points_[probe];
+    for (std::size_t i = first_; i < last_; ++i) {
+      const double dx = axes_[0][i] - p[0], dy = axes_[1][i] - p[1], dz = axes_[2][i] - p[2];
+      square_[i] = dx * dx + dy * dy + dz * dz;
+    }
+  }
+  /// The nearest ones in `nearest`, by squared distance and index, without the probe itself; the rest of it is {square of the
+  /// radius, probe}.
+  void nearest(std::span<std::pair<double, std::size_t>> nearest) const {
+    std::fill(nearest.begin(), nearest.end(), std::pair(end_square_, probe_));
+    const auto meet = [&](std::size_t i) {
+      const std::pair found(square_[i], i);
+      if (!(found.first < end_square_ && found < nearest.back())) return;
+      std::size_t at = nearest.size() - 1;
+      for (; at > 0 && found < nearest[at - 1]; --at) nearest[at] = nearest[at - 1];
+      nearest[at] = found;
+    };
+    const auto too_far = [&](std::size_t i) {
+      return ascending_ && square_along_x(axes_[0][i]) > nearest.back().first;
+    };
+    for (std::size_t i = probe_ + 1; i < last_ && !too_far(i); ++i) meet(i);
+    for (std::size_t i = probe_; i-- > first_ && !too_far(i);) meet(i);
+  }
+  /// Calls visit(i) for every point that is nearer than the radius, the probe among them, in their order.
+  template <typename Visit>
+  void for_each(const Visit& visit) const {
+    for (std::size_t i = first_; i < last_; ++i)
+      if (square_[i] < end_square_) visit(i);
+  }
+
+ private:
+  /// Of the distance to the probe: never more than the whole, rounded as it is.
+  double square_along_x(double other) const {
+    const double d = other - axes_[0][probe_];
+    return d * d;
+  }
+
+  std::span<const Double3> points_;
+  bool ascending_;
+  std::array<std::vector<double>, 3> axes_;
+  std::vector<double> square_;  ///< of distances from the probe, of [first_, last_)
+  std::size_t probe_ = 0, first_ = 0, last_ = 0;
+  double end_square_ = 0.0;
+};
+
 /// The points within reach of a probe, relative to it.
 class Surroundings {
  public:
@@ -268,27 +341,22 @@ void measure_spacing(const SampleCell& cell, double share, double minimum, doubl
   if (cell.points.size() < kMinForDistances) return;
   const double radius = cell.size / 4;
   const Probes probes = probes_of(cell);
+  CellPoints points(cell.points);
   std::vector<Double3> offset;
   std::vector<double> heights;
   for (const std::size_t probe : probes.at) {
     std::array<std::pair<double, std::size_t>, kNearby> nearest;  // squared distance, which
-    nearest.fill({radius * radius, probe});
-    for (std::size_t i = 0; i < cell.points.size(); ++i) {
-      const double d = squared_distance(cell.points[i], cell.points[probe]);
-      if (d >= nearest.back().first || i == probe) continue;
-      std::size_t at = kNearby - 1;
-      for (; at > 0 && nearest[at - 1].first > d; --at) nearest[at] = nearest[at - 1];
-      nearest[at] = {d, i};
-    }
+    points.look_from(probe, radius);
+    points.nearest(nearest);
     const double spacing = std::sqrt(nearest[kSpacingRank - 1].first) / 2;
     if (spacing <= minimum || spacing > maximum) continue;
     Surroundings around, nearby;
     offset.clear();
-    for (std::size_t i = 0; i < cell.points.size(); ++i) {
-      if (i == probe || squared_distance(cell.points[i], cell.points[probe]) >= radius * radius) continue;
+    points.for_each([&](std::size_t i) {
+      if (i == probe) return;
       offset.push_back(cell.points[i] - cell.points[probe]);
       around.add(offset.back());
-    }
+    });
     for (const auto& [d, i] : nearest)
       if (i != probe) nearby.add(cell.points[i] - cell.points[probe]);
     SpacingProbe& found = out.emplace_back();
@@ -307,14 +375,17 @@ void measure_spacing(const SampleCell& cell, double share, double minimum, doubl
 }
 
 void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& out) {
+  if (cell.points.size() < kMinForQuadric) return;
+  CellPoints points(cell.points);
   std::vector<Double3> near;
   for (const std::size_t probe : probes_of(cell).at) {
     near.clear();
     const Double3& centre = cell.points[probe];
-    for (const Double3& p : cell.points)
-      if (squared_distance(p, centre) < radius * radius)
-        near.push_back(
-            {(p[0] - centre[0]) / radius, (p[1] - centre[1]) / radius, (p[2] - centre[2]) / radius});
+    points.look_from(probe, radius);
+    points.for_each([&](std::size_t i) {
+      const Double3& p = cell.points[i];
+      near.push_back({(p[0] - centre[0]) / radius, (p[1] - centre[1]) / radius, (p[2] - centre[2]) / radius});
+    });
     if (near.size() < kMinForQuadric) continue;
     const double residual = quadric_residual(near);
     if (residual >= 0.0) out.add(residual * radius);

@@ -19,6 +19,10 @@ namespace tessera {
 class ScaleHistogram {
  public:
   void add(double value) { ++bins_[bin_of(value)], ++total_; }
+  void add(const ScaleHistogram& other) {
+    for (const auto& [bin, count] : other.bins_) bins_[bin] += count;
+    total_ += other.total_;
+  }
   [[nodiscard]] std::uint64_t count() const { return total_; }
   /// Centre of the bin that holds the quantile, within 0.8 % of it; 0 without values.
   double quantile(double share) const;

@@ -4,6 +4,9 @@
 #include <bitset>
 #include <cmath>
 #include <limits>
+#include <utility>
+
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {
@@ -23,16 +26,28 @@ std::uint64_t occupied_cells(const CellSampler::Cell& cell, double size) {
   return hit.count();
 }
 
+/// Calls look(cell, part) for all cells, and then join(part) in their order: a part is what some cells after one another tell.
+template <typename Part, typename Look, typename Join>
+void for_all_cells(const std::vector<CellSampler::Cell>& cells, const Look& look, const Join& join) {
+  constexpr std::size_t kCellsTogether = 64;  // a millisecond of work or so
+  std::vector<Part> parts((cells.size() + kCellsTogether - 1) / kCellsTogether);
+  parallel_for(parts.size(), [&](std::size_t k) {
+    for (std::size_t c = k * kCellsTogether; c < std::min(cells.size(), (k + 1) * kCellsTogether); ++c)
+      look(cells[c], parts[k]);
+  });
+  for (Part& part : parts) join(std::exchange(part, Part()));
+}
+
 }  // namespace
 
 SampledLayers::SampledLayers(LayeredSampler& sampler) {
-  for (std::size_t k = 0; k < layers_.size(); ++k) {
+  parallel_for(layers_.size(), [&](std::size_t k) {
     CellSampler& from = sampler.layers()[k];
     layers_[k].cells = from.take();  // settles which cells are sampled
     layers_[k].size = from.size();
     layers_[k].share = from.share();
     layers_[k].crowded = from.any_crowded();
-  }
+  });
 }
 
 std::vector<SpacingProbe> SampledLayers::probes() const {
@@ -43,8 +58,13 @@ std::vector<SpacingProbe> SampledLayers::probes() const {
     const double maximum =
         &layer == &layers_.front() ? std::numeric_limits<double>::infinity() : layer.size / kWidest;
     const double minimum = &layer == &layers_.back() ? 0.0 : layer.size / kWidest / kFactor;
-    for (const CellSampler::Cell& c : layer.cells)
-      measure_spacing({c.min, layer.size, c.points}, layer.share, minimum, maximum, out);
+    using Probes = std::vector<SpacingProbe>;
+    for_all_cells<Probes>(
+        layer.cells,
+        [&](const CellSampler::Cell& c, Probes& found) {
+          measure_spacing({c.min, layer.size, c.points}, layer.share, minimum, maximum, found);
+        },
+        [&](const Probes& found) { out.insert(out.end(), found.begin(), found.end()); });
   }
   return out;
 }
@@ -65,8 +85,12 @@ ScaleHistogram SampledLayers::residuals(double radius) const {
   std::size_t k = layers_.size() - 1;
   while (k > 0 && layers_[k].size < 4.0 * radius) --k;
   for (; k < layers_.size() && out.count() < kEnough; ++k)
-    for (const CellSampler::Cell& c : layers_[k].cells)
-      measure_residuals({c.min, layers_[k].size, c.points}, std::min(radius, layers_[k].size / 4), out);
+    for_all_cells<ScaleHistogram>(
+        layers_[k].cells,
+        [&](const CellSampler::Cell& c, ScaleHistogram& found) {
+          measure_residuals({c.min, layers_[k].size, c.points}, std::min(radius, layers_[k].size / 4), found);
+        },
+        [&](const ScaleHistogram& found) { out.add(found); });
   return out;
 }
 

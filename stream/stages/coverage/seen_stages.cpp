@@ -17,6 +17,7 @@
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/serial_stage.h"
 
 namespace tessera {
@@ -68,6 +69,19 @@ std::uint64_t points_with_halo(std::span<const BrickEntry> bricks, const BrickEn
   return points;
 }
 
+std::uint64_t most_points_around(std::span<const BrickEntry> bricks) {
+  std::uint64_t points = 0;
+  for (const BrickEntry& brick : bricks) points = std::max(points, points_with_halo(bricks, brick));
+  return points;
+}
+
+/// How many places are looked at together: what they load stays within a few MiB, but of one.
+std::size_t looks_at_once(std::uint64_t points) {
+  constexpr std::uint64_t kBytes = std::uint64_t{4} << 20, kMost = 64;
+  return static_cast<std::size_t>(
+      std::clamp<std::uint64_t>(kBytes / std::max<std::uint64_t>(1, points * kPointBytes), 1, kMost));
+}
+
 class SeenSpacingStage : public SerialStage {
  public:
   explicit SeenSpacingStage(const JobState& state) : points_(scan_points(state)) {
@@ -84,18 +98,25 @@ class SeenSpacingStage : public SerialStage {
   std::uint64_t finish_bytes() const override { return seen_spacing_bytes(points_.bricks()); }
 
   Json finish(const std::vector<Json>&, TaskContext& context) const override {
-    std::vector<double> squares;
     const std::uint64_t all = points_.point_count();
+    std::vector<std::pair<std::size_t, std::size_t>> places;  // brick, index of a point in it
     std::size_t brick = 0;
     std::uint64_t before = 0;  // points of bricks before it
-    for (std::uint64_t site = 0; site < std::min<std::uint64_t>(kSites, all); ++site) {
-      context.check_stop();
-      const std::uint64_t sites = std::min<std::uint64_t>(kSites, all);
+    const std::uint64_t sites = std::min<std::uint64_t>(kSites, all);
+    for (std::uint64_t site = 0; site < sites; ++site) {
       const std::uint64_t index = all / sites * site + all % sites * site / sites;
       while (index >= before + points_.bricks()[brick].points) before += points_.bricks()[brick++].points;
-      look(brick, static_cast<std::size_t>(index - before), squares);
-      context.advance(1);
+      places.emplace_back(brick, static_cast<std::size_t>(index - before));
     }
+    std::vector<double> squares(places.size());
+    const std::size_t at_once = looks_at_once(most_points_around(points_.bricks()));
+    parallel_for(at_once, [&](std::size_t first) {
+      for (std::size_t i = first; i < places.size(); i += at_once) {
+        context.check_stop();
+        squares[i] = look(places[i].first, places[i].second);
+        context.advance(1);
+      }
+    });
     Json found = {{"points", all}, {"spacing", 0.0}};
     const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
     if (!squares.empty()) {
@@ -103,13 +124,13 @@ class SeenSpacingStage : public SerialStage {
       if (const double spacing = spacing_by_neighbour(*middle, neighbour_); spacing <= kMaxSpacing)
         found["spacing"] = spacing;
     }
-    write_durably(context.create(kSpacingFile), dump_json(found));
+    write_text(context.create(kSpacingFile), dump_json(found));
     return found;
   }
 
  private:
   /// The distance of a point to the neighbour that tells spacing, from a small box around it.
-  void look(std::size_t brick, std::size_t index, std::vector<double>& squares) const {
+  double look(std::size_t brick, std::size_t index) const {
     const PointRecord p = points_.record(brick, index);
     Int3 origin{};
     for (std::size_t a = 0; a < 3; ++a) origin[a] = (p.q[a] >> (kQuantumBits + kLeafBits)) << kLeafBits;
@@ -123,7 +144,7 @@ class SeenSpacingStage : public SerialStage {
     const auto wanted = static_cast<std::size_t>(neighbour_) + 1;  // with the point itself
     nearest.find(at, wanted, kSiteHalo, found);
     // Farther than the box shows: too sparse to count but as that.
-    squares.push_back(found.size() == wanted ? found.back().square : kSiteHalo * kSiteHalo * 4.0);
+    return found.size() == wanted ? found.back().square : kSiteHalo * kSiteHalo * 4.0;
   }
 
   PointStore points_;
@@ -303,9 +324,8 @@ SeenScan SeenScan::of_work(const std::filesystem::path& work) {
 }
 
 std::uint64_t seen_spacing_bytes(std::span<const BrickEntry> bricks) {
-  std::uint64_t points = 0;
-  for (const BrickEntry& brick : bricks) points = std::max(points, points_with_halo(bricks, brick));
-  return points * kPointBytes + kSeenFixedBytes;
+  const std::uint64_t points = most_points_around(bricks);
+  return looks_at_once(points) * points * kPointBytes + kSeenFixedBytes;
 }
 
 std::uint64_t seen_task_bytes(std::span<const BrickEntry> bricks, std::size_t first, std::size_t last) {

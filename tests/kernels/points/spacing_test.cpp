@@ -1,5 +1,6 @@
 // The lattice that follows from what was measured of a scan.
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include <catch2/catch.hpp>
@@ -36,6 +37,58 @@ TEST_CASE("spacing: a point off the plane of most around it is beside a surface"
     CAPTURE(height);
     CHECK(beside == (height > 0.5 ? 1 : 0));
   }
+}
+
+TEST_CASE("spacing: the nearest of a probe are those that looking at all points finds, ascending or not",
+          "[unit]") {
+  constexpr double kSize = 16.0;
+  const bool ascending = GENERATE(true, false);
+  CAPTURE(ascending);
+  test::Random random(5);
+  std::vector<Double3> points;
+  for (int i = 0; i < 200; ++i)  // on a grid, so that many are equally far
+    points.push_back({std::floor(kSize * random.unit()), std::floor(kSize * random.unit()), 8.0});
+  std::sort(points.begin(), points.end());
+  points.erase(std::unique(points.begin(), points.end()), points.end());
+  if (!ascending) std::reverse(points.begin(), points.end());
+
+  std::vector<double> wanted;
+  for (const Double3& p : points) {
+    if (std::max(std::fabs(p[0] - 7.75), std::fabs(p[1] - 7.75)) > 3.75) continue;  // the middle half
+    std::vector<double> squares;
+    for (const Double3& q : points) squares.push_back(squared_distance(p, q));
+    std::sort(squares.begin(), squares.end());  // the first is its own
+    for (const std::size_t rank : {1u, 4u, 8u})
+      wanted.push_back(std::min(std::sqrt(squares[rank]), kSize / 4) / (rank == 8 ? 2 : 1));
+  }
+  REQUIRE(wanted.size() > 90);  // of 30 probes
+  REQUIRE(wanted.size() <= 3 * 48);
+
+  std::vector<SpacingProbe> probes;
+  measure_spacing({{0, 0, 0}, kSize, points}, 1.0, 0.0, 1e9, probes);
+  std::vector<double> found;
+  for (const SpacingProbe& p : probes) found.insert(found.end(), {p.nearest, p.gap, p.spacing});
+  CHECK(found == wanted);
+}
+
+TEST_CASE("spacing: residuals are of the points within the radius, in whatever order they come", "[unit]") {
+  test::Random random(6);
+  std::vector<Double3> points;
+  for (int i = 0; i < 300; ++i)
+    points.push_back({16.0 * random.unit(), 16.0 * random.unit(), 8.0 + 0.3 * random.gaussian()});
+  const auto residuals = [&] {
+    ScaleHistogram out;
+    measure_residuals({{0, 0, 0}, 16.0, points}, 3.0, out);
+    return out;
+  };
+  std::sort(points.begin(), points.end());
+  const ScaleHistogram sorted = residuals();
+  REQUIRE(sorted.count() > 20);
+  CHECK(sorted.quantile(0.5) == Approx(0.3).epsilon(0.3));
+  ScaleHistogram twice = sorted;
+  twice.add(sorted);
+  CHECK(twice.count() == 2 * sorted.count());
+  CHECK(twice.quantile(0.5) == sorted.quantile(0.5));
 }
 
 TEST_CASE("spacing: scans of few points get a finer lattice, down to a third", "[unit]") {

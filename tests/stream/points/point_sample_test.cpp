@@ -5,6 +5,8 @@
 #include <catch2/catch.hpp>
 
 #include "stream/points/normal_sample.h"
+#include "stream/points/sampled_layers.h"
+#include "stream/runtime/parallel.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -59,6 +61,27 @@ TEST_CASE("point sample: knowing how many points come changes nothing of even la
     CHECK(all[k].points.size() > kLimits[k] / 2);
     CHECK(all[k].share < 0.1);
   }
+}
+
+TEST_CASE("sampled layers: what cells tell is the same on any number of threads", "[property]") {
+  const std::vector<Double3> points = sheet(200);
+  const auto measured = [&] {
+    LayeredSampler sampler(kCoarsest, kLimits, 0);
+    for (const Double3& p : points) sampler.add(p);
+    const SampledLayers layers(sampler);
+    std::vector<double> all;
+    for (const SpacingProbe& p : layers.probes())
+      all.insert(all.end(), {p.spacing, p.nearest, p.gap, p.area, p.on_surface ? 1.0 : 0.0});
+    const ScaleHistogram residuals = layers.residuals(1.5);
+    all.insert(all.end(), {static_cast<double>(residuals.count()), residuals.quantile(0.25)});
+    return all;
+  };
+  const std::vector<double> alone = measured();
+  REQUIRE(alone.size() > 1500);
+  WorkerPool pool(3);
+  std::vector<double> together;
+  pool.run_here([&] { together = measured(); });
+  CHECK(together == alone);
 }
 
 TEST_CASE("point sample: parts of a stream merge to the sample of the whole", "[property]") {
