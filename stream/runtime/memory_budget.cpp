@@ -101,7 +101,7 @@ std::uint64_t kib_line(const std::filesystem::path& path, const std::string& nam
   return 0;
 }
 
-/// What the process holds now, in a file that costs the system a tenth of the long one. 0 where there is none.
+/// What the process holds now, from the file that has nothing else to be looked through. 0 where there is none.
 std::uint64_t resident_pages() {
   std::array<char, 256> buffer;
   const int fd = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
