@@ -193,7 +193,8 @@ void look_around(const PointOverlay& overlay, const std::vector<PatchBlock>& blo
     VisibilityVotes seen = vote_by_visibility(parts, viewers.up, kVisibilityScale, known, run);
     joined->share_out(seen);
     facts.enclosed = seen.enclosed, facts.shells = seen.shells;
-    facts.density_spread = seen.density_spread, facts.facing = seen.facing, facts.sight = seen.sight, facts.scene = seen.scene;
+    facts.density_spread = seen.density_spread, facts.facing = seen.facing, facts.sight = seen.sight,
+    facts.scene = seen.scene;
     std::span<const PatchVote> sides = seen.sides, pairs = seen.pairs;
     std::vector<std::uint32_t> groups;
     for (const PatchBlock& block : blocks) {
