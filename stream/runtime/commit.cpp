@@ -139,12 +139,6 @@ void place_files(const Asides& asides, const std::vector<std::string>& names, La
   std::set<fs::path> folders;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const fs::path path = committed_path(state, names[i]);
-    if (late == nullptr || is_result(names[i])) {
-      folders.insert(path.parent_path());
-    } else {
-      late->add(path);
-      late->add(path.parent_path());
-    }
     const fs::path part = asides.shared(names[i]);
     std::error_code error;
     if (is_placed(path, record.files[i])) {
@@ -153,6 +147,12 @@ void place_files(const Asides& asides, const std::vector<std::string>& names, La
       fs::rename(part, path, error);
     }
     if (error) throw_write_error(path, error.value());
+    if (late == nullptr || is_result(names[i])) {
+      folders.insert(path.parent_path());
+    } else {  // not before it has its name: where another task settles now, it is synced at once
+      late->add(path);
+      late->add(path.parent_path());
+    }
   }
   for (const fs::path& folder : folders) sync_folder(folder);
   fault_point(FaultPoint::kCommit);

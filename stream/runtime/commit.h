@@ -60,7 +60,7 @@ class LateSync {
   explicit LateSync(bool young) : young_(young) {}
   /// Whether syncs may be put off still. When that is over it first syncs what was.
   bool puts_off();
-  /// A file or folder to be synced later. Its name must be the one that it keeps.
+  /// A file or folder to be synced later, or at once where all was. \pre it is there, under the name that it keeps
   void add(const std::filesystem::path& path);
   /// Syncs all, but for what has gone since, and puts nothing off any more.
   void settle();
