@@ -8,6 +8,8 @@
 #include <cstdlib>
 #include <fstream>
 #include <mutex>
+#include <span>
+#include <string_view>
 #include <utility>
 
 #include <dlfcn.h>
@@ -81,16 +83,22 @@ std::uint64_t number_in(const std::filesystem::path& path) {
   return std::strtoull(word.c_str(), nullptr, 10);
 }
 
-/// A line "Name:   123 kB" near the start of a /proc file. Stages ask several times each: no stream.
-std::uint64_t kib_line(const std::filesystem::path& path, const std::string& name) {
-  std::array<char, 8192> buffer;
+/// The start of a /proc file, in `buffer`, with a 0 behind it; empty where it cannot be read. Stages ask several times each: no
+/// stream.
+std::string_view read_start(const std::filesystem::path& path, std::span<char> buffer) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return 0;
+  if (fd < 0) return {};
   const ssize_t got = ::read(fd, buffer.data(), buffer.size() - 1);
   ::close(fd);
-  if (got <= 0) return 0;
+  if (got <= 0) return {};
   buffer[static_cast<std::size_t>(got)] = '\0';
-  const std::string_view text(buffer.data(), static_cast<std::size_t>(got));
+  return {buffer.data(), static_cast<std::size_t>(got)};
+}
+
+/// A line "Name:   123 kB" near the start of a /proc file.
+std::uint64_t kib_line(const std::filesystem::path& path, const std::string& name) {
+  std::array<char, 8192> buffer;
+  const std::string_view text = read_start(path, buffer);
   for (std::size_t line = 0; line < text.size();) {
     if (text.substr(line).starts_with(name) && text.substr(line + name.size()).starts_with(":"))
       return std::strtoull(text.data() + line + name.size() + 1, nullptr, 10) * 1024;
@@ -104,14 +112,10 @@ std::uint64_t kib_line(const std::filesystem::path& path, const std::string& nam
 /// What the process holds now, from the file that has nothing else to be looked through. 0 where there is none.
 std::uint64_t resident_pages() {
   std::array<char, 256> buffer;
-  const int fd = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return 0;
-  const ssize_t got = ::read(fd, buffer.data(), buffer.size() - 1);
-  ::close(fd);
-  if (got <= 0) return 0;
-  buffer[static_cast<std::size_t>(got)] = '\0';
+  const std::string_view text = read_start("/proc/self/statm", buffer);
+  if (text.empty()) return 0;
   char* rest = nullptr;
-  std::strtoull(buffer.data(), &rest, 10);  // the size of the address space comes first
+  std::strtoull(text.data(), &rest, 10);  // the size of the address space comes first
   return std::strtoull(rest, nullptr, 10);
 }
 
