@@ -1,5 +1,5 @@
-// What `decimate` certifies, asked of points: no sample of either surface lies farther from the other than was proven. The
-// distances are found by other code than that which proves.
+// What `decimate` and `reconstruct` certify, asked of points: no sample of either surface lies farther from the other than
+// was proven. The distances are found by other code than that which proves.
 #include <catch2/catch.hpp>
 
 #include <algorithm>
@@ -13,6 +13,7 @@
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
+#include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
@@ -160,6 +161,28 @@ double diagonal(const WholeMesh& mesh) {
   return std::sqrt(product(d, d));
 }
 
+/// Asks samples of both surfaces whether they lie within what was proven. \param samples  of each
+void ask_samples(const std::string& name, const WholeMesh& given, const WholeMesh& result, double proven,
+                 std::size_t samples) {
+  double worst = 0.0;
+  std::size_t beyond = 0;
+  Random random(19);
+  for (const bool back : {false, true}) {
+    const WholeMesh &from = back ? given : result, &to = back ? result : given;
+    Grid grid(to, proven);
+    // The file holds floats: as far as the last bit of the largest coordinate.
+    for (const Double3& p : samples_of(from, samples, random)) {
+      const double d = grid.distance(p, proven * 1.0001);
+      worst = std::max(worst, d);
+      beyond += d > proven * 1.0001;
+    }
+  }
+  std::printf("%s: %zu -> %zu faces, proven %.4g, farthest sample %.3f of it, %zu beyond\n", name.c_str(),
+              given.faces.size(), result.faces.size(), proven, worst / proven, beyond);
+  CHECK(beyond == 0);
+  CHECK(worst > 0.3 * proven);  // else the proof would be idle, or the samples
+}
+
 /// Decimates each mesh and asks samples of both surfaces. \param samples  of each
 void check_samples(const std::vector<fs::path>& meshes, std::size_t samples) {
   const TempFolder folder;
@@ -179,24 +202,7 @@ void check_samples(const std::vector<fs::path>& meshes, std::size_t samples) {
     REQUIRE(proven <= tolerance);
     const WholeMesh result = read_whole(out);
     REQUIRE(result.faces.size() < given.faces.size());
-    double worst = 0.0;
-    std::size_t beyond = 0;
-    Random random(19);
-    for (const bool back : {false, true}) {
-      const WholeMesh &from = back ? given : result, &to = back ? result : given;
-      Grid grid(to, proven);
-      // The file holds floats: as far as the last bit of the largest coordinate.
-      for (const Double3& p : samples_of(from, samples, random)) {
-        const double d = grid.distance(p, proven * 1.0001);
-        worst = std::max(worst, d);
-        beyond += d > proven * 1.0001;
-      }
-    }
-    std::printf("%s: %zu -> %zu faces, proven %.4g of %.4g, farthest sample %.3f of it, %zu beyond\n",
-                path.filename().c_str(), given.faces.size(), result.faces.size(), proven, tolerance,
-                worst / proven, beyond);
-    CHECK(beyond == 0);
-    CHECK(worst > 0.3 * proven);  // else the proof would be idle, or the samples
+    ask_samples(path.filename(), given, result, proven, samples);
   }
 }
 
@@ -230,6 +236,30 @@ TEST_CASE("certificate samples: points of bodies, needles and soups lie within w
   std::vector<fs::path> meshes;
   for (const auto& [name, mesh] : made) write_whole(meshes.emplace_back(folder / name), mesh);
   check_samples(meshes, 50000);
+}
+
+TEST_CASE(
+    "certificate samples: what reconstruct proves holds against the mesh that it writes without a tolerance",
+    "[property]") {
+  const TempFolder folder;
+  const fs::path scan = folder / "scan.ply", raw = folder / "raw.ply", out = folder / "out.ply";
+  const auto [scene, noise] = GENERATE(std::pair{"terrain", "0"}, std::pair{"terrain", "0.2s"},
+                                       std::pair{"statue", "0"}, std::pair{"statue", "0.2s"});
+  INFO(scene << " with noise of " << noise);
+  REQUIRE(tessera_command({"synth", "--scene", scene, "--points", "30000", "--normals", "--noise", noise,
+                           "-o", scan.string()})
+              .code == 0);
+  // A border is smoothed in the mesh of full resolution alone, where a scan is exact.
+  for (const std::string border : {"raw", "auto"}) {
+    if (border == "auto" && std::string(noise) == "0") continue;
+    INFO("border " << border);
+    reconstructed(scan, raw, {"--border", border, "--force"});
+    const Json report = reconstructed(scan, out, {"--border", border, "--tolerance", "auto", "--force"});
+    const Json& certificate = report.at("certificate");
+    CHECK(certificate.at("proven") == true);
+    ask_samples(std::string(scene) + ", noise " + noise + ", border " + border, read_whole(raw),
+                read_whole(out), certificate.at("certified_max").get<double>(), 20000);
+  }
 }
 
 TEST_CASE("certificate samples: a million points of twenty meshes lie within what was proven",
