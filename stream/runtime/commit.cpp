@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstring>
 #include <ctime>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -19,9 +20,6 @@ namespace tessera {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// How old a job is when its work begins to be worth a sync.
-constexpr std::chrono::seconds kYoung{2};
 
 /// What lies outside of the work directory.
 bool is_result(const std::string& name) {
@@ -124,15 +122,16 @@ bool is_placed(const fs::path& path, const FileRecord& file) {
   return !error && bytes == file.bytes && hash_file(path) == file.xxh3;
 }
 
-/// Syncs the files and gives them their names. \param late  takes those of the work directory; null: none
-void place_files(const Asides& asides, const std::vector<std::string>& names, LateSync* late,
+/// Gives the files their names, those that are synced here once they are.
+/// \param[out] later  files and folders of the work directory that are not synced here; null: all are
+void place_files(const Asides& asides, const std::vector<std::string>& names, std::set<fs::path>* later,
                  TaskRecord& record) {
   const JobState& state = asides.state;
   fault_point(FaultPoint::kCommit);
   for (const std::string& name : names) {
     const fs::path part = asides.shared(name);
     asides.bring(name);
-    if (late == nullptr || is_result(name)) sync_file(part);
+    if (later == nullptr || is_result(name)) sync_file(part);
     record.files.push_back({name, fs::file_size(part), hash_written_file(part)});
   }
   fault_point(FaultPoint::kCommit);
@@ -147,49 +146,85 @@ void place_files(const Asides& asides, const std::vector<std::string>& names, La
       fs::rename(part, path, error);
     }
     if (error) throw_write_error(path, error.value());
-    if (late == nullptr || is_result(names[i])) {
+    if (later == nullptr || is_result(names[i])) {
       folders.insert(path.parent_path());
-    } else {  // not before it has its name: where another task settles now, it is synced at once
-      late->add(path);
-      late->add(path.parent_path());
+    } else {
+      later->insert({path, path.parent_path()});
     }
   }
   for (const fs::path& folder : folders) sync_folder(folder);
   fault_point(FaultPoint::kCommit);
 }
 
-void sync(const fs::path& path) {
-  fs::is_directory(path) ? sync_folder(path) : sync_file(path);
+/// What a later stage did not need any longer may just be going.
+void sync_if_there(const fs::path& path) {
+  try {
+    fs::is_directory(path) ? sync_folder(path) : sync_file(path);
+  } catch (const std::exception&) {
+    std::error_code ignored;
+    if (fs::symlink_status(path, ignored).type() != fs::file_type::not_found) throw;
+  }
 }
 
 }  // namespace
 
-bool LateSync::puts_off() {
+GroupCommit::GroupCommit(JournalWriter& journal, Waits waits)
+    : journal_(journal), waits_(waits), thread_([this] { run(); }) {}
+
+GroupCommit::~GroupCommit() {
   {
     const std::lock_guard lock(mutex_);
-    if (!young_ || std::chrono::steady_clock::now() - start_ < kYoung) return young_;
+    ends_ = true;
+    changed_.notify_all();
   }
-  settle();
-  return false;
+  thread_.join();
 }
 
-void LateSync::add(const fs::path& path) {
+void GroupCommit::add(const std::set<fs::path>& paths) {
   const std::lock_guard lock(mutex_);
-  if (young_) {
-    files_.insert(path);
-  } else {  // another task has settled since this one asked
-    sync(path);
+  if (failure_ != nullptr) std::rethrow_exception(failure_);
+  waiting_.insert(paths.begin(), paths.end());
+  changed_.notify_all();
+}
+
+void GroupCommit::settle() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return !syncing_; });
+  sync_all(lock);
+  if (failure_ != nullptr) std::rethrow_exception(failure_);
+}
+
+void GroupCommit::settle_later() {
+  if (!is_young()) settle();
+}
+
+void GroupCommit::run() {
+  std::unique_lock lock(mutex_);
+  changed_.wait_until(lock, start_ + waits_.first, [this] { return ends_; });
+  for (;;) {
+    changed_.wait(lock, [this] { return ends_ || (!waiting_.empty() && !syncing_); });
+    // More may come: of many small tasks the folder and the journal are synced once.
+    changed_.wait_for(lock, waits_.next, [this] { return ends_; });
+    if (ends_) return;
+    if (!syncing_) sync_all(lock);
   }
 }
 
-void LateSync::settle() {
-  const std::lock_guard lock(
-      mutex_);  // who commits meanwhile must not be on the disk before what it was made of
-  young_ = false;
-  for (const fs::path& path : files_) {
-    if (fs::exists(path)) sync(path);  // else a later stage needed it no longer
+void GroupCommit::sync_all(std::unique_lock<std::mutex>& lock) {
+  const std::set<fs::path> paths = std::exchange(waiting_, {});
+  syncing_ = true;
+  lock.unlock();
+  std::exception_ptr failure;
+  try {
+    for (const fs::path& path : paths) sync_if_there(path);
+    journal_.sync();
+  } catch (...) {
+    failure = std::current_exception();
   }
-  files_.clear();
+  lock.lock();
+  syncing_ = false;
+  if (failure_ == nullptr) failure_ = failure;
+  changed_.notify_all();
 }
 
 fs::path aside_path(const fs::path& final_path, const std::string& writer) {
@@ -257,8 +292,8 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
     }
     return theirs;
   }
-  LateSync* const late = aids.late != nullptr && aids.late->puts_off() ? aids.late : nullptr;
-  place_files(asides, context.names(), late, record);
+  std::set<fs::path> later;
+  place_files(asides, context.names(), aids.group != nullptr ? &later : nullptr, record);
   record.units = context.units();
   record.bytes_read = context.read();
   record.bytes_written = context.written();
@@ -271,7 +306,9 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
     record.stage_stats["loops_s"] = in_loops.all;
     record.stage_stats["ordered_s"] = in_loops.in_order;
   }
-  journal.append(record, late == nullptr && (aids.lasting || !record.files.empty()));
+  journal.append(record, aids.group == nullptr && (aids.lasting || !record.files.empty()));
+  // After its line, which the journal's sync then brings along.
+  if (aids.group != nullptr) aids.group->add(later);
   fault_point(FaultPoint::kCommit);
   return record;
 }

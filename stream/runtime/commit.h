@@ -2,13 +2,16 @@
 /// One task from its start to its journal line.
 #pragma once
 #include <chrono>
+#include <condition_variable>
 #include <cstdint>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "stream/runtime/journal.h"
@@ -51,25 +54,47 @@ std::filesystem::path aside_path(const std::filesystem::path& final_path, const 
 /// True if every file of the record is there with its size and (if `hash`) its content.
 bool files_match(const JobState& state, const TaskRecord& record, bool hash);
 
-/// What a job did in its first moments is done again as quickly as it would be forced to the disk file by file, so it is not:
-/// where the machine fails then, files do not match their lines of the journal, and their tasks are done again (resume.h). The
-/// first task that ends later brings everything to the disk. What others get to see, the output, never waits.
-class LateSync {
+/// Group commit: what tasks commit is brought to the disk by a thread of its own, all that has come since it last did so and
+/// the journal behind it, so no task waits for the disk. What a job did in its first moments is done again as quickly as it
+/// would be synced, so they wait longer. Where the machine fails before that, files do not match their lines of the journal
+/// and their tasks are done again (resume.h). What others get to see, the output, never waits (run_and_commit).
+class GroupCommit {
  public:
-  /// \param young  the job begins now; false: nothing is put off
-  explicit LateSync(bool young) : young_(young) {}
-  /// Whether syncs may be put off still. When that is over it first syncs what was.
-  bool puts_off();
-  /// A file or folder to be synced later, or at once where all was. \pre it is there, under the name that it keeps
-  void add(const std::filesystem::path& path);
-  /// Syncs all, but for what has gone since, and puts nothing off any more.
+  struct Waits {
+    std::chrono::milliseconds first{2000};  ///< from its beginning
+    std::chrono::milliseconds next{200};    ///< from what came to its sync
+  };
+  /// \param journal  outlives it
+  explicit GroupCommit(JournalWriter& journal, Waits waits);
+  explicit GroupCommit(JournalWriter& journal) : GroupCommit(journal, Waits()) {}
+  /// Leaves what waits to the system.
+  ~GroupCommit();
+  GroupCommit(const GroupCommit&) = delete;
+  GroupCommit& operator=(const GroupCommit&) = delete;
+  /// Files and folders are to be synced later. \pre they have the names that they keep, or get none: what has gone by then is
+  /// no longer needed \throws what a sync before has thrown
+  void add(const std::set<std::filesystem::path>& paths);
+  /// Returns once all that was added is on the disk. \throws what syncs throw
   void settle();
+  /// Before files are deleted that others were made of: settles, but in the first moments.
+  void settle_later();
 
  private:
+  void run();
+  /// \pre `lock` is held, and nobody else syncs
+  void sync_all(std::unique_lock<std::mutex>& lock);
+  bool is_young() const { return std::chrono::steady_clock::now() < start_ + waits_.first; }
+
+  JournalWriter& journal_;
+  const Waits waits_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::mutex mutex_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  bool young_;
-  std::set<std::filesystem::path> files_;
+  std::condition_variable changed_;
+  std::set<std::filesystem::path> waiting_;
+  bool syncing_ = false;
+  bool ends_ = false;
+  std::exception_ptr failure_;
+  std::thread thread_;  ///< the last member: it uses all others
 };
 
 /// What a task may have beside its stage.
@@ -83,12 +108,12 @@ struct TaskAids {
   std::function<bool(TaskRecord&)> elsewhere = {};
   /// Where the machine fails before the next line of this writer, the task is to be done again. Only without files.
   bool lasting = true;
-  /// Of a job that one process does alone; null: everything is synced at once.
-  LateSync* late = nullptr;
+  /// Of a job that one process does alone; null: everything is synced before the task counts as done.
+  GroupCommit* group = nullptr;
 };
 
-/// Runs a task, or finish() for kFinishTask, and commits it: its files are synced, get their names, and one
-/// journal line says so. Killed anywhere, the task is either committed or as if it had never run. A file of the same
+/// Runs a task, or finish() for kFinishTask, and commits it: its files are synced (later, in a group), get their names, and
+/// one journal line says so. Killed anywhere, the task is either committed or as if it had never run. A file of the same
 /// content that another writer has committed meanwhile stays, so that whoever has it open can read on.
 /// \param summaries    of all tasks in order; finish only
 /// \param stage_stats  called for finish only, just before its line is written: TaskRecord::stage_stats

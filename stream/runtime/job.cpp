@@ -106,7 +106,7 @@ class Driver {
         journal_(work.journal_folder() / "main.jsonl"),
         notes_(work.journal_folder(), "main"),
         journal_folder_(work.journal_folder()),
-        late_(work.created()),
+        group_(journal_),
         resume_(state, stage_names(job.stages), work.job_hash(), true),
         basis_(resume_.first_basis()),
         plan_(plan_hash(state.run)) {
@@ -161,10 +161,7 @@ class Driver {
   }
 
   /// What stays is on the disk.
-  void settle() {
-    late_.settle();
-    journal_.sync();
-  }
+  void settle() { group_.settle(); }
 
   const std::vector<StageRecords>& done() const { return done_; }
   std::size_t resumed_stages() const { return resumed_stages_; }
@@ -201,8 +198,9 @@ class Driver {
                     stage, state_.work.string()));
   }
 
-  void delete_obsolete(const StageRecords& records) const {
-    if (state_.run.keep) return;
+  void delete_obsolete(const StageRecords& records) {
+    if (state_.run.keep || records.finish.obsolete.empty()) return;
+    group_.settle_later();
     for (const std::string& name : records.finish.obsolete) remove_named(state_, name);
   }
 
@@ -225,7 +223,7 @@ class Driver {
   JournalWriter journal_;
   TaskNotes notes_;
   fs::path journal_folder_;
-  LateSync late_;
+  GroupCommit group_;
   Resume resume_;
   std::string basis_;
   std::string plan_;
@@ -356,7 +354,7 @@ TaskRecord Driver::run_one(const Stage& stage, std::int64_t task, const std::vec
                             {.progress = &progress_,
                              .notes = &notes_,
                              .lasting = task != kFinishTask || stage.task_count() > 0 || stage.units() > 0,
-                             .late = state_.run.processes ? nullptr : &late_});
+                             .group = state_.run.processes ? nullptr : &group_});
     notes_.started(stage.name(), task);
     TaskRecord record = run_child(stage.name(), task);
     progress_.advance(record.units);

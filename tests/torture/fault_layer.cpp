@@ -3,14 +3,18 @@
 //   write-error:N, read-error:N, sync-error:N   the N-th such call fails once with EIO
 //   short:SEED    reads and writes do a part of what they are asked for, and every eighth is interrupted (EINTR)
 //   clock:SEED    the wall clock jumps by up to a year at every look
+// TESSERA_SYNCED names a file that gets a line of every file that was brought to the disk, as it was then (helpers/power_cut.h).
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/types.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
@@ -87,6 +91,24 @@ bool sync_fails() {
   errno = EIO;
   return true;
 }
+/// Syncs by `real` and notes it, in one call below the functions of this layer, which count and fail.
+int noted_sync(int (*real)(int), int fd) {
+  static const char* const path = std::getenv("TESSERA_SYNCED");
+  // As long as it was before is what is safe then: another thread may append meanwhile.
+  struct statx s {};
+  const bool known =
+      path != nullptr && ::statx(fd, "", AT_EMPTY_PATH, STATX_INO | STATX_SIZE | STATX_BTIME, &s) == 0;
+  if (real(fd) != 0) return -1;
+  if (!known) return 0;
+  static const int log = ::open(path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
+  char line[96];
+  const int length =
+      std::snprintf(line, sizeof line, "%llu %lld %u %llu\n", static_cast<unsigned long long>(s.stx_ino),
+                    static_cast<long long>(s.stx_btime.tv_sec), s.stx_btime.tv_nsec,
+                    static_cast<unsigned long long>(s.stx_size));
+  ::syscall(SYS_write, log, line, static_cast<std::size_t>(length));
+  return 0;
+}
 /// How much of `count` bytes is done; -1: interrupted.
 ssize_t part_of(int fd, std::size_t count, std::atomic<std::uint64_t>& calls) {
   if (fault().kind != Kind::kShort || count == 0 || !is_file(fd)) return static_cast<ssize_t>(count);
@@ -138,11 +160,11 @@ ssize_t pread64(int fd, void* data, std::size_t count, off_t at) {
 }
 int fsync(int fd) {
   static const auto real = next(&::fsync, "fsync");
-  return sync_fails() ? -1 : real(fd);
+  return sync_fails() ? -1 : noted_sync(real, fd);
 }
 int fdatasync(int fd) {
   static const auto real = next(&::fdatasync, "fdatasync");
-  return sync_fails() ? -1 : real(fd);
+  return sync_fails() ? -1 : noted_sync(real, fd);
 }
 int clock_gettime(clockid_t clock, struct timespec* time) noexcept {
   static const auto real = next(&::clock_gettime, "clock_gettime");

@@ -21,6 +21,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/helpers/power_cut.h"
 #include "tests/helpers/random.h"
 
 namespace {
@@ -49,7 +50,7 @@ std::string joined(const Words& words) {
 
 /// What happens to one run.
 struct Fault {
-  enum Kind { kNone, kKill, kTerminate, kPause, kLayer } kind = kNone;
+  enum Kind { kNone, kKill, kPowerCut, kTerminate, kPause, kLayer } kind = kNone;
   double after = 0.0;  ///< seconds
   std::string layer;   ///< TESSERA_FAULT
   std::string name() const {
@@ -62,6 +63,8 @@ struct Fault {
         return "none";
       case kKill:
         return "kill after " + std::to_string(after);
+      case kPowerCut:
+        return "power cut after " + std::to_string(after);
       case kTerminate:
         return "SIGTERM after " + std::to_string(after);
       case kPause:
@@ -82,6 +85,11 @@ struct Programs {
   std::string tessera, layer;
 };
 
+/// Where the layer notes what runs with this log have brought to the disk.
+fs::path synced_by(const fs::path& log) {
+  return log.string() + ".synced";
+}
+
 Ended run(const Programs& programs, const Words& arguments, const fs::path& log, const Fault& fault) {
   Words words = {programs.tessera};
   words.insert(words.end(), arguments.begin(), arguments.end());
@@ -93,10 +101,9 @@ Ended run(const Programs& programs, const Words& arguments, const fs::path& log,
     ::dup2(null, 0);
     ::dup2(null, 1);
     ::dup2(errors, 2);
-    if (fault.kind == Fault::kLayer) {
-      ::setenv("TESSERA_FAULT", fault.layer.c_str(), 1);
-      ::setenv("LD_PRELOAD", programs.layer.c_str(), 1);
-    }
+    if (fault.kind == Fault::kLayer) ::setenv("TESSERA_FAULT", fault.layer.c_str(), 1);
+    ::setenv("TESSERA_SYNCED", synced_by(log).c_str(), 1);
+    ::setenv("LD_PRELOAD", programs.layer.c_str(), 1);
     std::vector<char*> argv;
     for (std::string& w : words) argv.push_back(w.data());
     argv.push_back(nullptr);
@@ -112,14 +119,14 @@ Ended run(const Programs& programs, const Words& arguments, const fs::path& log,
     return false;
   };
   bool ended = false;
-  if (fault.kind == Fault::kKill || fault.kind == Fault::kTerminate || fault.kind == Fault::kPause) {
+  if (fault.kind != Fault::kNone && fault.kind != Fault::kLayer) {
     ended = wait_until(fault.after);
     if (!ended && fault.kind == Fault::kPause) {
       ::kill(child, SIGSTOP);
       ::usleep(50'000);
       ::kill(child, SIGCONT);
     } else if (!ended) {
-      ::kill(child, fault.kind == Fault::kKill ? SIGKILL : SIGTERM);
+      ::kill(child, fault.kind == Fault::kTerminate ? SIGTERM : SIGKILL);
     }
   }
   // A command that does not end is a finding too.
@@ -180,7 +187,13 @@ class Torture {
       const Ended ended = run(programs_, words, directory / "log", fault);
       what_ += ": " + std::to_string(ended.code);
       ++tally_[fault.name()][ended.code];
-      const bool killed = fault.kind == Fault::kKill && ended.code == 128 + SIGKILL;
+      const bool killed =
+          (fault.kind == Fault::kKill || fault.kind == Fault::kPowerCut) && ended.code == 128 + SIGKILL;
+      if (killed && fault.kind == Fault::kPowerCut)
+        what_ +=
+            ", " +
+            std::to_string(tessera::test::lose_unsynced(directory, synced_by(directory / "log"), random)) +
+            " files hurt";
       if (!killed && kDocumented.count(ended.code) == 0) return "undocumented exit\n" + ended.errors;
       // Killed at the very end, a job may be complete.
       const bool complete = fs::exists(output) && bytes_of(output) == golden.bytes;
@@ -212,7 +225,8 @@ class Torture {
     if (bytes_of(output) != golden.bytes) return "other bytes than an undisturbed run";
     for (const auto& entry : fs::directory_iterator(directory)) {
       const std::string name = entry.path().filename().string();
-      if (name != "log" && (!name.starts_with(job.output) || name.find(".tessera") != std::string::npos))
+      if (!name.starts_with("log") &&
+          (!name.starts_with(job.output) || name.find(".tessera") != std::string::npos))
         return "left behind: " + name;
     }
     fs::remove_all(directory);
@@ -309,11 +323,15 @@ class Torture {
     out.after = random.in(0.0, 1.2 * seconds);
     // Calls number a few hundred to some ten thousand: no order of size more likely than another.
     const auto number = static_cast<std::uint64_t>(std::exp2(random.in(0.0, 13.0)));
-    switch (random.below(9)) {
+    switch (random.below(11)) {
       case 0:
       case 1:
       case 2:
         out.kind = Fault::kKill;
+        break;
+      case 9:
+      case 10:
+        out.kind = Fault::kPowerCut;
         break;
       case 3:
         out.kind = Fault::kTerminate;

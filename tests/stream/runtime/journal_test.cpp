@@ -147,22 +147,25 @@ TEST_CASE("journal: a line that is not synced is there for whoever reads, and fo
   CHECK(journal.find("order", "00aa", "11bb").size() == 2);
 }
 
-TEST_CASE("late sync: puts off what a young job commits, until it settles", "[unit]") {
+TEST_CASE("group commit: all that waits is synced, what has gone is not missed, and a failure is told",
+          "[unit]") {
   const TempFolder scratch;
-  const fs::path file = scratch / "committed", gone = scratch / "gone";
+  const fs::path file = scratch / "committed", gone = scratch / "gone", device = "/dev/null";  // has no sync
   spill(file, "text");
-  LateSync late(true);
-  CHECK(late.puts_off());
-  late.add(file);
-  late.add(scratch.path());
-  CHECK_NOTHROW(late.add(gone));  // not looked at
-  CHECK_NOTHROW(late.settle());   // a later stage deleted it
-  CHECK_FALSE(late.puts_off());
-  CHECK_NOTHROW(late.add(file));
-  CHECK_THROWS_AS(late.add(gone), Error);  // synced at once
-  LateSync old(false);
-  CHECK_FALSE(old.puts_off());
-  CHECK_THROWS_AS(old.add(gone), Error);
+  JournalWriter journal(scratch / "main.jsonl");
+  GroupCommit at_once(journal, {std::chrono::milliseconds(0), std::chrono::milliseconds(0)});
+  GroupCommit young(journal, {std::chrono::hours(1), std::chrono::hours(1)});
+  CHECK_NOTHROW(at_once.add({file, scratch.path()}));
+  CHECK_NOTHROW(at_once.add({gone}));
+  CHECK_NOTHROW(at_once.settle());
+  CHECK_NOTHROW(young.add({file, gone, scratch.path()}));
+  CHECK_NOTHROW(young.settle());
+  at_once.add({device});
+  CHECK_THROWS_AS(at_once.settle(), Error);
+  CHECK_THROWS_AS(at_once.add({file}), Error);  // nothing is committed on top of it
+  young.add({device});
+  CHECK_NOTHROW(young.settle_later());  // not in its first moments
+  CHECK_THROWS_AS(young.settle(), Error);
 }
 
 TEST_CASE("journal: a damaged line in the middle costs only its task", "[fault]") {
