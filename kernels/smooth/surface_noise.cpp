@@ -34,13 +34,13 @@ double middle_of(int number) {
   return std::ldexp(0.5 + (step + 0.5) / (2.0 * kNoiseClasses), exponent);
 }
 
-/// The upper one of two; -1 of none.
-double median_class(const std::map<int, std::uint64_t>& counts) {
+/// The square that more than so many quarters do not exceed, of a median the upper one of two; -1 of none.
+double class_at(const std::map<int, std::uint64_t>& counts, std::uint64_t quarters) {
   std::uint64_t all = 0, below = 0;
   for (const auto& [number, count] : counts) all += count;
   for (const auto& [number, count] : counts) {
     below += count;
-    if (2 * below > all) return middle_of(number);
+    if (4 * below > quarters * all) return middle_of(number);
   }
   return -1.0;
 }
@@ -113,7 +113,11 @@ void NoiseCounts::add(const NoiseCounts& more) {
 }
 
 double NoiseCounts::noise() const {
-  return std::sqrt(noise_variance(median_class(residual), median_class(between)));
+  return std::sqrt(noise_variance(class_at(residual, 2), class_at(between, 2)));
+}
+
+bool NoiseCounts::surely_below(double noise) const {
+  return vertices > 0 && noise_variance(class_at(residual, 3), class_at(between, 3)) < noise * noise;
 }
 
 NoiseCounts count_noise(const MeshBlock& block, const FaceCorners& corners,

@@ -39,6 +39,8 @@ struct NoiseCounts {
   void add(const NoiseCounts& more);
   /// Standard deviation along the normal, scan units, right to the width of a class (5 %); 0 where nothing was measured.
   double noise() const;
+  /// Whether three quarters of both squares tell less noise than this: then so does the median of a sample far larger.
+  [[nodiscard]] bool surely_below(double noise) const;
 };
 
 /// Counts the wanted vertices that have one smooth side and lie on no border.

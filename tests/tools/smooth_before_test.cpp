@@ -13,6 +13,7 @@
 #include "stream/check/mesh_check.h"
 #include "stream/files/json.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/report.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
@@ -239,6 +240,27 @@ TEST_CASE("decimate --tolerance auto: a fifth of the edges or the noise, and the
   CHECK(report.contains("smoothing") == !smooth.empty());
   run("decimate", in.string(), given, with(dump_json(Json(taken))));
   CHECK(file_bytes(given) == file_bytes(out));
+}
+
+TEST_CASE("decimate --tolerance auto: a first look at the noise is enough where no tolerance would ask for it",
+          "[pipeline]") {
+  const TempFolder folder;
+  const double edge = 0.0125, share = GENERATE(0.05, 0.3);
+  const bool asked = share > 0.2;
+  const fs::path in = write_noisy_cube(folder / "in.ply", share * edge);
+  const Json report = run("decimate", in.string(), folder / "out.ply", {"--tolerance", "auto"});
+  const Json look = result_of(report, "noise-look"), noise = result_of(report, "noise");
+  std::uint64_t tasks = 0;
+  for (const Json& stage : report.at("stages"))
+    if (stage.at("name") == "noise") tasks = stage.at("tasks").natural();
+  CHECK((tasks > 0) == asked);
+  CHECK((noise.at("vertices").natural() > 2 * look.at("vertices").natural()) == asked);
+  CHECK(noise.at("noise").get<double>() == Approx(share * edge).epsilon(0.3));
+  // What both measured together is what a job measures that smooths, and does so without a look.
+  const Json whole = run("decimate", in.string(), folder / "smooth.ply",
+                         {"--tolerance", "auto", "--smooth", "implicit"});
+  CHECK_FALSE(result_of(whole, "noise-look").is_object());
+  CHECK((result_of(whole, "noise") == noise) == asked);
 }
 
 TEST_CASE("decimate --smooth: without a bound of distance a number of faces says how far decimation goes",

@@ -1,9 +1,11 @@
-/// Stages "noise" and "noise-left" (smooth_before.h): how noisy a mesh is, at a sample of its vertices that its bricks and
-/// keys decide.
+/// Stages "noise-look", "noise" and "noise-left" (smooth_before.h): how noisy a mesh is, at a sample of its vertices that its
+/// bricks and keys decide.
 #include <algorithm>
+#include <filesystem>
 #include <span>
 #include <vector>
 
+#include "kernels/decimate/auto_tolerance.h"
 #include "kernels/smooth/surface_noise.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
@@ -15,7 +17,9 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;          ///< of all patches that are looked at
+constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;  ///< of all patches that are looked at
+constexpr std::uint64_t kLookVertices =
+    kMaxVertices * 3 / 16;  ///< of those of "noise-look", the first of them
 constexpr std::uint64_t kJoinedFaces = 2 * ImportPlan::kBrickVertices;  ///< what noise_needs() allows for
 constexpr std::uint64_t kShare = 4;  ///< one vertex of so many is measured there
 
@@ -30,18 +34,36 @@ std::map<int, std::uint64_t> counts_of(const Json& list) {
   return out;
 }
 
+Json to_json(const NoiseCounts& counts) {
+  return {{"residual", to_json(counts.residual)},
+          {"between", to_json(counts.between)},
+          {"vertices", counts.vertices}};
+}
+NoiseCounts noise_counts_of(const Json& counts) {
+  return {counts_of(counts.at("residual")), counts_of(counts.at("between")),
+          counts.at("vertices").get<std::uint64_t>()};
+}
+
 class NoiseStage : public Stage {
  public:
   NoiseStage(const JobState& state, const std::string& name, MeshStore mesh)
       : name_(name), store_(std::move(mesh)), edge_(load_range(state.work, 0).edge(store_.face_count())) {
+    const bool looked = name_ == kNoise && std::filesystem::exists(state.work / kLookFile);
+    bool enough = false;
+    if (looked) {
+      const Json look = parse_json(read_text(state.work / kLookFile));
+      before_ = noise_counts_of(look.at("counts"));
+      enough = look.at("enough").get<bool>();
+    }
     std::vector<std::size_t> order(store_.patches().size());
     for (std::size_t p = 0; p < order.size(); ++p) order[p] = p;
     const auto order_key = [&](std::size_t p) { return mix(store_.patches()[p].key); };
     std::sort(order.begin(), order.end(),
               [&](std::size_t a, std::size_t b) { return order_key(a) < order_key(b); });
+    const std::uint64_t maximum = name_ == kNoiseLook ? kLookVertices : kMaxVertices;
     std::uint64_t vertices = 0;
-    for (std::size_t i = 0; i < order.size() && vertices < kMaxVertices; ++i) {
-      patches_.push_back(order[i]);
+    for (std::size_t i = 0; i < order.size() && vertices < maximum && !enough; ++i) {
+      if (!looked || vertices >= kLookVertices) patches_.push_back(order[i]);
       vertices += store_.patches()[order[i]].vertices;
     }
     std::sort(patches_.begin(), patches_.end());
@@ -67,20 +89,20 @@ class NoiseStage : public Stage {
         if (near.first_patch[v] == core[i] && mix(near.block.key[v]) % kShare == 0) wanted[v] = 1;
     const NoiseCounts counts = count_noise(near.block, FaceCorners(near.block), wanted);
     context.advance(core.size());
-    return {{"residual", to_json(counts.residual)},
-            {"between", to_json(counts.between)},
-            {"vertices", counts.vertices}};
+    return to_json(counts);
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{16} << 20; }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
-    NoiseCounts sum;
-    for (const Json& s : summaries)
-      sum.add(
-          {counts_of(s.at("residual")), counts_of(s.at("between")), s.at("vertices").get<std::uint64_t>()});
+    NoiseCounts sum = before_;
+    for (const Json& s : summaries) sum.add(noise_counts_of(s));
     const Json found = {{"noise", sum.noise()}, {"edge", edge_}};
-    if (name_ + ".json" == kNoiseFile) write_text(context.create(kNoiseFile), dump_json(found));
+    if (name_ == kNoise) write_text(context.create(kNoiseFile), dump_json(found));
+    if (name_ == kNoiseLook)
+      write_text(
+          context.create(kLookFile),
+          dump_json({{"counts", to_json(sum)}, {"enough", sum.surely_below(auto_tolerance(edge_, 0.0))}}));
     Json out = found;
     out["vertices"] = sum.vertices;
     return out;
@@ -130,6 +152,7 @@ class NoiseStage : public Stage {
   std::string name_;
   MeshStore store_;
   double edge_;                       ///< root mean square of the given mesh
+  NoiseCounts before_;                ///< of "noise-look"
   std::vector<std::size_t> patches_;  ///< looked at, ascending
   std::vector<std::size_t> first_;    ///< of each task, in patches_; and their end
 };

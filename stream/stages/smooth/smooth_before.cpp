@@ -26,8 +26,6 @@ constexpr double kPlateStrength = 7e4;
 /// Stronger plates need a coarse level; weaker ones do nothing.
 constexpr double kStrongestPlate = 2000.0, kWeakestPlate = 0.1;
 
-const std::string kBefore = "noise", kLeft = "noise-left";
-
 /// \param noise  of the given mesh, in edges
 SmoothOptions options_of(const std::string& method, double noise) {
   SmoothOptions options;
@@ -47,8 +45,8 @@ MeshNoise noise_of(const Json& found) {
   return {found.at("noise").get<double>(), found.at("edge").get<double>()};
 }
 
-StageEntry noise_entry(const std::function<MeshStore(const JobState&)>& mesh) {
-  return {kBefore, [=](const JobState& state) { return make_noise_stage(state, kBefore, mesh(state)); }};
+StageEntry noise_entry(const char* name, const std::function<MeshStore(const JobState&)>& mesh) {
+  return {name, [=](const JobState& state) { return make_noise_stage(state, name, mesh(state)); }};
 }
 
 SmoothPlan plan_of(const JobState& state, const SmoothBefore& before) {
@@ -78,16 +76,16 @@ std::vector<StageEntry> noise_stages(const std::function<MeshStore(const JobStat
   SmoothPlan plan;
   plan.mesh = mesh;
   std::vector<StageEntry> stages = smooth_stages({}, [plan](const JobState&) { return plan; });
-  stages.push_back(noise_entry(mesh));
+  for (const char* name : {kNoiseLook, kNoise}) stages.push_back(noise_entry(name, mesh));
   return stages;
 }
 
 std::vector<StageEntry> smooth_before_stages(const SmoothBefore& before) {
   std::vector<StageEntry> stages = smooth_stages(
       smooth_before_rounds(before.method), [=](const JobState& state) { return plan_of(state, before); });
-  stages.insert(stages.begin() + 1, noise_entry(before.mesh));
-  stages.push_back({kLeft, [=](const JobState& state) {
-                      return make_noise_stage(state, kLeft, open_smoothed_before(state, before));
+  stages.insert(stages.begin() + 1, noise_entry(kNoise, before.mesh));
+  stages.push_back({kNoiseLeft, [=](const JobState& state) {
+                      return make_noise_stage(state, kNoiseLeft, open_smoothed_before(state, before));
                     }});
   for (StageEntry& entry : stages)
     entry.forecast = [name = entry.name](const PlannedScan& scan) { return forecast_smoothing(scan, name); };
@@ -99,7 +97,7 @@ MeshStore open_smoothed_before(const JobState& state, const SmoothBefore& before
 }
 
 Json smoothing_of(const Json& report) {
-  const Json before = result_of(report, kBefore), left = result_of(report, kLeft);
+  const Json before = result_of(report, kNoise), left = result_of(report, kNoiseLeft);
   const std::string method = report.at("options").value("smooth", std::string("off"));
   if (!before.is_object() || method == "off") return nullptr;
   const SmoothOptions used = options_of(method, noise_of(before));

@@ -7,6 +7,8 @@
 /// and the certificate against the given mesh holds by the same sum.
 ///
 ///   reach, smooth-K  smooth_stages.h
+///   noise-look       a first look for a tolerance alone, at a fifth of what `noise` measures: where it tells that the noise is far
+///                    from a fifth of an edge, below which no tolerance asks for it, `noise` measures no more
 ///   noise            how noisy the given mesh is: decides `auto`, and how strong the plate of `implicit` is
 ///   noise-left       the same of the smoothed mesh, at the same vertices
 #pragma once
@@ -31,7 +33,7 @@ struct SmoothBefore {
 };
 
 std::vector<StageEntry> smooth_before_stages(const SmoothBefore& before);
-/// reach and noise alone, for who wants to know how noisy a mesh is.
+/// reach, noise-look and noise alone, for who takes a tolerance from it (auto_tolerance.h).
 std::vector<StageEntry> noise_stages(const std::function<MeshStore(const JobState&)>& mesh);
 /// What `noise` found, scan units.
 struct MeshNoise {
@@ -50,8 +52,11 @@ Json smoothing_of(const Json& report);
 
 // Between its parts.
 
+inline constexpr const char *kNoiseLook = "noise-look", *kNoise = "noise", *kNoiseLeft = "noise-left";
 /// Left by `noise`: {"noise", "edge"}, scan units.
 inline constexpr const char* kNoiseFile = "noise.json";
+/// Left by `noise-look`: {"counts", "enough"}.
+inline constexpr const char* kLookFile = "noise-look.json";
 /// Of a task that looks at so many vertices and faces at once.
 std::uint64_t noise_task_bytes(std::uint64_t vertices, std::uint64_t faces);
 /// The stage of this name measures the mesh. \pre the stage `range` is done

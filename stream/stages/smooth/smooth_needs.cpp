@@ -79,13 +79,15 @@ std::vector<StageNeed> noise_needs(const MeshSize& mesh, std::uint64_t patch_ver
       {"reach", 2 * MeshStore::block_bytes(patch, 2 * patch) + kTileSlackBytes, 0}};
   const std::uint64_t around = std::min(27 * patch, mesh.vertices + mesh.vertices / 4);
   // A patch, and all that may lie around it.
-  needs.push_back({"noise", noise_task_bytes(patch, 2 * patch), noise_task_bytes(around, 2 * around)});
+  for (const char* name : {"noise-look", "noise"})
+    needs.push_back({name, noise_task_bytes(patch, 2 * patch), noise_task_bytes(around, 2 * around)});
   return needs;
 }
 
 std::vector<StageNeed> smooth_before_needs(const std::string& method, const MeshSize& mesh,
                                            std::uint64_t patch_vertices) {
   std::vector<StageNeed> needs = noise_needs(mesh, patch_vertices);
+  needs.erase(needs.begin() + 1);  // all is measured here
   needs.push_back({"noise-left", needs.back().sure, needs.back().likely});
   const std::vector<SmoothRound> rounds = smooth_before_rounds(method);
   for (std::size_t round = 1; round <= rounds.size(); ++round)

@@ -79,6 +79,21 @@ TEST_CASE("surface noise: counts of parts add up to those of the whole", "[unit]
   CHECK(sum.noise() == whole.noise());
 }
 
+TEST_CASE("surface noise: it is surely below what three quarters of the squares stay below", "[unit]") {
+  MeshBlock block = hills();
+  add_heights(block, 0.1);
+  const NoiseCounts counts = all_of(block);
+  CHECK(counts.surely_below(2.0 * counts.noise()));
+  CHECK_FALSE(counts.surely_below(1.05 * counts.noise()));
+  CHECK_FALSE(NoiseCounts().surely_below(1.0));
+  // A third of the places have more: the median says nothing of them, the quartile does.
+  NoiseCounts sum;
+  for (int i = 0; i < 30; ++i) sum.add(NoiseSquares{i % 3 == 0 ? 0.16 : 0.01, 0.0});
+  CHECK(sum.noise() == Approx(0.1).epsilon(0.06));
+  CHECK_FALSE(sum.surely_below(0.3));
+  CHECK(sum.surely_below(0.5));
+}
+
 TEST_CASE("surface noise: a plane has none, and a mesh too small to tell has none", "[unit]") {
   CHECK(all_of(test::grid_block(30, 30, [](double x, double y) { return 0.5 * x - y; })).noise() < 1e-12);
   CHECK(all_of(test::grid_block(1, 1, [](double, double) { return 0.0; })).vertices == 0);
