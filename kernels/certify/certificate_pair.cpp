@@ -60,10 +60,8 @@ DeviationReport certify_some(const SurfaceFaces& surface, const std::vector<std:
     mask.mark(box.low, box.high);
   }
   std::vector<Face> near;
-  for (const Face& f : other.faces) {
-    const Box3 box = box_of(other, f);
-    if (mask.meets(box.low, box.high)) near.push_back(f);
-  }
+  for (const std::uint32_t f : mask.faces_that_meet(other.position, other.faces))
+    near.push_back(other.faces[f]);
   return certify_deviation({surface.position, faces}, core, ClosestFaces(other.position, near, origin),
                            options, &bound);
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/mesh/box_mask.h"
 #include "octree/lists.h"
 #include "octree/vector.h"
 
@@ -86,21 +87,25 @@ SampledPart part_of(const SurfaceFaces& surface, const SampledFace& face, const 
   return part;
 }
 
-/// Area of the part in the box, the same bits as part_of() has; most faces are all in it or all beyond a side of it.
-double area_in(const SurfaceFaces& surface, const SampledFace& face, const Box3* core) {
-  if (face[1] != face[2]) {
-    const Double3 &a = surface.position[face[0]], &b = surface.position[face[1]],
-                  &c = surface.position[face[2]];
-    bool inside = true, beyond = false;
-    for (std::size_t k = 0; core != nullptr && k < 3; ++k) {
-      const double low = std::min({a[k], b[k], c[k]}), high = std::max({a[k], b[k], c[k]});
-      inside = inside && low >= core->low[k] && high <= core->high[k];
-      beyond = beyond || low > core->high[k] || high < core->low[k];
+/// Area of the part of every face in the box, the same bits as part_of() has; most faces are all in it or all beyond a
+/// side of it.
+std::vector<double> areas_in(const SurfaceFaces& surface, const Box3* core) {
+  std::vector<std::uint8_t> sides(surface.position.size(), 0);
+  if (core != nullptr) sides = beyond_sides(surface.position, core->low, core->high);
+  std::vector<double> area;
+  area.reserve(surface.faces.size());
+  for (const SampledFace& face : surface.faces) {
+    const unsigned s = sides[face[0]], t = sides[face[1]], u = sides[face[2]];
+    if ((s & t & u) != 0) {
+      area.push_back(0.0);
+    } else if ((s | t | u) == 0 && face[1] != face[2]) {
+      const Double3& a = surface.position[face[0]];
+      area.push_back(0.5 * norm(cross(surface.position[face[1]] - a, surface.position[face[2]] - a)));
+    } else {
+      area.push_back(part_of(surface, face, core).area);
     }
-    if (beyond) return 0.0;
-    if (inside) return 0.5 * norm(cross(b - a, c - a));
   }
-  return part_of(surface, face, core).area;
+  return area;
 }
 
 /// Points in the cells of a grid, to pick the faces that come within a radius of one.
@@ -116,6 +121,11 @@ class PointGrid {
       for (std::size_t k = 0; k < 3; ++k)
         low_[k] = std::min(low_[k], at[i][k]), high[k] = std::max(high[k], at[i][k]);
     }
+    mask_ = BoxMask(low_, high, kMaskCells);
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      const Double3 r = {radius[i], radius[i], radius[i]};
+      mask_.mark(at[i] - r, at[i] + r);
+    }
     const auto along = std::clamp(std::sqrt(static_cast<double>(at.size())), kMinCells, kMaxCells);
     const double extent = std::max({high[0] - low_[0], high[1] - low_[1], high[2] - low_[2]});
     per_cell_ = extent > 0.0 ? along / extent : 0.0;
@@ -128,6 +138,8 @@ class PointGrid {
     });
   }
 
+  /// Marked where a point is near.
+  [[nodiscard]] const BoxMask& mask() const { return mask_; }
   /// Whether the box may come within the radius of a point.
   [[nodiscard]] bool is_near(const Double3& low, const Double3& high) const {
     std::size_t from[3], to[3];
@@ -148,6 +160,7 @@ class PointGrid {
   }
 
  private:
+  static constexpr std::size_t kMaskCells = 64;
   static constexpr double kMinCells = 4.0, kMaxCells = 64.0;  ///< along the longest side
   struct Point {
     Double3 at;
@@ -158,6 +171,7 @@ class PointGrid {
         std::clamp((x - low_[k]) * per_cell_, 0.0, static_cast<double>(cells_[k]) - 0.5));
   }
 
+  BoxMask mask_{{}, {}, 1};
   Double3 low_{};
   double widest_ = 0.0, per_cell_ = 0.0;
   std::array<std::size_t, 3> cells_{};
@@ -168,9 +182,9 @@ class PointGrid {
 
 SurfaceSamples spread_samples(const SurfaceFaces& surface, const Box3* core, std::size_t count) {
   SurfaceSamples out;
-  std::vector<double> area(surface.faces.size());
+  const std::vector<double> area = areas_in(surface, core);
   double sum = 0.0;
-  for (std::size_t f = 0; f < area.size(); ++f) sum += area[f] = area_in(surface, surface.faces[f], core);
+  for (const double a : area) sum += a;
   if (!(sum > 0.0) || !std::isfinite(sum)) return out;
   out.at.reserve(count), out.face.reserve(count);
   const double stratum = sum / static_cast<double>(count);
@@ -244,7 +258,8 @@ void measure_samples(const SurfaceFaces& surface, const SurfaceFaces& other, con
                      closest_face_error(largest));
   const PointGrid grid(samples.at, radius);
   std::vector<SampledFace> near;
-  for (const SampledFace& f : other.faces) {
+  for (const std::uint32_t i : grid.mask().faces_that_meet(other.position, other.faces)) {
+    const SampledFace& f = other.faces[i];
     const Double3 &a = other.position[f[0]], &b = other.position[f[1]], &c = other.position[f[2]];
     Double3 low, high;
     for (std::size_t k = 0; k < 3; ++k)

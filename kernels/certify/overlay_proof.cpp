@@ -4,11 +4,13 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <unordered_map>
 
 #include "kernels/certify/near_proof.h"
 #include "kernels/certify/overlay_outline.h"
+#include "kernels/mesh/box_mask.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"
 
@@ -26,7 +28,7 @@ class Overlay {
           const Double3& origin, const CertificateOptions& options, bool fine_too)
       : coarse_(coarse), fine_(fine), core_(core), margin_(margin), origin_(origin), fine_too_(fine_too) {
     vertices_.reserve(fine.position.size());
-    points_.reserve(fine.position.size());  // so that they stay where they are
+    points_ = std::make_unique_for_overwrite<Point[]>(fine.position.size());
     for (const Double3& p : fine.position) {
       vertices_.push_back({p - origin, 0, 0});
       take_largest(vertices_.back().at);
@@ -34,6 +36,8 @@ class Overlay {
     for (const Double3& p : coarse.position) take_largest(p - origin);
     rounding_ = certificate_rounding(largest_);
     grown_ = 0x1p-47 * largest_;
+    sure_area_ = 64.0 * grown_ * largest_;  // no edge is longer than 2 sqrt(3) of the largest coordinate
+    if (core_ != nullptr && fine_too_) sides_ = beyond_sides(fine.position, core->low, core->high);
     limit_ = options.tolerance - rounding_;
     across_fine_ = pair_edges(fine);
     across_coarse_ = pair_edges(coarse);
@@ -185,7 +189,7 @@ class Overlay {
     Vertex& vertex = vertices_[v];
     if (vertex.stamp != stamp_) {
       vertex.stamp = stamp_;
-      vertex.slot = static_cast<std::uint32_t>(points_.size());
+      vertex.slot = point_count_++;
       const Double3 r = vertex.at - base_;
       Point p{{dot(r, ex_), dot(r, ey_)}, dot(r, normal_), 0, 0};
       for (int i = 0; i < outline_.corners; ++i) {
@@ -193,7 +197,7 @@ class Overlay {
         if (side < -grown_) p.outside |= 1u << i;
         if (side < grown_) p.touching |= 1u << i;
       }
-      points_.push_back(p);
+      points_[vertex.slot] = p;
     }
     return points_[vertex.slot];
   }
@@ -334,7 +338,7 @@ class Overlay {
     }
     if (!solid_ || !lay_sides()) return;
     ++stamp_;
-    points_.clear();
+    point_count_ = 0;
     const std::uint32_t seed = seed_[t] = find_seed(t);
     if (seed == kNoFace) return;
     double height = 0.0;
@@ -357,7 +361,7 @@ class Overlay {
       const auto& v = fine_.faces[f];
       const Point* const p[3] = {&projected(v[0]), &projected(v[1]), &projected(v[2])};
       const double area = up * orient2d(p[0]->at, p[1]->at, p[2]->at);
-      if (!(area > 4.0 * grown_ * longest(p))) covered = covered && !near_centre(p);
+      if (!(area > sure_area_) && !(area > 4.0 * grown_ * longest(p))) covered = covered && !near_centre(p);
       look_at(t, f, p, height);
       for (std::uint32_t i = 0; i < 3; ++i) {
         if (!meets(*p[i], *p[i == 2 ? 0 : i + 1])) continue;
@@ -461,21 +465,18 @@ class Overlay {
   /// Faces in the core or across its boundary whose bound is known are proven.
   void finish_fine(std::uint32_t f) {
     const auto& v = fine_.faces[f];
-    const Double3 p[3] = {vertices_[v[0]].at, vertices_[v[1]].at, vertices_[v[2]].at};
     bool inside = true, meets = true;
-    if (core_ != nullptr)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const double low = std::min({p[0][k], p[1][k], p[2][k]}),
-                     high = std::max({p[0][k], p[1][k], p[2][k]});
-        const double from = core_->low[k] - origin_[k], to = core_->high[k] - origin_[k];
-        inside = inside && low >= from && high <= to;
-        meets = meets && low <= to && high >= from;
-      }
+    if (core_ != nullptr) {
+      const unsigned s = sides_[v[0]], t = sides_[v[1]], u = sides_[v[2]];
+      inside = (s | t | u) == 0;
+      meets = (s & t & u) == 0;
+    }
     if (!meets) {
       out_.fine.bound[f] = 0.0f;
       return;
     }
     State& state = state_[f];
+    const Double3 p[3] = {vertices_[v[0]].at, vertices_[v[1]].at, vertices_[v[2]].at};
     if (!(static_cast<double>(state.bound) <= limit_))
       state.bound = bound_by_near({p[0], p[1], p[2]}, state.met);
     if (!(static_cast<double>(state.bound) <= limit_)) return;
@@ -492,7 +493,9 @@ class Overlay {
   const Double3 origin_;
   const bool fine_too_;
   double largest_ = 0.0, rounding_ = 0.0, grown_ = 0.0, limit_ = 0.0;
+  double sure_area_ = 0.0;  ///< twice: above it no face is a sliver that rounding could turn
   std::vector<Vertex> vertices_;
+  std::vector<std::uint8_t> sides_;  ///< per fine vertex: of the core, beyond which it lies
   std::vector<Across> across_fine_, across_coarse_;
   std::vector<State> state_;
   std::vector<std::uint32_t> start_;  ///< per coarse vertex: a fine face there, or kNoFace
@@ -503,7 +506,8 @@ class Overlay {
   OverlayProof out_;
   // Of the coarse face at hand.
   std::uint32_t stamp_ = 0;
-  std::vector<Point> points_;
+  std::unique_ptr<Point[]> points_;  ///< room for all fine vertices, of which few are touched
+  std::uint32_t point_count_ = 0;
   std::vector<std::uint32_t> stack_;
   Double3 base_{}, ex_{}, ey_{}, normal_{};
   std::array<Flat, 3> corner_{};

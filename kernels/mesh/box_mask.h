@@ -5,11 +5,17 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "octree/lattice.h"
 
 namespace tessera {
+
+/// Per point the sides of a box that it lies beyond: bit k below along axis k, bit 3 + k above. The box of some points lies in
+/// it where none has a bit, and apart from it where all share one.
+[[nodiscard]] std::vector<std::uint8_t> beyond_sides(std::span<const Double3> points, const Double3& low,
+                                                     const Double3& high);
 
 class BoxMask {
  public:
@@ -25,19 +31,22 @@ class BoxMask {
       for (std::size_t y = r.from[1]; y <= r.to[1]; ++y) rows_[z * cells_ + y] |= r.along_x;
   }
   /// Whether a cell of the box is marked: true wherever the box meets a marked one.
-  [[nodiscard]] bool meets(const Double3& low, const Double3& high) const {
-    const Range r = range(low, high);
-    for (std::size_t z = r.from[2]; z <= r.to[2]; ++z)
-      for (std::size_t y = r.from[1]; y <= r.to[1]; ++y)
-        if (rows_[z * cells_ + y] & r.along_x) return true;
-    return false;
-  }
+  [[nodiscard]] bool meets(const Double3& low, const Double3& high) const { return meets(range(low, high)); }
+  /// Numbers of the faces whose box meets a marked cell, ascending: asked for all at once a point is placed only once.
+  [[nodiscard]] std::vector<std::uint32_t> faces_that_meet(
+      std::span<const Double3> points, std::span<const std::array<std::uint32_t, 3>> faces) const;
 
  private:
   struct Range {
     std::array<std::size_t, 3> from, to;  ///< both inclusive
     std::uint64_t along_x;                ///< a bit for each cell
   };
+  [[nodiscard]] bool meets(const Range& r) const {
+    for (std::size_t z = r.from[2]; z <= r.to[2]; ++z)
+      for (std::size_t y = r.from[1]; y <= r.to[1]; ++y)
+        if (rows_[z * cells_ + y] & r.along_x) return true;
+    return false;
+  }
   Range range(const Double3& low, const Double3& high) const {
     Range r;
     const double last = static_cast<double>(cells_) - 0.5;
@@ -45,8 +54,11 @@ class BoxMask {
       r.from[k] = static_cast<std::size_t>(std::clamp((low[k] - low_[k]) * per_cell_[k], 0.0, last));
       r.to[k] = static_cast<std::size_t>(std::clamp((high[k] - low_[k]) * per_cell_[k], 0.0, last));
     }
-    r.along_x = ~std::uint64_t{0} >> (63 - r.to[0]) & ~std::uint64_t{0} << r.from[0];
+    r.along_x = bits(r.from[0], r.to[0]);
     return r;
+  }
+  static std::uint64_t bits(std::size_t from, std::size_t to) {
+    return ~std::uint64_t{0} >> (63 - to) & ~std::uint64_t{0} << from;
   }
 
   Double3 low_{}, per_cell_{};

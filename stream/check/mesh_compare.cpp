@@ -28,19 +28,21 @@ namespace {
 constexpr double kWholeTightness = 1.05;
 
 /// Points of a cell at which distances are measured for the mean. One cell alone tells it to about a hundredth; where
-/// there are many they do so together.
-constexpr std::size_t kMaxSamples = 1u << 14, kMinSamples = 1u << 8;
-constexpr std::uint64_t kFacesAtMost = 1u << 16;  ///< of the reference: up to here a cell gets the most
+/// there are many they do so together, some twenty thousand to half a percent.
+constexpr std::size_t kMaxSamples = 1u << 14, kMinSamples = 1u << 6;
+constexpr std::uint64_t kFacesAtMost = 1u << 15;  ///< of the reference: up to here a cell gets the most
 
 /// Where the surface ends, as segments.
 std::vector<std::array<std::uint32_t, 3>> border_segments(const MeshBlock& block) {
   std::vector<std::array<std::uint32_t, 3>> segments;
-  for (std::size_t f = 0; f < block.faces.size(); ++f)
+  for (std::size_t f = 0; f < block.faces.size(); ++f) {
+    if ((block.face_flags[f] & 7) == 0) continue;  // as nearly all
     for (std::size_t c = 0; c < 3; ++c)
       if (block.face_flags[f] >> c & 1) {
         const std::uint32_t end = block.faces[f][(c + 1) % 3];
         segments.push_back({block.faces[f][c], end, end});
       }
+  }
   return segments;
 }
 

@@ -4,9 +4,12 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <numeric>
+#include <span>
 #include <string>
 
+#include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/files/packed_file.h"
@@ -46,15 +49,7 @@ void include(MeshBox& box, const MeshBox& other) {
 
 /// Per face: 1 where its box meets this one. A box lies apart from another when all corners are beyond one side.
 std::vector<std::uint8_t> faces_that_meet(const MeshBlock& block, const MeshBox& box) {
-  std::vector<std::uint8_t> beyond(block.position.size());
-  for (std::size_t v = 0; v < beyond.size(); ++v) {
-    unsigned bits = 0;
-    for (std::size_t a = 0; a < 3; ++a) {
-      bits |= static_cast<unsigned>(block.position[v][a] < box.low[a]) << a;
-      bits |= static_cast<unsigned>(block.position[v][a] > box.high[a]) << (a + 3);
-    }
-    beyond[v] = static_cast<std::uint8_t>(bits);
-  }
+  const std::vector<std::uint8_t> beyond = beyond_sides(block.position, box.low, box.high);
   std::vector<std::uint8_t> meets(block.faces.size());
   for (std::size_t f = 0; f < meets.size(); ++f) {
     const auto& c = block.faces[f];
@@ -218,11 +213,13 @@ struct MeshStore::Impl {
     return {info, e.vertices, e.faces, (e.content & kPatchBounds) != 0};
   }
 
-  /// Both sections, checked.
-  void read_sections(std::size_t patch, std::vector<char>& data) const {
+  std::size_t section_bytes(std::size_t patch) const {
+    return std::size_t{patches[patch].vertex_bytes} + patches[patch].face_bytes;
+  }
+  /// Both sections, checked. \param data  section_bytes()
+  void read_sections(std::size_t patch, char* data) const {
     const MeshPatchEntry& e = patches[patch];
-    data.resize(std::size_t{e.vertex_bytes} + e.face_bytes);
-    const auto all = buffer_of(data);
+    const auto all = std::as_writable_bytes(std::span(data, section_bytes(patch)));
     files[e.file].read({e.offset, e.vertex_bytes, e.vertex_hash}, {all.first(e.vertex_bytes)});
     files[e.file].read({e.offset + e.vertex_bytes, e.face_bytes, e.face_hash}, {all.subspan(e.vertex_bytes)});
   }
@@ -230,11 +227,11 @@ struct MeshStore::Impl {
   MeshBlock read(std::size_t patch) const {
     const MeshPatchEntry& e = patches[patch];
     const StoreLayout layout = this->layout(e);
-    std::vector<char> data;
-    read_sections(patch, data);
+    const auto data = std::make_unique_for_overwrite<char[]>(section_bytes(patch));
+    read_sections(patch, data.get());
     if (e.content & kPatchCompact) {
       MeshBlock block;
-      const std::span<const char> all(data);
+      const std::span<const char> all(data.get(), section_bytes(patch));
       if (!decode_vertices(all.first(e.vertex_bytes), e.vertices, info, block) ||
           !decode_faces(all.subspan(e.vertex_bytes), e.faces, (e.content & kPatchBounds) != 0, block))
         files[e.file].damaged(e.offset, "a compact patch does not decode");
@@ -242,7 +239,7 @@ struct MeshStore::Impl {
     }
     if (layout.vertices() != e.vertex_bytes || layout.faces() != e.face_bytes)
       files[e.file].damaged(e.offset, "a mesh patch has another size than it must");
-    const char* from = data.data();
+    const char* from = data.get();
     const std::size_t n = e.vertices;
     const std::size_t m = e.faces;
     MeshBlock block;
@@ -329,7 +326,8 @@ void MeshFileWriter::add_moved(const MeshStore& store, std::size_t patch,
   const MeshStore::Impl& from = *store.impl_;
   MeshPatchEntry e = from.patches[patch];
   const StoreLayout layout = from.layout(e);
-  from.read_sections(patch, self.buffer);
+  self.buffer.resize(from.section_bytes(patch));
+  from.read_sections(patch, self.buffer.data());
   put_positions(positions, e, self.buffer.data() + layout.key);
   e.file = 0;
   self.add_section(e);
