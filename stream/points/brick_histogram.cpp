@@ -14,6 +14,8 @@ constexpr PackedKind kCountKind = {"TSCOUNT1", "a file of brick counts"};
 // Two bricks of the lattice stay empty around the data: the origin lies one below, halo bricks exist above.
 constexpr std::int64_t kMaxBricksPerAxis = (std::int64_t{1} << (kMaxCellBits - kBrickBits)) - 2;
 
+constexpr std::size_t kFirstSlots = 256;
+
 std::uint64_t brick_hash(const BrickCoord& b) {
   std::uint64_t v = static_cast<std::uint64_t>(b[0]) * 0x9e3779b97f4a7c15ULL;
   v ^= static_cast<std::uint64_t>(b[1]) * 0xc2b2ae3d27d4eb4fULL;
@@ -43,25 +45,38 @@ void combine(std::vector<BrickCount>& counts) {
 
 BrickCounter::BrickCounter(const std::filesystem::path& file, std::size_t capacity)
     : file_(file, kCountKind, std::size_t{256} << 10), capacity_(capacity) {
-  std::size_t slots = 1024;
-  while (slots < 2 * capacity) slots *= 2;
-  slots_.resize(slots);
+  slots_.resize(kFirstSlots);
   last_.fill(std::numeric_limits<std::int64_t>::min());
 }
 
-void BrickCounter::find(const BrickCoord& brick) {
+std::size_t BrickCounter::slot_of(const BrickCoord& brick) const {
   std::size_t at = brick_hash(brick) & (slots_.size() - 1);
   while (slots_[at].points != 0 && slots_[at].brick != brick) at = (at + 1) & (slots_.size() - 1);
+  return at;
+}
+
+void BrickCounter::find(const BrickCoord& brick) {
+  std::size_t at = slot_of(brick);
   if (slots_[at].points == 0) {
     if (used_ == capacity_) {
       spill();
-      at = brick_hash(brick) & (slots_.size() - 1);
+      at = slot_of(brick);
+    } else if (2 * used_ >= slots_.size()) {
+      grow();
+      at = slot_of(brick);
     }
     slots_[at] = {brick, 0, {}};
     ++used_;
   }
   last_ = brick;
   last_slot_ = at;
+}
+
+void BrickCounter::grow() {
+  std::vector<BrickCount> before(2 * slots_.size());
+  before.swap(slots_);
+  for (const BrickCount& count : before)
+    if (count.points != 0) slots_[slot_of(count.brick)] = count;
 }
 
 void BrickCounter::spill() {

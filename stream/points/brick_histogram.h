@@ -41,13 +41,15 @@ class BrickCounter {
 
  private:
   void find(const BrickCoord& brick);
+  std::size_t slot_of(const BrickCoord& brick) const;  ///< its own, or a free one
+  void grow();
   void spill();
 
   PackedWriter file_;
   std::vector<Section> runs_;
   std::size_t capacity_;
   std::size_t used_ = 0;
-  std::vector<BrickCount> slots_;  ///< open addressing, points == 0 = free
+  std::vector<BrickCount> slots_;  ///< open addressing, points == 0 = free; half of them at most are used
   BrickCoord last_;
   std::size_t last_slot_ = 0;
 };

@@ -16,8 +16,6 @@
 namespace tessera {
 namespace {
 
-constexpr int kAroundBits = 2;  ///< cells an axis that share a class
-
 constexpr PackedKind kNormalSampleKind = {"TSNSAMP2", "a sample of normals"};
 
 std::uint64_t bits_of_double(double v) {
@@ -26,32 +24,64 @@ std::uint64_t bits_of_double(double v) {
 
 }  // namespace
 
-void NormalSampler::enter(const CellSampler::CellIndex& cell) {
+std::uint64_t NormalSampler::add(const std::array<std::span<const double>, 3>& p,
+                                 const std::array<std::span<const float>, 3>& n) {
   static_assert(kCell == 3.0 * kQuantaPerCell);
-  constexpr int kClassShift = 64 - CellSampler::kClassBits;
-  last_cell_ = cell;
-  CellSampler::CellIndex around = cell;
-  for (std::int64_t& c : around) c >>= kAroundBits;
-  if (around != last_around_ || entries_.empty()) {
-    last_around_ = around;
-    last_class_ = CellSampler::class_of(CellSampler::hash_of(around));
+  constexpr std::size_t kMost = RotatedPoints::kMost;
+  RotatedPoints rotated;
+  std::uint64_t sum = 0;
+  for (std::size_t first = 0; first < p[0].size(); first += kMost) {
+    const std::size_t size = std::min(kMost, p[0].size() - first);
+    rotated.take(p[0].subspan(first, size), p[1].subspan(first, size), p[2].subspan(first, size));
+    rotated.find_cells(1.0 / kCell);
+    rotated.hash_wider();  // cells of these share a class
+    for (std::size_t i = 0; i < size; ++i) {
+      const Float3 normal = {n[0][first + i], n[1][first + i], n[2][first + i]};
+      const float length = std::fabs(normal[0]) + std::fabs(normal[1]) + std::fabs(normal[2]);
+      if (!(length > 0.0f && length - length == 0.0f)) continue;
+      ++sum;
+      const std::uint64_t of_class = CellSampler::class_of(rotated.wider_hash[i]);
+      if (of_class > CellSampler::class_of(threshold_)) continue;
+      const auto cell = cell_of({rotated.p[0][i], rotated.p[1][i], rotated.p[2][i]}, 1.0 / kCell);
+      if (cell != cell_) {
+        constexpr int kClassShift = 64 - CellSampler::kClassBits;
+        cell_ = cell;
+        hash_ = of_class << kClassShift | CellSampler::hash_of(cell) >> CellSampler::kClassBits;
+      }
+      if (hash_ <= threshold_) push({p[0][first + i], p[1][first + i], p[2][first + i]}, normal);
+    }
   }
-  last_hash_ = last_class_ > CellSampler::class_of(threshold_)
-                   ? ~std::uint64_t{0}
-                   : last_class_ << kClassShift | CellSampler::hash_of(cell) >> CellSampler::kClassBits;
+  return sum;
 }
 
 void NormalSampler::push(const Double3& p, const Float3& n) {
   if (entries_.empty()) entries_.reserve(2 * kLimit);
-  entries_.push_back({last_hash_,
+  entries_.push_back({hash_,
                       mix(bits_of_double(p[0]) ^ mix(bits_of_double(p[1]) ^ mix(bits_of_double(p[2])))), p,
                       unit(n), 0});
   if (entries_.size() >= 2 * kLimit) shrink();
 }
 
 void NormalSampler::shrink() {
+  // Hashes are spread evenly: where the limit is reached is told by counts, never too early, as a bucket has a cell or more.
+  constexpr int kBucketBits = 12;
+  const int shift = std::max(0, static_cast<int>(std::bit_width(threshold_)) - kBucketBits);
+  std::vector<std::size_t> buckets((threshold_ >> shift) + 1);
+  for (const Entry& e : entries_)
+    if (e.cell <= threshold_) ++buckets[e.cell >> shift];
+  std::size_t sum = 0;
+  for (std::size_t b = 0; b + 1 < buckets.size() && sum <= kLimit; ++b) {
+    sum += std::min(buckets[b], kOfCell);
+    if (sum > kLimit) threshold_ = ((b + std::uint64_t{1}) << shift) - 1;
+  }
+  std::erase_if(entries_, [&](const Entry& e) { return e.cell > threshold_; });
+  if (entries_.size() > kLimit + kLimit / 2) sort();
+}
+
+void NormalSampler::sort() {
   const auto less = [](const Entry& a, const Entry& b) {
-    return std::tie(a.cell, a.point, a.p, a.n) < std::tie(b.cell, b.point, b.p, b.n);
+    if (a.cell != b.cell) return a.cell < b.cell;
+    return std::tie(a.point, a.p, a.n) < std::tie(b.point, b.p, b.n);
   };
   // What stays is among the first, but where cells hold many.
   std::size_t sorted = std::min(entries_.size(), kLimit + kLimit / 4);
@@ -82,7 +112,7 @@ void NormalSampler::shrink() {
 }
 
 NormalAgreement NormalSampler::measure() {
-  shrink();
+  sort();
   NormalAgreement sum;
   std::vector<NormalSample> cell;
   for (std::size_t i = 0; i < entries_.size(); ++i) {
@@ -96,7 +126,7 @@ NormalAgreement NormalSampler::measure() {
 }
 
 std::uint64_t NormalSampler::save(const std::filesystem::path& file) {
-  shrink();
+  if (entries_.size() > kLimit) shrink();
   PackedWriter out(file, kNormalSampleKind, std::size_t{1} << 20);
   std::vector<std::uint64_t> threshold = {threshold_};
   const std::vector<Section> table = {out.append(bytes_of(threshold)), out.append(bytes_of(entries_))};

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
+#include <span>
 #include <vector>
 
 #include "kernels/points/normal_agreement.h"
@@ -22,13 +24,9 @@ class NormalSampler {
   /// \param points  as in LayeredSampler
   explicit NormalSampler(std::uint64_t points = 0)
       : threshold_(CellSampler::threshold_of(max_sampled_share(kLimit, points))) {}
-  /// \param p  in quanta   \param n  not zero, finite
-  void add(const Double3& p, const Float3& n) {
-    const CellSampler::CellIndex cell = cell_of(LayeredSampler::rotate(p), 1.0 / kCell);
-    if (cell != last_cell_ || entries_.empty()) enter(cell);
-    if (last_hash_ > threshold_) return;
-    push(p, n);
-  }
+  /// Of points in quanta those whose normal is finite and not zero. \param p, n  an axis each   \return how many these are
+  std::uint64_t add(const std::array<std::span<const double>, 3>& p,
+                    const std::array<std::span<const float>, 3>& n);
   /// Of all that was added and merged. The sampler is spent.
   NormalAgreement measure();
 
@@ -47,13 +45,13 @@ class NormalSampler {
     Float3 n{};
     std::uint32_t unused = 0;  ///< no byte of the file is left to chance
   };
-  void enter(const CellSampler::CellIndex& cell);
   void push(const Double3& p, const Float3& n);
-  void shrink();
+  void shrink();  ///< to one and a half times the limit at most
+  void sort();    ///< to the sample itself, by cell
 
-  CellSampler::CellIndex last_cell_{}, last_around_{};
-  std::uint64_t last_class_ = 0;  ///< of the cells around
-  std::uint64_t last_hash_ = ~std::uint64_t{0};
+  static constexpr std::int64_t kNoCell = std::numeric_limits<std::int64_t>::min();
+  CellSampler::CellIndex cell_ = {kNoCell, kNoCell, kNoCell};  ///< that the last point lay in
+  std::uint64_t hash_ = 0;                                     ///< its
   std::uint64_t threshold_;
   std::vector<Entry> entries_;
 };

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <span>
 #include <unordered_set>
 #include <vector>
 
@@ -33,10 +34,13 @@ class PointSampler {
  public:
   explicit PointSampler(std::size_t limit) : limit_(limit) {}
   void add(const Double3& p);
+  /// The same of many, an axis each.
+  void add(std::span<const double> x, std::span<const double> y, std::span<const double> z);
   /// By hash, no position twice. The sampler is spent.
   std::vector<Double3> take();
 
  private:
+  void add(std::uint64_t hash, const Double3& p);
   void shrink();
   std::size_t limit_;
   std::uint64_t threshold_ = ~std::uint64_t{0};
@@ -73,8 +77,10 @@ class CellSampler {
     }
     add(p, last_hash_);
   }
+  /// Whether points of a cell of this hash are kept, as far as is known.
+  bool samples(std::uint64_t hash) const { return hash <= threshold_; }
   void add(const Double3& p, std::uint64_t hash) {
-    if (hash > threshold_) return;
+    if (!samples(hash)) return;
     points_.push_back({hash, p});
     if (points_.size() >= 2 * limit_) shrink();
   }
@@ -98,7 +104,7 @@ class CellSampler {
   Saved save(PackedWriter& out);
   /// Adds what another sampler of the same size and limit saved.
   void merge(const PackedFile& in, const Saved& saved);
-  /// Memory of a sampler; merging takes half as much again, taking the cells another third.
+  /// Memory of a sampler, within what its limit allows; merging and taking the cells take half as much again.
   static std::uint64_t bytes(std::size_t limit) { return 2 * limit * sizeof(HashedPoint); }
 
  private:
@@ -130,25 +136,13 @@ class LayeredSampler {
   /// \param points  of the whole stream, 0 where that is not known: cells that are most likely of no use are then passed
   /// over from the beginning, in all layers but the first, whose cells are mostly too crowded to count
   LayeredSampler(double coarsest, const Limits& limits, std::uint64_t points);
-  /// \pre coordinates below 2^50 cells of the first layer
-  void add(const Double3& p) {
-    const Double3 rotated = rotate(p);
-    // Powers of two lie between the sizes: cells of one lie in those of the other to the last bit.
-    const CellSampler::CellIndex around = cell_of(rotated, per_second_);
-    if (around != around_) enter(around);
-    layers_[0].add(rotated, coarsest_hash_);
-    layers_[1].add(rotated, around_hash_);
-    const std::uint64_t of_class = CellSampler::class_of(around_hash_);
-    if (of_class > last_class_) return;
-    CellSampler::CellIndex cell = cell_of(rotated, per_finest_);
-    for (std::size_t k = kLayers; k-- > 2;) {
-      layers_[k].add(rotated, cell, of_class);
-      for (std::int64_t& c : cell) c >>= kRatioBits;
-    }
-  }
+  /// \pre coordinates below 2^50 cells of the second layer
+  void add(const Double3& p) { add({&p[0], 1}, {&p[1], 1}, {&p[2], 1}); }
+  /// The same of many, an axis each.
+  void add(std::span<const double> x, std::span<const double> y, std::span<const double> z);
   void save(const std::filesystem::path& file);
-  /// Adds what another sampler of the same sizes and limits saved.
-  void merge(const std::filesystem::path& file);
+  /// Adds what other samplers of the same sizes and limits saved, on the threads of the enclosing WorkerPool.
+  void merge(std::span<const std::filesystem::path> files);
   std::vector<CellSampler>& layers() { return layers_; }
   /// The rotation of the quaternion (1, 2, 3, 5): every axis has a part of every other.
   static Double3 rotate(const Double3& p) {
@@ -164,13 +158,32 @@ class LayeredSampler {
   }
 
  private:
-  void enter(CellSampler::CellIndex around);
+  void add_to_finer(const Double3& p, std::uint64_t of_class);
   std::vector<CellSampler> layers_;  ///< coarsest first
   double per_second_, per_finest_;   ///< cells a unit
-  // Of the cell of the second layer that the last point lay in.
-  CellSampler::CellIndex around_{};
-  std::uint64_t around_hash_ = 0, coarsest_hash_ = 0;
-  std::uint64_t last_class_ = 0;  ///< of which finer layers take cells, at most
+};
+
+/// Some points at a time in the turned frame, an axis each, so that lanes of vectors hold them.
+class RotatedPoints {
+ public:
+  static constexpr std::size_t kMost = 256;
+  using Axes = std::array<std::array<double, kMost>, 3>;
+  using Hashes = std::array<std::uint64_t, kMost>;
+  /// \pre kMost at most
+  void take(std::span<const double> x, std::span<const double> y, std::span<const double> z);
+  /// Looks up the cells of a lattice through zero that they lie in. \pre below 2^51   \param per_unit  cells a unit
+  void find_cells(double per_unit);
+  /// CellSampler::hash_of these.
+  void hash_cells();
+  /// The same of those of four times their edge.
+  void hash_wider();
+  // All but as many as were taken mean nothing.
+  Axes p{};
+  Hashes cell_hash{}, wider_hash{};
+
+ private:
+  Axes from_{};
+  std::array<std::array<std::uint64_t, kMost>, 3> cells_{};  ///< bits of signed integers
 };
 
 }  // namespace tessera

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <span>
 #include <string>
 
 #include "kernels/points/spacing.h"
@@ -39,8 +40,18 @@ std::string cells_file(std::size_t task) {
   return "spacing/" + task_file_stem(task) + ".cells";
 }
 
-bool finite(const PointChunk& c, std::size_t i) {
-  return std::isfinite(c.x[i]) && std::isfinite(c.y[i]) && std::isfinite(c.z[i]);
+/// Axes of the points of a chunk that lie within `far` of zero along each, in `scratch` where some do not.
+std::array<std::span<const double>, 3> points_within(double far, const PointChunk& c, PointChunk& scratch) {
+  const auto within = [&](std::size_t i) {
+    return (std::fabs(c.x[i]) <= far) & (std::fabs(c.y[i]) <= far) & (std::fabs(c.z[i]) <= far);
+  };
+  std::size_t good = 0;
+  for (std::size_t i = 0; i < c.size(); ++i) good += within(i) ? 1 : 0;
+  if (good == c.size()) return {c.x, c.y, c.z};
+  scratch.clear();
+  for (std::size_t i = 0; i < c.size(); ++i)
+    if (within(i)) scratch.x.push_back(c.x[i]), scratch.y.push_back(c.y[i]), scratch.z.push_back(c.z[i]);
+  return {scratch.x, scratch.y, scratch.z};
 }
 
 void save_json(const std::filesystem::path& path, const Json& j) {
@@ -129,12 +140,12 @@ class ProbeStage : public MeasuringStage {
   Json run(std::size_t task, TaskContext& context) const override {
     PointSampler sampler(kProbePoints);
     std::uint64_t points = 0;
+    PointChunk scratch;
+    constexpr double kFinite = std::numeric_limits<double>::max();
     const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
-      for (std::size_t i = 0; i < chunk.size(); ++i) {
-        if (!finite(chunk, i)) continue;
-        sampler.add({chunk.x[i], chunk.y[i], chunk.z[i]});
-        ++points;
-      }
+      const auto [x, y, z] = points_within(kFinite, chunk, scratch);
+      sampler.add(x, y, z);
+      points += x.size();
     });
     const std::vector<Double3> sample = sampler.take();
     DirectFile out(context.create(probe_file(task)), std::size_t{256} << 10);
@@ -227,14 +238,11 @@ class SpacingStage : public MeasuringStage {
 
   Json run(std::size_t task, TaskContext& context) const override {
     LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints, probe_.at("points").get<std::uint64_t>());
-    const double far = 1e15 * cell();
+    PointChunk scratch;
+    const double far = std::min(1e15 * cell(), std::numeric_limits<double>::max());
     inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
-      for (std::size_t i = 0; i < chunk.size(); ++i) {
-        if (!finite(chunk, i)) continue;
-        if (std::fabs(chunk.x[i]) > far || std::fabs(chunk.y[i]) > far || std::fabs(chunk.z[i]) > far)
-          continue;
-        sampler.add({chunk.x[i], chunk.y[i], chunk.z[i]});
-      }
+      const auto [x, y, z] = points_within(far, chunk, scratch);
+      sampler.add(x, y, z);
     });
     const auto path = context.create(cells_file(task));
     sampler.save(path);
@@ -245,7 +253,9 @@ class SpacingStage : public MeasuringStage {
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     if (!needed()) return {{"skipped", "the resolution is given"}};
     LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints, probe_.at("points").get<std::uint64_t>());
-    for (std::size_t k = 0; k < summaries.size(); ++k) sampler.merge(job_.work / cells_file(k));
+    std::vector<std::filesystem::path> files;
+    for (std::size_t k = 0; k < summaries.size(); ++k) files.push_back(job_.work / cells_file(k));
+    sampler.merge(files);
     SampledLayers layers(sampler);
     const std::vector<SpacingProbe> probes = layers.probes();
     SpacingSummary s = summarise_spacing(probes, {});

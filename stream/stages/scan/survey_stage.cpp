@@ -88,17 +88,6 @@ void add_json(const Json& j, Tally& t) {
   t.warnings.insert(t.warnings.end(), part.warnings.begin(), part.warnings.end());
 }
 
-std::uint64_t count_normals(const PointChunk& chunk, const ChunkQuanta& quanta, NormalSampler& sampler) {
-  std::uint64_t sum = 0;
-  for (std::size_t i = 0; i < chunk.nx.size(); ++i) {
-    const float size = std::fabs(chunk.nx[i]) + std::fabs(chunk.ny[i]) + std::fabs(chunk.nz[i]);
-    if (quanta.disposition[i] != PointClass::kGood || !(size > 0.0f && size - size == 0.0f)) continue;
-    sampler.add({quanta.x[i], quanta.y[i], quanta.z[i]}, {chunk.nx[i], chunk.ny[i], chunk.nz[i]});
-    ++sum;
-  }
-  return sum;
-}
-
 void count_returns(const PointChunk& chunk, const std::vector<PointClass>& disposition, Tally& tally) {
   for (std::size_t i = 0; i < chunk.echo.size(); ++i) {
     if (disposition[i] != PointClass::kGood) continue;
@@ -166,26 +155,27 @@ Json SurveyStage::run(std::size_t task, TaskContext& context) const {
   LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints, probed_);
   NormalSampler normals(probed_);
   ChunkQuanta quanta;
+  GoodPoints good;
   Tally tally;
   const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
     quanta.compute(chunk, h_);
-    for (std::size_t i = 0; i < chunk.size(); ++i) {
-      if (quanta.disposition[i] != PointClass::kGood) {
-        ++(quanta.disposition[i] == PointClass::kNonFinite ? tally.dispositions.non_finite
-                                                           : tally.dispositions.absurd);
-        continue;
+    good.choose(chunk, quanta);
+    if (good.size() < chunk.size())
+      for (const PointClass c : quanta.disposition) {
+        tally.dispositions.non_finite += c == PointClass::kNonFinite ? 1 : 0;
+        tally.dispositions.absurd += c == PointClass::kTooFar ? 1 : 0;
       }
-      counter.add({static_cast<std::int64_t>(std::floor(quanta.x[i] / kQuantaPerBlock)),
-                   static_cast<std::int64_t>(std::floor(quanta.y[i] / kQuantaPerBlock)),
-                   static_cast<std::int64_t>(std::floor(quanta.z[i] / kQuantaPerBlock))});
-      const Double3 p = {quanta.x[i], quanta.y[i], quanta.z[i]};
-      sampler.add(p);
-      for (std::size_t a = 0; a < 3; ++a) {
-        tally.min[a] = std::min(tally.min[a], p[a]);
-        tally.max[a] = std::max(tally.max[a], p[a]);
+    for (std::size_t i = 0; i < good.size(); ++i)
+      counter.add({static_cast<std::int64_t>(std::floor(good.p[0][i] / kQuantaPerBlock)),
+                   static_cast<std::int64_t>(std::floor(good.p[1][i] / kQuantaPerBlock)),
+                   static_cast<std::int64_t>(std::floor(good.p[2][i] / kQuantaPerBlock))});
+    sampler.add(good.p[0], good.p[1], good.p[2]);
+    for (std::size_t a = 0; a < 3; ++a)
+      for (const double v : good.p[a]) {
+        tally.min[a] = std::min(tally.min[a], v);
+        tally.max[a] = std::max(tally.max[a], v);
       }
-    }
-    tally.with_normal += count_normals(chunk, quanta, normals);
+    if (!good.n[0].empty()) tally.with_normal += normals.add(good.p, good.n);
     count_returns(chunk, quanta.disposition, tally);
     tally.intensities.add(chunk);
     for (const std::uint32_t rgba : chunk.rgba)  // alpha 0 tells no colour
@@ -211,7 +201,9 @@ Json SurveyStage::run(std::size_t task, TaskContext& context) const {
 PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
                                  const std::vector<BrickCount>& counts, Plan& plan) const {
   LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints, probed_);
-  for (std::size_t k = 0; k < tasks; ++k) sampler.merge(job_.work / sample_file(k));
+  std::vector<std::filesystem::path> files;
+  for (std::size_t k = 0; k < tasks; ++k) files.push_back(job_.work / sample_file(k));
+  sampler.merge(files);
   const SampledLayers layers(sampler);
   // A surface of area A crosses about 1.5 A / e^2 cells of edge e and becomes about 3 A / h^2 triangles.
   plan.faces_estimate =

@@ -1,6 +1,7 @@
 #include "stream/points/point_sample.h"
 
 #include <algorithm>
+#include <array>
 
 #include <catch2/catch.hpp>
 
@@ -96,7 +97,8 @@ TEST_CASE("point sample: parts of a stream merge to the sample of the whole", "[
     LayeredSampler part(kCoarsest, kLimits, told);
     for (std::size_t i = k; i < points.size(); i += parts) part.add(points[i]);
     part.save(folder / "part");
-    merged.merge(folder / "part");
+    const std::vector<std::filesystem::path> saved = {folder / "part"};
+    merged.merge(saved);
   }
   CHECK(spend(merged) == whole);
 }
@@ -138,7 +140,8 @@ TEST_CASE("point sample: crowded cells count the same in every order", "[propert
     LayeredSampler part(kCoarsest, kLimits, 0);
     for (std::size_t i = k * points.size() / 5; i < (k + 1) * points.size() / 5; ++i) part.add(points[i]);
     part.save(folder / "part");
-    merged.merge(folder / "part");
+    const std::vector<std::filesystem::path> saved = {folder / "part"};
+    merged.merge(saved);
   }
   CHECK(spend(merged) == forward);
 }
@@ -171,14 +174,90 @@ TEST_CASE("point sample: the points with the smallest hashes, each position once
   CHECK(take(std::span(points).first(40), 90).size() == 40);
 }
 
+TEST_CASE("rotated points: many at a time lie in the cells that each lies in alone", "[unit]") {
+  test::Random random(3);
+  RotatedPoints rotated;
+  std::array<std::vector<double>, 3> p;
+  // On and beside the walls of cells, on both sides of zero, and as far away as is allowed.
+  for (std::size_t i = 0; i < RotatedPoints::kMost; ++i)
+    for (auto& axis : p) {
+      const double far = i % 3 == 0 ? 1e15 : i % 3 == 1 ? 1000.0 : 2.0;
+      axis.push_back(i < 8 ? -39.0 * static_cast<double>(i) : random.in(-far, far));
+    }
+  rotated.take(p[0], p[1], p[2]);
+  for (const double per_unit : {1.0, 0.25, 1.0 / 3072.0}) {
+    rotated.find_cells(per_unit);
+    rotated.hash_cells();
+    rotated.hash_wider();
+    for (std::size_t i = 0; i < RotatedPoints::kMost; ++i) {
+      const Double3 turned = LayeredSampler::rotate({p[0][i], p[1][i], p[2][i]});
+      CAPTURE(i, per_unit);
+      REQUIRE(Double3{rotated.p[0][i], rotated.p[1][i], rotated.p[2][i]} == turned);
+      CellSampler::CellIndex cell = cell_of(turned, per_unit);
+      REQUIRE(rotated.cell_hash[i] == CellSampler::hash_of(cell));
+      for (std::int64_t& c : cell) c >>= 2;
+      REQUIRE(rotated.wider_hash[i] == CellSampler::hash_of(cell));
+    }
+  }
+}
+
+TEST_CASE("normal sample: crowded cells and parts of a stream change nothing", "[property]") {
+  // More points than a sample holds, most of them in a few cells.
+  std::vector<Double3> points = sheet(250);
+  test::Random random(5);
+  for (int k = 0; k < 60000; ++k) points.push_back({30 * (k % 7) + random.unit(), random.unit(), 0.0});
+  const auto add = [&](NormalSampler& sampler, std::size_t first, std::size_t step) {
+    std::array<std::vector<double>, 3> p;
+    std::array<std::vector<float>, 3> n;
+    for (std::size_t i = first; i < points.size(); i += step) {
+      for (std::size_t a = 0; a < 3; ++a) p[a].push_back(points[i][a] * 1000), n[a].push_back(0.0f);
+      n[2].back() = i % 8 == 0 ? -1.0f : 1.0f;
+    }
+    sampler.add({p[0], p[1], p[2]}, {n[0], n[1], n[2]});
+  };
+  NormalSampler whole, merged;
+  add(whole, 0, 1);
+  const test::TempFolder folder;
+  for (std::size_t k = 0; k < 5; ++k) {
+    NormalSampler part;
+    add(part, 4 - k, 5);
+    part.save(folder / "part");
+    merged.merge(folder / "part");
+  }
+  const NormalAgreement a = whole.measure(), b = merged.measure();
+  CHECK(a.cells > 1000);
+  CHECK(a.cells == b.cells);
+  CHECK(a.pairs == b.pairs);
+  CHECK(a.against == b.against);
+}
+
+TEST_CASE("point sample: many at a time are the same as one by one", "[unit]") {
+  const std::vector<Double3> points = sheet(60);
+  std::array<std::vector<double>, 3> axes;
+  for (const Double3& p : points)
+    for (std::size_t a = 0; a < 3; ++a) axes[a].push_back(p[a]);
+  PointSampler one(500), many(500);
+  for (const Double3& p : points) one.add(p);
+  many.add(axes[0], axes[1], axes[2]);
+  CHECK(one.take() == many.take());
+  LayeredSampler together(kCoarsest, kLimits, 0);
+  together.add(axes[0], axes[1], axes[2]);
+  CHECK(spend(together) == sample(points, 0));
+}
+
 TEST_CASE("normal sample: the same agreement whether the number of points is known or not", "[unit]") {
   const std::vector<Double3> points =
       sheet(400);  // quanta are as long as it takes: cells of 3 h hold ten points
   const auto measure = [&](std::uint64_t told) {
     NormalSampler sampler(told);
-    std::size_t i = 0;
-    for (const Double3& p : points)
-      sampler.add({p[0] * 1000, p[1] * 1000, p[2] * 1000}, {0, 0, ++i % 8 == 0 ? -1.0f : 1.0f});
+    std::array<std::vector<double>, 3> p;
+    for (const Double3& at : points)
+      for (std::size_t a = 0; a < 3; ++a) p[a].push_back(at[a] * 1000);
+    const std::vector<float> level(points.size(), 0.0f);
+    std::vector<float> up(points.size(), 1.0f);
+    for (std::size_t i = 7; i < up.size(); i += 8) up[i] = -1.0f;
+    CHECK(sampler.add({p[0], p[1], p[2]}, {level, level, up}) == points.size());
+    CHECK(sampler.add({p[0], p[1], p[2]}, {level, level, level}) == 0);
     return sampler.measure();
   };
   const NormalAgreement all = measure(0), known = measure(points.size());

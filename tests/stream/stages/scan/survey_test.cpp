@@ -463,6 +463,17 @@ TEST_CASE("brick counter: spilled runs add up", "[unit]") {
   CHECK_THROWS_AS(merge_brick_counts({folder.path() / "counts"}, 500), ResourceError);
 }
 
+TEST_CASE("brick counter: a table that grows loses nothing", "[unit]") {
+  const TempFolder folder;
+  BrickCounter counter(folder.path() / "counts", 5000);
+  for (int round = 0; round < 2; ++round)
+    for (std::int64_t i = 0; i < 4000; ++i) counter.add({8 * (i % 63), 8 * (i / 63), 0});
+  counter.finish();
+  const auto all = merge_brick_counts({folder.path() / "counts"}, 10000);
+  CHECK(all.size() == 4000);
+  CHECK(std::all_of(all.begin(), all.end(), [](const BrickCount& b) { return b.points == 2; }));
+}
+
 TEST_CASE("robust window: keeps a far part of the scan, drops a far speck", "[unit]") {
   std::vector<BrickCount> bricks;
   for (std::int64_t i = 0; i < 10; ++i) bricks.push_back({{i, 0, 0}, 1000});
