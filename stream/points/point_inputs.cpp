@@ -20,8 +20,11 @@
 namespace tessera {
 namespace {
 
-// Tasks for sixteen cores from 256 MiB on; half of it costs a hundredth more of the whole job, in samples of every task.
+// Half of it costs a hundredth more of the whole job, in samples of every task.
 constexpr std::uint64_t kTaskBytes = std::uint64_t{16} << 20;
+// Of smaller inputs there are tasks for sixteen cores, as long as samples do not hold most of what a task reads.
+constexpr std::uint64_t kCores = 16;
+constexpr std::uint64_t kLeastTaskBytes = std::uint64_t{4} << 20;
 // Each task writes a file or two; the work directory stays below a thousand of them.
 constexpr std::uint64_t kMaxTasks = 400;
 // Of points to be thinned, about: they lie in memory, one of a cube.
@@ -82,7 +85,8 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
   if (options.thin > 0.0)
     thin_buckets_ =
         static_cast<std::size_t>(std::clamp<std::uint64_t>(bytes_ / 24 / kBucketPoints, 1, kMaxBuckets));
-  const std::uint64_t target = std::max(task_bytes, bytes_ / kMaxTasks);
+  const std::uint64_t shared = std::max(bytes_ / kCores, kLeastTaskBytes);
+  const std::uint64_t target = std::max(std::min(task_bytes, shared), bytes_ / kMaxTasks);
   std::uint64_t filled = 0;
   for (std::size_t i = 0; i < files_.size(); ++i) {
     for (const InputSlice& slice : files_[i]->slices(static_cast<std::uint32_t>(i), target)) {

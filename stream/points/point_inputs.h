@@ -16,7 +16,7 @@ namespace tessera {
 
 class PointInputs {
  public:
-  /// \param task_bytes  input bytes that one task reads, about; grows for huge inputs so that tasks stay below
+  /// \param task_bytes  input bytes that one task reads, about, at most; grows for huge inputs so that tasks stay below
   ///                    about 400. Changes no result.
   /// \throws UsageError  no file, or classes or returns wanted that no file tells; InputError  more than 65534
   /// different sensor origins

@@ -474,6 +474,22 @@ TEST_CASE("brick counter: a table that grows loses nothing", "[unit]") {
   CHECK(std::all_of(all.begin(), all.end(), [](const BrickCount& b) { return b.points == 2; }));
 }
 
+TEST_CASE("point inputs: sixteen tasks share what is no more than sixteen large ones read", "[unit]") {
+  const TempFolder folder;
+  const auto tasks_of = [&](std::uint64_t points) {
+    const auto path = folder.path() / "scan.ply";
+    std::ofstream(path) << "ply\nformat binary_little_endian 1.0\nelement vertex " << points
+                        << "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) + 12 * points);
+    std::vector<std::unique_ptr<PointFile>> files;
+    files.push_back(open_point_file(path, {}));
+    return PointInputs(std::move(files), {}).task_count();
+  };
+  CHECK(tasks_of(300'000) == 1);  // 4 MiB a task at least
+  CHECK(tasks_of(1'700'000) == 5);
+  CHECK(tasks_of(14'000'000) == 16);  // 160 MiB
+}
+
 TEST_CASE("robust window: keeps a far part of the scan, drops a far speck", "[unit]") {
   std::vector<BrickCount> bricks;
   for (std::int64_t i = 0; i < 10; ++i) bricks.push_back({{i, 0, 0}, 1000});
