@@ -25,6 +25,8 @@ constexpr std::uint64_t kTaskBytes = std::uint64_t{16} << 20;
 // Of smaller inputs there are tasks for sixteen cores, as long as samples do not hold most of what a task reads.
 constexpr std::uint64_t kCores = 16;
 constexpr std::uint64_t kLeastTaskBytes = std::uint64_t{4} << 20;
+// So few that what a pass makes of them stays in the second-level cache.
+constexpr std::size_t kPointsTogether = 8192;
 // Each task writes a file or two; the work directory stays below a thousand of them.
 constexpr std::uint64_t kMaxTasks = 400;
 // Of points to be thinned, about: they lie in memory, one of a cube.
@@ -35,6 +37,7 @@ std::shared_ptr<PointInputs> open_inputs(const JobState& job, bool colours, bool
   ReadOptions read;
   read.colours = colours;
   read.unpacked = unpacked;
+  read.chunk_points = kPointsTogether;
   const ReconstructOptions options = reconstruct_options(job);
   read.columns = options.columns;
   read.intensities = options.colour == "intensity";

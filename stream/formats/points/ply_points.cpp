@@ -21,6 +21,8 @@ namespace {
 constexpr int kSkip = -1;
 constexpr int kSlots = 10;
 constexpr std::size_t kIntensity = 9;
+/// Bytes of records read at a time: they are still in the second-level cache when they are decoded.
+constexpr std::size_t kWindow = std::size_t{1} << 18;
 using PlyValues = std::array<double, kSlots>;
 
 class PlyPoints final : public PointFile {
@@ -217,7 +219,7 @@ class PlyPoints final : public PointFile {
     const std::uint64_t begin = std::min(slice.begin, end);
     const ReadFile file = input_.open();
     ByteWindow window(file, begin_ + begin * layout_.stride, begin_ + end * layout_.stride,
-                      std::max(ByteWindow::kDefaultCapacity, layout_.stride), options_.release_cache);
+                      std::max(kWindow, layout_.stride), options_.release_cache);
     for (std::uint64_t left = end - begin; left > 0;) {
       const std::string_view bytes = window.peek(layout_.stride);
       const std::size_t n = std::min(bytes.size() / layout_.stride, out.remaining());

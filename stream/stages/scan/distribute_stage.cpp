@@ -41,22 +41,25 @@ std::uint16_t flags_of(const Echo& echo) {
                                     (echo.kind == kGroundClass ? kPointGround : 0));
 }
 
-std::size_t run_points(const RunOptions& run) {
+/// What the second-level cache holds, but of each bucket so many that order reads long pieces.
+std::size_t run_points(const RunOptions& run, const Plan& plan) {
+  constexpr std::uint64_t kOfBucket = 4096;
   const std::uint64_t share = run.memory_bytes / static_cast<std::uint64_t>(std::max(1, run.threads));
+  const std::uint64_t wanted = std::clamp<std::uint64_t>(kOfBucket * plan.buckets.size(), 1u << 15, 1u << 20);
   return static_cast<std::size_t>(
-      std::clamp<std::uint64_t>(share / 6 / RunWriter::kBytesPerPoint, 1u << 13, 1u << 20));
+      std::clamp<std::uint64_t>(share / 6 / RunWriter::kBytesPerPoint, 1u << 13, wanted));
 }
 
 }  // namespace
 
 std::uint64_t distribute_task_bytes(const RunOptions& run, const Plan& plan, std::uint64_t input_bytes) {
-  const std::uint64_t runs = input_bytes / 3 / run_points(run) + 1;
-  return run_points(run) * RunWriter::kBytesPerPoint + DirectFile::kDefaultBuffer +
+  const std::uint64_t runs = input_bytes / 3 / run_points(run, plan) + 1;
+  return run_points(run, plan) * RunWriter::kBytesPerPoint + DirectFile::kDefaultBuffer +
          (runs * 32 + 8) * plan.buckets.size() + std::uint64_t{65536} * 44 + PointInputs::kReadBytes;
 }
 
 std::uint64_t distribute_runs(const RunOptions& run, const Plan& plan, std::uint64_t tasks) {
-  return plan.points() / run_points(run) + tasks + 1;
+  return plan.points() / run_points(run, plan) + tasks + 1;
 }
 
 std::uint64_t distribute_finish_bytes(const RunOptions& run, const Plan& plan, std::uint64_t tasks) {
@@ -83,7 +86,7 @@ std::uint64_t DistributeStage::finish_bytes() const {
 
 Json DistributeStage::run(std::size_t task, TaskContext& context) const {
   RunWriter out(context.create(run_file_name(task)), static_cast<std::uint32_t>(task), plan_.buckets.size(),
-                run_points(job_.run));
+                run_points(job_.run, plan_));
   BucketFinder bucket_of(first_keys_);
   ChunkQuanta quanta;
   std::vector<std::uint16_t> sensors;
