@@ -3,6 +3,7 @@
 #include <immintrin.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <span>
@@ -14,8 +15,9 @@ namespace {
 /// How far a corner must be moved to turn a triangle so that this counts, as a share of how wide triangles are there.
 constexpr float kNoise = 1.0f / 32.0f;
 
-/// The vertex in the frame of the polygon.
-PolygonPoint framed(const ReferenceMesh::Vertex& v, const Double3& origin, const LinkPolygon& polygon) {
+/// Sets the place of the vertex in the frame of the polygon.
+inline void set_place(const ReferenceMesh::Vertex& v, const Double3& origin, const LinkPolygon& polygon,
+                      PolygonPoint& p) {
   // The fourth lane holds the stamp: cleared, or its bits would count as a subnormal number.
   const __m256d r = _mm256_sub_pd(_mm256_blend_pd(_mm256_load_pd(&v.at[0]), _mm256_setzero_pd(), 8),
                                   _mm256_set_pd(0.0, origin[2], origin[1], origin[0]));
@@ -25,7 +27,7 @@ PolygonPoint framed(const ReferenceMesh::Vertex& v, const Double3& origin, const
   const __m128 z = _mm_mul_ps(_mm_shuffle_ps(f, f, 0xaa), _mm_load_ps(&polygon.frame[8]));
   alignas(16) float at[4];
   _mm_store_ps(at, _mm_add_ps(_mm_add_ps(x, y), z));
-  return {.x = at[0], .y = at[1], .z = at[2]};
+  p.x = at[0], p.y = at[1], p.z = at[2];
 }
 
 /// How far left of a link edge the other corners of a side of a fan lie, on the mean, times the edge.
@@ -60,9 +62,10 @@ std::span<const std::uint32_t> side_at_edge(const ReferenceMesh& mesh, const Lin
   return best;
 }
 
-/// The deviation of a point where it is inside or, at a line of the link, beyond that; else 0.
-float measure_point(const LinkPolygon& polygon, std::uint64_t lines, PolygonPoint& p) {
+/// Sets the deviation of a point where it is inside or, at a line of the link, beyond that; else 0.
+inline float measure_point(const LinkPolygon& polygon, std::uint64_t lines, PolygonPoint& p) {
   classify(polygon, p);
+  p.deviation = 0.0f;
   if (p.inside) {
     const std::size_t i = p.sector;
     p.deviation = std::fabs(p.z - polygon.slope_x[i] * p.x - polygon.slope_y[i] * p.y);
@@ -72,6 +75,13 @@ float measure_point(const LinkPolygon& polygon, std::uint64_t lines, PolygonPoin
     if (p.inside) p.deviation = distance;
   }
   return p.deviation;
+}
+
+/// Room for a few more in a list whose filled part is `size` long.
+template <class T>
+void make_room(std::vector<T>& list, std::size_t size) {
+  constexpr std::size_t kFew = 3;
+  if (size + kFew > list.size()) list.resize(2 * list.size() + kFew);
 }
 
 }  // namespace
@@ -106,6 +116,7 @@ struct ReferenceDeviation::Walk {
   }
 
   Double3 origin;
+  std::uint32_t points = 0, steps = 0;  ///< how many there are
   float limit, min_cosine;
   std::uint64_t lines, ends;  ///< bits of the link's edges and corners that are such
   std::uint64_t covered;      ///< bits of corners found over the reference; vertices of lines do not move
@@ -119,9 +130,7 @@ ReferenceDeviation::Result ReferenceDeviation::measure(const LinkLoop& loop, con
   if (!make_polygon(loop, query.inner_centre, polygon_)) return {};
   Walk walk(loop, query, polygon_);
   Answer answer = begin_walk(query, walk);
-  // First in, first out: what a triangle touches is on its way from memory when its turn comes.
-  for (std::size_t i = 0; i < steps_.size() && answer == Answer::kWithin; ++i)
-    answer = visit(Step(steps_[i]), walk);
+  if (answer == Answer::kWithin) answer = go_on(walk);
   if (answer == Answer::kWithin && walk.free_corners && walk.covered != polygon_.corners)
     answer = Answer::kBeyond;
   if (answer != Answer::kWithin) return {answer, 0.0, walk.witness};
@@ -132,8 +141,7 @@ ReferenceDeviation::Result ReferenceDeviation::measure(const LinkLoop& loop, con
 /// Looks at the witness, then lays out the triangles at the seed: all, or with a flat edge those of its side.
 ReferenceDeviation::Answer ReferenceDeviation::begin_walk(const Query& query, Walk& walk) {
   std::uint32_t slot = 0;
-  points_.clear();
-  steps_.clear();
+  make_room(points_, 0);
   stamp_ += 2;
   if (query.witness != kNoCorner && walk.lines == 0) {
     // What was too far from one star is often too far from the next: it costs one vertex to know.
@@ -142,7 +150,7 @@ ReferenceDeviation::Answer ReferenceDeviation::begin_walk(const Query& query, Wa
       return Answer::kBeyond;
     }
     walk.deviation = 0.0f;
-    points_.clear();
+    walk.points = 0;
     stamp_ += 2;
   }
   const bool on_line = query.flat_edge != kNoFlatEdge;
@@ -155,7 +163,8 @@ ReferenceDeviation::Answer ReferenceDeviation::begin_walk(const Query& query, Wa
   if (on_line) side = side_at_edge(mesh_, polygon_, query.origin, query.flat_edge, fan_);
   for (const std::uint32_t c : side) {
     mesh_.faces[c >> 2].stamp = stamp_;
-    steps_.push_back({c, kNoCorner, kNoCorner});
+    make_room(steps_, walk.steps);
+    steps_[walk.steps++] = {c, 0, 0};
   }
   if (side.empty()) return Answer::kBeyond;
   if (!walk.free_corners || on_line) return Answer::kWithin;
@@ -163,34 +172,56 @@ ReferenceDeviation::Answer ReferenceDeviation::begin_walk(const Query& query, Wa
 }
 
 /// The slot of the point of a vertex, measured when it is met first. \return false above the limit
-inline bool ReferenceDeviation::add_point(std::uint32_t vertex, Walk& walk, std::uint32_t& slot) {
+/// \pre there is room for it
+[[gnu::always_inline]] inline bool ReferenceDeviation::add_point(std::uint32_t vertex, Walk& walk,
+                                                                 std::uint32_t& slot) {
   ReferenceMesh::Vertex& v = mesh_.vertices[vertex];
-  const bool fresh = v.stamp != stamp_;
-  if (fresh) {
-    v.stamp = stamp_;
-    v.slot = static_cast<std::uint32_t>(points_.size());
-    points_.push_back(framed(v, walk.origin, polygon_));
+  if (v.stamp == stamp_) {
+    slot = v.slot;
+    return true;
   }
-  slot = v.slot;
-  return !fresh || walk.add(measure_point(polygon_, walk.lines, points_.back()));
+  v.stamp = stamp_;
+  slot = v.slot = walk.points;
+  PolygonPoint& p = points_[walk.points++];
+  set_place(v, walk.origin, polygon_, p);
+  return walk.add(measure_point(polygon_, walk.lines, p));
 }
 
-/// Looks at one triangle, and adds those across its edges to the steps.
-ReferenceDeviation::Answer ReferenceDeviation::visit(const Step& step, Walk& walk) {
+/// Looks at all triangles that there are to look at, and at those that turn up.
+ReferenceDeviation::Answer ReferenceDeviation::go_on(Walk& from) {
+  Walk walk = from;  // a copy that nothing else may change stays in registers
+  Answer answer = Answer::kWithin;
+  std::uint32_t i = 0;
+  for (const std::uint32_t seeds = walk.steps; i < seeds && answer == Answer::kWithin; ++i)
+    answer = visit<true>(i, walk);
+  // First in, first out: what a triangle touches is on its way from memory when its turn comes.
+  for (; i < walk.steps && answer == Answer::kWithin; ++i) answer = visit<false>(i, walk);
+  walked_ += i;
+  from = walk;
+  return answer;
+}
+
+/// Looks at one triangle, and adds those across its edges to the steps. From the corner of the step on; the edge opposite it is
+/// the one across which the walk came, but where it starts.
+template <bool kSeed>
+[[gnu::always_inline]] inline ReferenceDeviation::Answer ReferenceDeviation::visit(std::uint32_t at,
+                                                                                   Walk& walk) {
+  static constexpr std::array<std::uint8_t, 4> kNext = {1, 2, 0, 0}, kBefore = {2, 0, 1, 0};
+  make_room(points_, walk.points);
+  make_room(steps_, walk.steps);
+  const Step step = steps_[at];
   ReferenceMesh::Face& face = mesh_.faces[step.corner >> 2];
   face.stamp = stamp_ + 1;
-  ++walked_;
-  // From the corner of the step on; the edge opposite it is the one across which the walk came.
-  const bool seed = step.next == kNoCorner;
-  const std::uint32_t corner[3] = {step.corner, next_corner(step.corner), prev_corner(step.corner)};
-  std::uint32_t slot[3] = {0, step.next, step.prev};
-  for (std::size_t i = 0; i < (seed ? 3 : 1); ++i) {
-    const std::uint32_t vertex = face.vertex[corner[i] & 3u];
-    if (add_point(vertex, walk, slot[i])) continue;
-    walk.witness = vertex;
-    return Answer::kBeyond;
-  }
-  const PolygonTriangle p = {&points_[slot[0]], &points_[slot[1]], &points_[slot[2]]};
+  const std::uint32_t a = step.corner & 3u, b = kNext[a], c = kBefore[a];
+  std::uint32_t slot_a = 0, slot_b = step.next, slot_c = step.prev;
+  const auto add = [&](std::uint32_t corner, std::uint32_t& slot) {
+    const bool within = add_point(face.vertex[corner], walk, slot);
+    if (!within) walk.witness = face.vertex[corner];
+    return within;
+  };
+  if (!add(a, slot_a)) return Answer::kBeyond;
+  if (kSeed && (!add(b, slot_b) || !add(c, slot_c))) return Answer::kBeyond;
+  const PolygonTriangle p = {&points_[slot_a], &points_[slot_b], &points_[slot_c]};
   if (is_folded(polygon_, p)) return Answer::kFolded;
   if (const float own = face.bound();
       own > 0.0f && !walk.add(own + std::max({p[0]->deviation, p[1]->deviation, p[2]->deviation})))
@@ -200,48 +231,45 @@ ReferenceDeviation::Answer ReferenceDeviation::visit(const Step& step, Walk& wal
     walk.covered |= above.corners;
     if (!walk.add(above.deviation)) return Answer::kBeyond;
   }
-  if (walk.min_cosine > -1.0f && normal_deviates(face, p, walk)) return Answer::kNormalDeviates;
-  for (std::size_t i = seed ? 0 : 1; i < 3; ++i)
-    if (!leave(corner[i], slot[i == 2 ? 0 : i + 1], slot[i == 0 ? 2 : i - 1], walk)) return Answer::kBeyond;
-  return Answer::kWithin;
+  if (walk.min_cosine > -1.0f && normal_deviates(face, p, walk.min_cosine, walk.limit))
+    return Answer::kNormalDeviates;
+  if (kSeed && !leave(face, a, slot_b, slot_c, walk)) return Answer::kBeyond;
+  return leave(face, b, slot_c, slot_a, walk) && leave(face, c, slot_a, slot_b, walk) ? Answer::kWithin
+                                                                                      : Answer::kBeyond;
 }
 
 /// Measures the edge opposite a corner of a triangle, and goes across it if it meets the polygon.
 /// \param next, prev  slots of its ends
 /// \return false above the limit, or where the reference ends
-// Twice a triangle: calls would take a tenth of the walk.
-[[gnu::always_inline]] inline bool ReferenceDeviation::leave(std::uint32_t corner, std::uint32_t next,
+[[gnu::always_inline]] inline bool ReferenceDeviation::leave(const ReferenceMesh::Face& face,
+                                                             std::uint32_t corner, std::uint32_t next,
                                                              std::uint32_t prev, Walk& walk) {
-  const ReferenceMesh::Face& face = mesh_.face_of(corner);
-  const std::uint32_t o = mesh_.opposite(corner);
-  if (o != kNoCorner && mesh_.face_of(o).stamp == stamp_ + 1) return true;  // seen from there
+  const std::uint32_t o = face.opposite[corner];
+  const bool ends = o == kNoCorner;
+  ReferenceMesh::Face& across = mesh_.faces[ends ? 0 : o >> 2];
+  if (!ends && across.stamp == stamp_ + 1) return true;  // seen from there
   const PolygonPoint &a = points_[next], &b = points_[prev];
   if (a.sector != b.sector || a.sector == 0) {
     // The same bits from either side of the edge.
     const PolygonPoint &left = b.x < a.x ? b : a, &right = b.x < a.x ? a : b;
     if (!a.inside && !b.inside && !meets_polygon(polygon_, left, right)) return true;
-    const float own = std::max(face.bound(), o == kNoCorner ? 0.0f : mesh_.face_of(o).bound());
+    const float own = std::max(face.bound(), ends ? 0.0f : across.bound());
     if (!walk.add(crossing_deviation(polygon_, left, right, own))) return false;
   }
-  if (face.lines >> (corner & 3u) & walk.walls) return walk.add_line(polygon_, a, b, face.bound());
-  if (o == kNoCorner) return false;
-  if (mesh_.face_of(o).stamp != stamp_) add_step({o, prev, next});
+  if (face.lines >> corner & walk.walls) return walk.add_line(polygon_, a, b, face.bound());
+  if (ends) return false;
+  if (across.stamp == stamp_) return true;
+  across.stamp = stamp_;
+  steps_[walk.steps++] = {o, prev, next};
+  _mm_prefetch(&mesh_.vertices[across.vertex[o & 3u]], _MM_HINT_T0);
+  for (const std::uint32_t ahead : across.opposite)
+    if (ahead != kNoCorner) _mm_prefetch(&mesh_.faces[ahead >> 2], _MM_HINT_T0);
   return true;
-}
-
-inline void ReferenceDeviation::add_step(const Step& step) {
-  ReferenceMesh::Face& face = mesh_.faces[step.corner >> 2];
-  face.stamp = stamp_;
-  steps_.push_back(step);
-  _mm_prefetch(&mesh_.vertices[face.vertex[step.corner & 3u]], _MM_HINT_T0);
-  for (const std::uint32_t c : {next_corner(step.corner), prev_corner(step.corner)})
-    if (const std::uint32_t ahead = mesh_.opposite(c); ahead != kNoCorner)
-      _mm_prefetch(&mesh_.faces[ahead >> 2], _MM_HINT_T0);
 }
 
 /// Whether the triangle turns too far against one of the new faces that it lies over.
 bool ReferenceDeviation::normal_deviates(const ReferenceMesh::Face& face, const PolygonTriangle& p,
-                                         const Walk& walk) const {
+                                         float min_cosine, float limit) const {
   const Float3 from = {p[0]->x, p[0]->y, p[0]->z}, a = Float3{p[1]->x, p[1]->y, p[1]->z} - from,
                b = Float3{p[2]->x, p[2]->y, p[2]->z} - from, n = cross(a, b);
   const float size = norm(n);
@@ -251,12 +279,12 @@ bool ReferenceDeviation::normal_deviates(const ReferenceMesh::Face& face, const 
   const float longest = std::sqrt(std::max({dot(a, a), dot(b, b), dot(b - a, b - a)}));
   const float height = std::max(
       {mesh_.max_height[face.vertex[0]], mesh_.max_height[face.vertex[1]], mesh_.max_height[face.vertex[2]]});
-  const float noise = std::min(kNoise * height, 0.5f * walk.limit) * longest;
+  const float noise = std::min(kNoise * height, 0.5f * limit) * longest;
   for (std::uint64_t bits = overlapped_sectors(polygon_, p); bits != 0; bits &= bits - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(bits));
     const float along = (n[2] - polygon_.slope_x[i] * n[0] - polygon_.slope_y[i] * n[1]) * polygon_.cosine[i];
     const bool explained = along > 0.0f && size * size - along * along <= noise * noise;
-    if (along < walk.min_cosine * size && !explained) return true;
+    if (along < min_cosine * size && !explained) return true;
   }
   return false;
 }

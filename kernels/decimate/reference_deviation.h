@@ -64,21 +64,25 @@ class ReferenceDeviation {
 
  private:
   struct Walk;
-  /// A triangle to look at, from the corner opposite the edge that led there; slots of the points of that edge.
+  /// A triangle to look at, from the corner opposite the edge that led there; slots of the points of that edge, but where
+  /// the walk starts.
   struct Step {
     std::uint32_t corner, next, prev;
   };
   Answer begin_walk(const Query& query, Walk& walk);
-  Answer visit(const Step& step, Walk& walk);
-  bool leave(std::uint32_t corner, std::uint32_t next, std::uint32_t prev, Walk& walk);
-  void add_step(const Step& step);
+  Answer go_on(Walk& from);
+  template <bool kSeed>
+  Answer visit(std::uint32_t at, Walk& walk);
+  bool leave(const ReferenceMesh::Face& face, std::uint32_t corner, std::uint32_t next, std::uint32_t prev,
+             Walk& walk);
   bool add_point(std::uint32_t vertex, Walk& walk, std::uint32_t& slot);
-  bool normal_deviates(const ReferenceMesh::Face& face, const PolygonTriangle& p, const Walk& walk) const;
+  bool normal_deviates(const ReferenceMesh::Face& face, const PolygonTriangle& p, float min_cosine,
+                       float limit) const;
 
   ReferenceMesh mesh_;
   std::uint32_t stamp_ = 0;  ///< of the walk at hand: even on faces to look at, odd on those that have been
   std::uint64_t walked_ = 0;
-  // Scratch of a walk, kept for its memory.
+  // Scratch of a walk, kept for its memory; Walk says how much of points_ and steps_ is filled.
   LinkPolygon polygon_;
   std::vector<PolygonPoint> points_;
   std::vector<Step> steps_;
