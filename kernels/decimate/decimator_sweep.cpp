@@ -86,6 +86,7 @@ void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateRepo
 /// first is seen here, which spares most collapses the search, the second in what is left of these faces in the result.
 bool Decimator::trusts(const CandidateStar& s) const {
   if (guard_all_) return false;
+  if (s.in_lanes && s.lanes.is_surely_flat(static_cast<float>(kTrustedCosine))) return true;
   const Double3& centre = mesh_.at(s.centre);
   Double3 first{};
   double first_square = 0.0;

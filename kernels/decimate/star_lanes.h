@@ -39,6 +39,9 @@ class StarLanes {
   /// The cheapest of them, the first of the ring among equals.
   [[nodiscard]] Cheapest cheapest(const Quadric& q, const Double3& from) const;
 
+  /// Whether all faces surely turn by less than the angle of this cosine from the first; else they may or may not.
+  [[nodiscard]] bool is_surely_flat(float cosine) const;
+
   /// Is the collapse of the centre into ring vertex `at` neither a fold nor thin?
   /// \param[out] deviation  where it is kGood: every point of the star before or after lies within it of the other
   Answer judge(std::size_t at, double& deviation) const;

@@ -121,4 +121,29 @@ TEST_CASE("star lanes: what is flat is left to doubles", "[unit]") {
   for (std::size_t at = 0; at < 6; ++at) CHECK(lanes.judge(at, deviation) != StarLanes::Answer::kGood);
 }
 
+TEST_CASE("star lanes: what is surely flat turns by less from its first face, and most that does is",
+          "[property]") {
+  constexpr double kCosine = 0.7;
+  std::size_t flat = 0, sure = 0;
+  for (std::uint64_t seed = 0; seed < 3000; ++seed) {
+    const OneStar s(fan(4 + seed % 5, 0.1 + 0.6 * static_cast<double>(seed) / 3000.0, seed));
+    StarLanes lanes(0.1, 0.0);
+    REQUIRE(lanes.load(s.mesh, s.centre, s.star));
+    const auto normal = [&](std::size_t i) {
+      const Double3 n = cross(s.mesh.at(s.star.ring[i]) - s.mesh.at(s.centre),
+                              s.mesh.at(s.star.ring[s.star.following(i)]) - s.mesh.at(s.centre));
+      return n * (1.0 / norm(n));
+    };
+    double least = 1.0;
+    for (std::size_t i = 1; i < s.star.faces; ++i) least = std::min(least, dot(normal(0), normal(i)));
+    const bool surely = lanes.is_surely_flat(static_cast<float>(kCosine));
+    if (surely) CHECK(least > kCosine);
+    flat += least > kCosine;
+    sure += surely;
+  }
+  CHECK(flat > 500);
+  CHECK(flat < 2500);
+  CHECK(sure * 20 > flat * 19);
+}
+
 }  // namespace tessera::star_lanes_test
