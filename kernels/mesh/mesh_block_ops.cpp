@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "octree/edge_faces.h"
+#include "octree/lists.h"
 
 namespace tessera {
 namespace {
@@ -70,6 +70,21 @@ void sort_faces(MeshBlock& block, std::vector<std::uint8_t>* tag) {
   permute(block.face_flags);
   if (!block.face_bound.empty()) permute(block.face_bound);
   if (tag) permute(*tag);
+}
+
+/// What is short as a rule; a hub may have millions.
+void sort_few(std::span<std::uint64_t> values) {
+  constexpr std::size_t kFew = 24;
+  if (values.size() > kFew) {
+    std::sort(values.begin(), values.end());
+    return;
+  }
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    const std::uint64_t value = values[i];
+    std::size_t j = i;
+    for (; j > 0 && value < values[j - 1]; --j) values[j] = values[j - 1];
+    values[j] = value;
+  }
 }
 
 /// Vertices `from` (indices of `in`) to the end of `out`.
@@ -226,14 +241,30 @@ MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const
 }
 
 std::vector<std::uint8_t> complete_stars(const MeshBlock& block) {
+  // Of each edge, at its lower vertex and once a face: the other vertex, and below it whether it is a border.
+  Lists<std::uint64_t> edges = make_lists<std::uint64_t>(block.key.size(), [&](const auto& put) {
+    for (std::size_t f = 0; f < block.faces.size(); ++f) {
+      const auto& v = block.faces[f];
+      const unsigned borders = block.face_flags[f];
+      put(std::min(v[0], v[1]), std::uint64_t{std::max(v[0], v[1])} << 1 | (borders & 1u));
+      put(std::min(v[1], v[2]), std::uint64_t{std::max(v[1], v[2])} << 1 | (borders >> 1 & 1u));
+      put(std::min(v[2], v[0]), std::uint64_t{std::max(v[2], v[0])} << 1 | (borders >> 2 & 1u));
+    }
+  });
   std::vector<std::uint8_t> complete(block.key.size(), 1);
-  EdgeFaces(block.key.size(), block.faces)
-      .for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
-        for (const std::uint32_t h : half) {
-          const bool border = (block.face_flags[h / 3] >> h % 3 & 1u) != 0;
-          if (half.size() != (border ? 1u : 2u)) complete[low] = complete[high] = 0;
-        }
-      });
+  for (std::size_t low = 0; low < edges.size(); ++low) {
+    const std::span<std::uint64_t> list = edges[low];
+    sort_few(list);
+    // Twice without a border, or once with one.
+    for (std::size_t i = 0; i < list.size();) {
+      const std::uint64_t edge = list[i];
+      std::size_t end = i + 1;
+      while (end < list.size() && (list[end] ^ edge) <= 1) ++end;
+      const bool border = (list[end - 1] & 1u) != 0;
+      if (border ? end != i + 1 : end != i + 2) complete[low] = complete[edge >> 1] = 0;
+      i = end;
+    }
+  }
   return complete;
 }
 

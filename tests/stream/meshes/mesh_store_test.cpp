@@ -106,6 +106,31 @@ TEST_CASE("mesh store: a star that the block cuts is not complete, a border is",
   for (std::size_t v = 0; v < one.key.size(); ++v) CHECK((complete[v] != 0) == (cut.count(one.key[v]) == 0));
 }
 
+TEST_CASE("mesh blocks: stars of a hub and its rim, as borders and missing faces are told", "[unit]") {
+  for (const std::uint32_t rim : {3u, 100u}) {
+    MeshBlock b;  // a wheel around vertex 0
+    for (std::uint32_t i = 1; i <= rim; ++i) {
+      b.faces.push_back({0, i, i < rim ? i + 1 : 1});
+      b.face_flags.push_back(kFaceBorder12);
+    }
+    for (std::uint64_t v = 0; v <= rim; ++v) b.key.push_back(v);
+    CHECK(complete_stars(b) == std::vector<std::uint8_t>(rim + 1, 1));
+    // The rim goes on elsewhere: its edge is no border.
+    MeshBlock cut = b;
+    cut.face_flags[1] = 0;
+    std::vector<std::uint8_t> expected(rim + 1, 1);
+    expected[2] = expected[3] = 0;
+    CHECK(complete_stars(cut) == expected);
+    // A face too many at an edge, one with a border at an edge of two.
+    MeshBlock more = b;
+    more.faces.push_back({0, 1, 2});
+    more.face_flags.push_back(kFaceBorder12 | kFaceBorder20);
+    expected.assign(rim + 1, 1);
+    expected[0] = expected[1] = expected[2] = 0;
+    CHECK(complete_stars(more) == expected);
+  }
+}
+
 TEST_CASE("mesh store: halos hold what is near", "[unit]") {
   const test::TempFolder folder;
   const MeshBlock sheet = make_sheet();
