@@ -46,6 +46,8 @@ class Input {
   bool ended() const { return good_ && at_ == end_; }
 
   std::uint64_t number() {
+    if (at_ != end_ && static_cast<unsigned char>(*at_) < 0x80)  // most are
+      return static_cast<unsigned char>(*at_++);
     std::uint64_t value = 0;
     for (unsigned shift = 0; shift < 64 && at_ != end_; shift += 7) {
       const auto byte = static_cast<unsigned char>(*at_++);
@@ -60,6 +62,17 @@ class Input {
     if (good_ && count > 0) std::memcpy(to, at_, count);
     if (good_) at_ += count;
     return good_;
+  }
+  /// A number of so many bytes, at most 4; 0 where they are not there.
+  std::uint32_t fraction(std::size_t count) {
+    std::uint32_t value = 0;
+    if (static_cast<std::size_t>(end_ - at_) < sizeof value) {
+      bytes(&value, count);
+      return value;
+    }
+    std::memcpy(&value, at_, sizeof value);
+    at_ += count;
+    return value & ~std::uint32_t{0} >> 8 * (sizeof value - count);
   }
   template <class Byte>
   void runs(std::vector<Byte>& values) {
@@ -182,20 +195,30 @@ void take_positions(Input& in, const MeshStoreInfo& info, MeshBlock& block) {
     elsewhere[at] = 1;
     take_plain(in, info, block.position[at]);
   }
+  // coordinate() of all three, what is the same in a brick computed once.
   const double scale = std::ldexp(1.0, -8 * kind);
+  const auto count = static_cast<std::size_t>(kind);
+  Double3 corner{}, first{};
+  for (std::size_t a = 0; a < 3; ++a)
+    first[a] = static_cast<double>(info.lattice.origin_brick[a] * kBrickCells);
+  Int3 brick{};
   MeshNames names;
   for (std::size_t v = 0; v < block.position.size(); ++v) {
     if (elsewhere[v]) continue;
     const MeshName name = names(block.key[v]);
+    if (name.brick != brick) {
+      brick = name.brick;
+      for (std::size_t a = 0; a < 3; ++a) corner[a] = brick[a] * double{kBrickCells};
+    }
+    std::uint32_t fraction[4] = {0, 0, 0, 0};
+    if (name.axis != MeshName::kCentre)
+      fraction[name.axis] = in.fraction(count);
+    else
+      for (std::size_t a = 0; a < 3; ++a) fraction[a] = in.fraction(count);
     for (std::size_t a = 0; a < 3; ++a) {
-      const int axis = static_cast<int>(a);
-      double cells = name.in_brick[a];
-      if (name.axis == MeshName::kCentre || name.axis == axis) {
-        std::uint32_t value = 0;
-        if (!in.bytes(&value, static_cast<std::size_t>(kind) & 7u)) return;
-        cells += value * scale;
-      }
-      block.position[v][a] = coordinate(info, axis, name.brick[a], cells);
+      const double cells = name.in_brick[a] + fraction[a] * scale;
+      const double world = info.lattice.h * (first[a] + (corner[a] + cells));
+      block.position[v][a] = info.double_positions ? world : double{static_cast<float>(world)};
     }
   }
 }
