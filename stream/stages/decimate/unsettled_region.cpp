@@ -94,11 +94,13 @@ void NearFaceLoader::select() {
 
 MeshBlock NearFaceLoader::read(std::size_t patch) const {
   MeshBlock piece = store_.load({&patch, 1});
+  // A face lies beyond a side that all of its corners lie beyond.
+  const std::vector<std::uint8_t> beyond = beyond_sides(piece.position, all_.low, all_.high);
   std::vector<std::uint8_t> keep(piece.faces.size());
   std::size_t kept = 0;
-  for (std::size_t f = 0; f < keep.size(); ++f) {
-    const MeshBox box = box_of(piece, piece.faces[f]);
-    keep[f] = overlap(box, all_) && mask_.meets(box.low, box.high);
+  for (const std::uint32_t f : mask_.faces_that_meet(piece.position, piece.faces)) {
+    const auto& [a, b, c] = piece.faces[f];
+    keep[f] = (beyond[a] & beyond[b] & beyond[c]) == 0;
     kept += keep[f];
   }
   return kept == keep.size() ? std::move(piece) : select_faces(piece, keep);
