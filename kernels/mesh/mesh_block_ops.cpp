@@ -1,6 +1,7 @@
 #include "kernels/mesh/mesh_block_ops.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -51,6 +52,24 @@ void sort_runs(std::vector<Value>& values) {
   }
 }
 
+/// By key(value): lists that are short as a rule, though a hub's may have millions.
+template <class Value, class Key>
+void sort_few(std::span<Value> values, const Key& key) {
+  constexpr std::size_t kFew = 24;
+  if (values.size() > kFew) {
+    std::sort(values.begin(), values.end(), [&](Value a, Value b) { return key(a) < key(b); });
+    return;
+  }
+  std::array<std::uint64_t, kFew> keys;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const Value value = values[i];
+    const std::uint64_t of_value = key(value);
+    std::size_t j = i;
+    for (; j > 0 && of_value < keys[j - 1]; --j) values[j] = values[j - 1], keys[j] = keys[j - 1];
+    values[j] = value, keys[j] = of_value;
+  }
+}
+
 /// Ascending faces: a counting sort by first corner, then the few of each first corner.
 void sort_faces(MeshBlock& block, std::vector<std::uint8_t>* tag) {
   const std::size_t m = block.faces.size();
@@ -58,9 +77,10 @@ void sort_faces(MeshBlock& block, std::vector<std::uint8_t>* tag) {
   Lists<std::uint32_t> by_first = make_lists<std::uint32_t>(block.key.size(), [&](const auto& put) {
     for (std::uint32_t i = 0; i < m; ++i) put(block.faces[i][0], i);
   });
-  for (std::size_t v = 0; v < by_first.size(); ++v)
-    std::sort(by_first[v].begin(), by_first[v].end(),
-              [&](std::uint32_t a, std::uint32_t b) { return block.faces[a] < block.faces[b]; });
+  const auto others = [&](std::uint32_t f) {
+    return std::uint64_t{block.faces[f][1]} << 32 | block.faces[f][2];
+  };
+  for (std::size_t v = 0; v < by_first.size(); ++v) sort_few(by_first[v], others);
   const auto permute = [&](auto& values) {
     std::remove_reference_t<decltype(values)> sorted(m);
     for (std::size_t i = 0; i < m; ++i) sorted[i] = values[by_first.item[i]];
@@ -70,21 +90,6 @@ void sort_faces(MeshBlock& block, std::vector<std::uint8_t>* tag) {
   permute(block.face_flags);
   if (!block.face_bound.empty()) permute(block.face_bound);
   if (tag) permute(*tag);
-}
-
-/// What is short as a rule; a hub may have millions.
-void sort_few(std::span<std::uint64_t> values) {
-  constexpr std::size_t kFew = 24;
-  if (values.size() > kFew) {
-    std::sort(values.begin(), values.end());
-    return;
-  }
-  for (std::size_t i = 1; i < values.size(); ++i) {
-    const std::uint64_t value = values[i];
-    std::size_t j = i;
-    for (; j > 0 && value < values[j - 1]; --j) values[j] = values[j - 1];
-    values[j] = value;
-  }
 }
 
 /// Vertices `from` (indices of `in`) to the end of `out`.
@@ -254,7 +259,7 @@ std::vector<std::uint8_t> complete_stars(const MeshBlock& block) {
   std::vector<std::uint8_t> complete(block.key.size(), 1);
   for (std::size_t low = 0; low < edges.size(); ++low) {
     const std::span<std::uint64_t> list = edges[low];
-    sort_few(list);
+    sort_few(list, [](std::uint64_t edge) { return edge; });
     // Twice without a border, or once with one.
     for (std::size_t i = 0; i < list.size();) {
       const std::uint64_t edge = list[i];
