@@ -110,11 +110,12 @@ StarLanes::Cheapest StarLanes::cheapest(const Quadric& q, const Double3& from) c
 bool StarLanes::is_surely_flat(float cosine) const {
   // With sines of this or more at the centre, normals are off by less than 2^-11 of their length.
   constexpr float kMinSine = 0x1p-10f, kMargin = 0x1p-8f;
+  constexpr float kLeastProduct = 0x1p-100f;  // far from where floats lose digits
   const Float8x3 next = permuted(ring_, indices(kTables.next[size_]));
   const Float8x3 normal = cross(ring_, next), first = permuted(normal, Int8{});
   const Float8 along = dot(first, normal), first2 = dot(first, first), normal2 = dot(normal, normal);
   const float limit = cosine + kMargin;
-  const Mask8 flat = (along > 0.0f) & (along * along > limit * limit * (first2 * normal2)) &
+  const Mask8 flat = (along > 0.0f) & (first2 * normal2 > kLeastProduct) & (along * along > limit * limit * (first2 * normal2)) &
                      (normal2 > kMinSine * kMinSine * (dot(ring_, ring_) * dot(next, next)));
   const unsigned all = (1u << size_) - 1u;
   return (bits_of(flat) & all) == all;

@@ -126,7 +126,7 @@ NormalAgreement NormalSampler::measure() {
 }
 
 std::uint64_t NormalSampler::save(const std::filesystem::path& file) {
-  if (entries_.size() > kLimit) shrink();
+  if (entries_.size() > kLimit) sort();
   PackedWriter out(file, kNormalSampleKind, std::size_t{1} << 20);
   std::vector<std::uint64_t> threshold = {threshold_};
   const std::vector<Section> table = {out.append(bytes_of(threshold)), out.append(bytes_of(entries_))};
@@ -138,8 +138,9 @@ void NormalSampler::merge(const std::filesystem::path& file) {
   const auto table = in.table<Section>();
   threshold_ = std::min(threshold_, in.load<std::uint64_t>(table.at(0)).at(0));
   const auto more = in.load<Entry>(table.at(1));
+  if (entries_.empty()) entries_.reserve(2 * kLimit);
+  if (entries_.size() + more.size() > 2 * kLimit) sort();  // what is reserved is enough
   entries_.insert(entries_.end(), more.begin(), more.end());
-  if (entries_.size() >= 2 * kLimit) shrink();
 }
 
 void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement) {

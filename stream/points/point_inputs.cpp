@@ -25,6 +25,7 @@ constexpr std::uint64_t kTaskBytes = std::uint64_t{16} << 20;
 // Of smaller inputs there are tasks for sixteen cores, as long as samples do not hold most of what a task reads.
 constexpr std::uint64_t kCores = 16;
 constexpr std::uint64_t kLeastTaskBytes = std::uint64_t{4} << 20;
+constexpr std::uint64_t kMostRecordBytes = 4096;  // of most files
 // So few that what a pass makes of them stays in the second-level cache.
 constexpr std::size_t kPointsTogether = 8192;
 // Each task writes a file or two; the work directory stays below a thousand of them.
@@ -88,7 +89,8 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
   if (options.thin > 0.0)
     thin_buckets_ =
         static_cast<std::size_t>(std::clamp<std::uint64_t>(bytes_ / 24 / kBucketPoints, 1, kMaxBuckets));
-  const std::uint64_t shared = std::max(bytes_ / kCores, kLeastTaskBytes);
+  // A record more for each, as slices end with a whole one: else what all of them leave would be a task too many.
+  const std::uint64_t shared = std::max(bytes_ / kCores + kMostRecordBytes, kLeastTaskBytes);
   const std::uint64_t target = std::max(std::min(task_bytes, shared), bytes_ / kMaxTasks);
   std::uint64_t filled = 0;
   for (std::size_t i = 0; i < files_.size(); ++i) {

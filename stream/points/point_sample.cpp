@@ -189,7 +189,13 @@ void CellSampler::shrink() {
 
 std::vector<CellSampler::Cell> CellSampler::take() {
   shrink();
+  const auto by_hash = [](const HashedPoint& a, const HashedPoint& b) { return a.hash < b.hash; };
+  std::size_t ends = 0;
+  for (std::size_t i = 1; i < points_.size(); ++i) ends += points_[i].hash != points_[i - 1].hash;
+  // Where hardly two of a cell follow one another, their runs would take as much memory as they do.
+  if (ends > points_.size() / 4) std::sort(points_.begin(), points_.end(), by_hash);
   std::vector<Run> runs;
+  runs.reserve(std::min(ends, points_.size() / 4) + 1);
   for (std::size_t i = 0, end = 0; i < points_.size(); i = end) {
     for (end = i + 1; end < points_.size() && points_[end].hash == points_[i].hash;) ++end;
     if (crowded_.count(points_[i].hash) == 0) runs.push_back({points_[i].hash, i, end - i});

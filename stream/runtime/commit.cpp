@@ -21,11 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What lies outside of the work directory.
-bool is_result(const std::string& name) {
-  return name == kOutputName || name.starts_with(kSidecarName);
-}
-
 /// Where a file is before it has its name.
 struct Asides {
   const JobState& state;
@@ -200,11 +195,11 @@ void GroupCommit::settle_later() {
 
 void GroupCommit::run() {
   std::unique_lock lock(mutex_);
-  changed_.wait_until(lock, start_ + waits_.first, [this] { return ends_; });
+  changed_.wait_until(lock, start_ + waits_.first, [this] { return ends_.load(); });
   for (;;) {
     changed_.wait(lock, [this] { return ends_ || (!waiting_.empty() && !syncing_); });
     // More may come: of many small tasks the folder and the journal are synced once.
-    changed_.wait_for(lock, waits_.next, [this] { return ends_; });
+    changed_.wait_for(lock, waits_.next, [this] { return ends_.load(); });
     if (ends_) return;
     if (!syncing_) sync_all(lock);
   }
@@ -216,10 +211,16 @@ void GroupCommit::sync_all(std::unique_lock<std::mutex>& lock) {
   lock.unlock();
   std::exception_ptr failure;
   try {
-    for (const fs::path& path : paths) sync_if_there(path);
+    for (const fs::path& path : paths) {
+      if (ends_) break;
+      sync_if_there(path);
+    }
     journal_.sync();
   } catch (...) {
     failure = std::current_exception();
+    std::error_code ignored;
+    for (const fs::path& path : paths)
+      if (fs::is_regular_file(path, ignored)) fs::remove(path, ignored);
   }
   lock.lock();
   syncing_ = false;
@@ -232,6 +233,10 @@ fs::path aside_path(const fs::path& final_path, const std::string& writer) {
   if (!writer.empty()) path += "." + writer;
   path += ".part";
   return path;
+}
+
+bool is_result(const std::string& name) {
+  return name == kOutputName || name.starts_with(kSidecarName);
 }
 
 fs::path committed_path(const JobState& state, const std::string& name) {

@@ -1,6 +1,7 @@
 /// \file commit.h
 /// One task from its start to its journal line.
 #pragma once
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
@@ -43,6 +44,8 @@ class LoopClock {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Whether what has this name (TaskContext::create()) lies outside of the work directory.
+bool is_result(const std::string& name);
 /// Where a name of TaskContext::create() lies in the end.
 std::filesystem::path committed_path(const JobState& state, const std::string& name);
 
@@ -61,7 +64,7 @@ bool files_match(const JobState& state, const TaskRecord& record, bool hash);
 class GroupCommit {
  public:
   struct Waits {
-    std::chrono::milliseconds first{2000};  ///< from its beginning
+    std::chrono::milliseconds first{2000};  ///< from its beginning; 0 where it goes on with older work
     std::chrono::milliseconds next{200};    ///< from what came to its sync
   };
   /// \param journal  outlives it
@@ -72,7 +75,8 @@ class GroupCommit {
   GroupCommit(const GroupCommit&) = delete;
   GroupCommit& operator=(const GroupCommit&) = delete;
   /// Files and folders are to be synced later. \pre they have the names that they keep, or get none: what has gone by then is
-  /// no longer needed \throws what a sync before has thrown
+  /// no longer needed \throws what a sync before has thrown; the files of that group have gone, since what the disk refused
+  /// would read well from memory until it is needed
   void add(const std::set<std::filesystem::path>& paths);
   /// Returns once all that was added is on the disk. \throws what syncs throw
   void settle();
@@ -92,7 +96,7 @@ class GroupCommit {
   std::condition_variable changed_;
   std::set<std::filesystem::path> waiting_;
   bool syncing_ = false;
-  bool ends_ = false;
+  std::atomic<bool> ends_{false};
   std::exception_ptr failure_;
   std::thread thread_;  ///< the last member: it uses all others
 };
@@ -106,7 +110,8 @@ struct TaskAids {
   /// Whether another process has committed the task, and its record then. Asked when the work is done: what a task reads
   /// goes only after all tasks are committed, so work on files that were just going is never taken for a result.
   std::function<bool(TaskRecord&)> elsewhere = {};
-  /// Where the machine fails before the next line of this writer, the task is to be done again. Only without files.
+  /// Where the machine fails before the next line of this writer, the task is to be done again. Only without files, and
+  /// without a group.
   bool lasting = true;
   /// Of a job that one process does alone; null: everything is synced before the task counts as done.
   GroupCommit* group = nullptr;

@@ -106,7 +106,7 @@ class Driver {
         journal_(work.journal_folder() / "main.jsonl"),
         notes_(work.journal_folder(), "main"),
         journal_folder_(work.journal_folder()),
-        group_(journal_),
+        group_(journal_, work.created() ? GroupCommit::Waits() : GroupCommit::Waits{.first = {}}),
         resume_(state, stage_names(job.stages), work.job_hash(), true),
         basis_(resume_.first_basis()),
         plan_(plan_hash(state.run)) {
@@ -135,6 +135,7 @@ class Driver {
       for (StageRecords& records : found) {
         log_.info("stage {}: {} tasks and finish were committed by an earlier run", records.finish.stage,
                   records.tasks.size());
+        sync_files(records);
         delete_obsolete(records);
         stop_if_requested(records.finish.stage);
         done_.push_back(std::move(records));
@@ -196,6 +197,20 @@ class Driver {
         fmt::format("stopped after stage {} as asked: {} is kept, the same command without --until "
                     "goes on",
                     stage, state_.work.string()));
+  }
+
+  /// Of an earlier run, which may have been killed before it did: results are synced always.
+  void sync_files(const TaskRecord& record) {
+    std::set<fs::path> paths;
+    for (const FileRecord& file : record.files) {
+      const fs::path path = committed_path(state_, file.name);
+      if (!is_result(file.name)) paths.insert({path, path.parent_path()});
+    }
+    group_.add(paths);
+  }
+  void sync_files(const StageRecords& records) {
+    for (const TaskRecord& record : records.tasks) sync_files(record);
+    sync_files(records.finish);
   }
 
   void delete_obsolete(const StageRecords& records) {
@@ -287,6 +302,7 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   const bool aside_lost = index + 1 == job_.stages.size() && !fs::exists(aside_path(state_.output));
   if (!aside_lost) done = resume_.done_tasks(journal, name, basis_, plan_);
   std::erase_if(done, [&](const auto& entry) { return entry.first >= static_cast<std::int64_t>(count); });
+  for (const auto& [task, record] : done) sync_files(record);
   if (!idle) delete_unknown(journal, index, done);
   std::uint64_t units_done = 0;
   for (const auto& [task, record] : done) units_done += record.units;

@@ -19,7 +19,7 @@ namespace tessera::test {
 
 /// Of every regular file below `folder` what had not been synced stays, is cut off somewhere, reads as zeros, or the file is gone.
 /// Names that were given are kept: a folder's last sync is not looked at.
-/// \param synced  the file that TESSERA_SYNCED named; deleted, since a machine that starts again has synced nothing
+/// \param synced  the file that TESSERA_SYNCED named; tells then of everything that is left, which lies on the disk
 /// \returns how many files lost something
 inline std::size_t lose_unsynced(const std::filesystem::path& folder, const std::filesystem::path& synced,
                                  Random& random) {
@@ -52,7 +52,13 @@ inline std::size_t lose_unsynced(const std::filesystem::path& folder, const std:
     fs::resize_file(file, kept + random.below(s.stx_size - kept));
     if (fate == 3) fs::resize_file(file, s.stx_size);
   }
-  fs::remove(synced);
+  std::ofstream left(synced);
+  for (const fs::path& file : files) {
+    struct statx s {};
+    if (::statx(AT_FDCWD, file.c_str(), 0, STATX_INO | STATX_SIZE | STATX_BTIME, &s) == 0)
+      left << s.stx_ino << ' ' << s.stx_btime.tv_sec << ' ' << s.stx_btime.tv_nsec << ' ' << s.stx_size
+           << '\n';
+  }
   return hurt;
 }
 

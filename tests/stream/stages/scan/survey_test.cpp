@@ -479,15 +479,16 @@ TEST_CASE("point inputs: sixteen tasks share what is no more than sixteen large 
   const auto tasks_of = [&](std::uint64_t points) {
     const auto path = folder.path() / "scan.ply";
     std::ofstream(path) << "ply\nformat binary_little_endian 1.0\nelement vertex " << points
-                        << "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
-    std::filesystem::resize_file(path, std::filesystem::file_size(path) + 12 * points);
+                        << "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar grey\nend_header\n";
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) + 13 * points);
     std::vector<std::unique_ptr<PointFile>> files;
     files.push_back(open_point_file(path, {}));
     return PointInputs(std::move(files), {}).task_count();
   };
   CHECK(tasks_of(300'000) == 1);  // 4 MiB a task at least
-  CHECK(tasks_of(1'700'000) == 5);
-  CHECK(tasks_of(14'000'000) == 16);  // 160 MiB
+  CHECK(tasks_of(1'700'000) == 6);
+  CHECK(tasks_of(14'000'000) == 16);  // 174 MiB
+  CHECK(tasks_of(14'000'007) == 16);  // slices end with a whole record
 }
 
 TEST_CASE("robust window: keeps a far part of the scan, drops a far speck", "[unit]") {
