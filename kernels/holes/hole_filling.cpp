@@ -147,9 +147,22 @@ double sharpest(HoleMesh& mesh, const HoleLoop& loop) {
 }
 
 struct Term {
-  std::uint32_t row, column, hinge;
+  std::uint32_t row, column;
   double value;
 };
+
+/// By row, then column, those of one entry in the order in which they were.
+void sort_terms(std::uint32_t n, std::vector<Term>& terms) {
+  std::vector<Term> sorted(terms.size());
+  std::vector<std::size_t> place(n + std::size_t{1});
+  for (const auto key : {&Term::column, &Term::row}) {
+    std::fill(place.begin(), place.end(), std::size_t{0});
+    for (const Term& t : terms) ++place[t.*key + std::size_t{1}];
+    for (std::size_t k = 0; k < n; ++k) place[k + 1] += place[k];
+    for (const Term& t : terms) sorted[place[t.*key]++] = t;
+    terms.swap(sorted);
+  }
+}
 
 /// Moves vertices [first, last) of x to the least energy, the others fixed. False if the system is too large
 /// or not definite; then x stays.
@@ -158,8 +171,7 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
   const std::uint32_t n = last - first;
   std::vector<Double3> right(n);
   std::vector<Term> terms;
-  for (std::uint32_t h = 0; h < hinges.size(); ++h) {
-    const Hinge& hinge = hinges[h];
+  for (const Hinge& hinge : hinges) {
     for (std::size_t i = 0; i < 4; ++i) {
       if (hinge.vertex[i] < first || hinge.vertex[i] >= last) continue;
       const std::uint32_t row = hinge.vertex[i] - first;
@@ -167,15 +179,13 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
         const double q = hinge.weight * hinge.factor[i] * hinge.factor[j];
         const std::uint32_t v = hinge.vertex[j];
         if (v >= first && v < last)
-          terms.push_back({row, v - first, h, q});
+          terms.push_back({row, v - first, q});
         else
           right[row] = right[row] - x[v] * q;
       }
     }
   }
-  std::sort(terms.begin(), terms.end(), [](const Term& a, const Term& b) {
-    return std::array{a.row, a.column, a.hinge} < std::array{b.row, b.column, b.hinge};
-  });
+  sort_terms(n, terms);
   SparseMatrix matrix;
   matrix.rows = matrix.columns = static_cast<std::int32_t>(n);
   matrix.start.assign(n + std::size_t{1}, 0);
