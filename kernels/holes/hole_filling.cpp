@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <optional>
 
 #include "kernels/holes/hole_mesh.h"
 #include "kernels/holes/hole_triangulation.h"
@@ -211,37 +212,13 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
   return true;
 }
 
-}  // namespace
-
-HoleFilling fill_hole(const HoleLoop& loop, const HoleLimits& limits) {
-  const bool smooth = limits.shape == HoleShape::kSmooth;
+/// A patch over a triangulation of the loop, whatever its angles.
+HoleFilling make_patch(const HoleLoop& loop, const std::vector<Double3>& boundary_normal,
+                       const HoleTriangulation& start, bool smooth, double area, std::uint64_t maximum) {
   const auto n = static_cast<std::uint32_t>(loop.position.size());
-  assert(n >= 3 && n <= kMaxHoleEdges && loop.opposite.size() == n);
-  const std::vector<Double3> boundary_normal = boundary_normals(loop);
   HoleFilling out;
-  if (!limits.outer && loop_cosine(loop, boundary_normal) < kMinBoundaryCosine) {
-    out.outcome = HoleOutcome::kOuter;
-    return out;
-  }
-  const HoleTriangulation start = triangulate_hole(
-      loop, boundary_normal, smooth ? TriangulationGoal::kLeastDihedral : TriangulationGoal::kLeastArea);
-  if (start.faces.empty()) {
-    out.outcome = HoleOutcome::kTaken;
-    return out;
-  }
-  if (!limits.outer && start.boundary_cosine < kMinBoundaryCosine) {
-    out.outcome = HoleOutcome::kOuter;
-    return out;
-  }
-  const double area = area_of(loop, start.faces);
-  out.width = 4.0 * area / boundary_length(loop);
-  if (out.width > limits.width) {
-    out.outcome = HoleOutcome::kWide;
-    return out;
-  }
   // Triangles with edges of length e cover sqrt(3)/4 e^2, and there are two of them to a vertex.
   const double boundary = boundary_edge(loop);
-  const std::uint64_t maximum = std::min(max_hole_vertices(n), limits.vertices);
   const double edge = std::max(boundary, std::sqrt(area / (0.866 * 0.75 * static_cast<double>(maximum + 1))));
   HoleMesh mesh(loop, start.faces);
   mesh.refine(edge, maximum);
@@ -256,14 +233,64 @@ HoleFilling fill_hole(const HoleLoop& loop, const HoleLimits& limits) {
     mesh.positions() = std::move(x);
   }
   out.min_cosine = sharpest(mesh, loop);
-  if (out.min_cosine < limits.min_cosine) {
-    out.outcome = HoleOutcome::kSharp;
-    return out;
-  }
   out.position.assign(mesh.positions().begin() + n, mesh.positions().end());
   if (!mesh.colours().empty()) out.rgba.assign(mesh.colours().begin() + n, mesh.colours().end());
   for (const HoleMesh::Triangle& t : mesh.triangles()) out.faces.push_back(t.vertex);
   return out;
+}
+
+}  // namespace
+
+struct HoleFiller::Made {
+  std::vector<Double3> boundary_normal;
+  double cosine = 0.0;  ///< loop_cosine()
+  std::optional<HoleTriangulation> least_dihedral, least_area;
+  std::optional<HoleFilling> smooth;
+  std::uint64_t smooth_maximum = 0;  ///< of its vertices
+};
+
+HoleFiller::HoleFiller(const HoleLoop& loop) : loop_(loop), made_(std::make_unique<Made>()) {
+  assert(loop.position.size() >= 3 && loop.position.size() <= kMaxHoleEdges &&
+         loop.opposite.size() == loop.position.size());
+  made_->boundary_normal = boundary_normals(loop);
+  made_->cosine = loop_cosine(loop, made_->boundary_normal);
+}
+
+HoleFiller::~HoleFiller() = default;
+
+HoleFilling HoleFiller::fill(const HoleLimits& limits) {
+  const bool is_smooth = limits.shape == HoleShape::kSmooth;
+  HoleFilling out;
+  const auto refused = [&](HoleOutcome why) {
+    out.outcome = why;
+    return out;
+  };
+  if (!limits.outer && made_->cosine < kMinBoundaryCosine) return refused(HoleOutcome::kOuter);
+  std::optional<HoleTriangulation>& start = is_smooth ? made_->least_dihedral : made_->least_area;
+  if (!start)
+    start = triangulate_hole(loop_, made_->boundary_normal,
+                             is_smooth ? TriangulationGoal::kLeastDihedral : TriangulationGoal::kLeastArea);
+  if (start->faces.empty()) return refused(HoleOutcome::kTaken);
+  if (!limits.outer && start->boundary_cosine < kMinBoundaryCosine) return refused(HoleOutcome::kOuter);
+  const double area = area_of(loop_, start->faces);
+  out.width = 4.0 * area / boundary_length(loop_);
+  if (out.width > limits.width) return refused(HoleOutcome::kWide);
+  const std::uint64_t maximum = std::min(max_hole_vertices(loop_.position.size()), limits.vertices);
+  HoleFilling patch;
+  if (is_smooth && made_->smooth && made_->smooth_maximum == maximum)
+    patch = *made_->smooth;
+  else
+    patch = make_patch(loop_, made_->boundary_normal, *start, is_smooth, area, maximum);
+  if (is_smooth) made_->smooth = patch, made_->smooth_maximum = maximum;
+  patch.width = out.width;
+  if (!(patch.min_cosine < limits.min_cosine)) return patch;
+  out.fair = patch.fair;
+  out.min_cosine = patch.min_cosine;
+  return refused(HoleOutcome::kSharp);
+}
+
+HoleFilling fill_hole(const HoleLoop& loop, const HoleLimits& limits) {
+  return HoleFiller(loop).fill(limits);
 }
 
 }  // namespace tessera

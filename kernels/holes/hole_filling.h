@@ -13,6 +13,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "octree/lattice.h"
@@ -79,5 +80,20 @@ struct HoleLimits {
 /// \pre 3 <= n <= kMaxHoleEdges, no two neighbours of the loop at one place
 /// \post filled: the faces together are a disk bounded by the loop; no inner edge is in `taken`
 [[nodiscard]] HoleFilling fill_hole(const HoleLoop& loop, const HoleLimits& limits = {});
+
+/// Fills one loop to several limits: triangulations, and the smooth patch, are made once.
+class HoleFiller {
+ public:
+  /// \pre as of fill_hole(); the loop stays as it is while this is used
+  explicit HoleFiller(const HoleLoop& loop);
+  ~HoleFiller();
+  /// What fill_hole() makes of the loop.
+  [[nodiscard]] HoleFilling fill(const HoleLimits& limits);
+
+ private:
+  struct Made;
+  const HoleLoop& loop_;
+  std::unique_ptr<Made> made_;
+};
 
 }  // namespace tessera

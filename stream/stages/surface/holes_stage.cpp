@@ -58,12 +58,13 @@ class HolesStage : public Stage {
         for (Double3& p : *list)
           for (std::size_t a = 0; a < 3; ++a) p[a] -= corner[a];
       if (is_chained(loop)) find_chords(named, loop, corner, around);
-      Try found = try_shape(named, loop, corner, smooth_limits(loop), around);
+      HoleFiller filler(loop);
+      Try found = try_shape(named, loop, filler, corner, smooth_limits(loop), around);
       const HoleOutcome smooth = found.filling.outcome;
       const bool crossed = found.crosses;
       if (!found.fits() && limit_.membranes && smooth != HoleOutcome::kWide)
         for (const HoleLimits& limits : further_limits(loop)) {
-          found = try_shape(named, loop, corner, limits, around);
+          found = try_shape(named, loop, filler, corner, limits, around);
           if (found.fits()) break;
         }
       if (!found.fits()) {
@@ -182,9 +183,9 @@ class HolesStage : public Stage {
     return {membrane, smooth, flat};
   }
 
-  Try try_shape(const NamedLoop& named, const HoleLoop& loop, const Double3& corner, const HoleLimits& limits,
-                MeshAround& around) const {
-    Try out = {fill_hole(loop, limits), false, {}};
+  Try try_shape(const NamedLoop& named, const HoleLoop& loop, HoleFiller& filler, const Double3& corner,
+                const HoleLimits& limits, MeshAround& around) const {
+    Try out = {filler.fill(limits), false, {}};
     if (out.filling.outcome == HoleOutcome::kFilled)
       out.crosses = (limit_.membranes && is_dense(loop, out.filling)) ||
                     crosses(named, loop, out.filling, corner, around, out.touching);

@@ -265,6 +265,27 @@ TEST_CASE("hole filling: a membrane stays within the rim where a smooth patch bu
   CHECK(fill_hole(bag, {.min_cosine = 0.5, .shape = HoleShape::kMembrane}).outcome == HoleOutcome::kSharp);
 }
 
+TEST_CASE("hole filling: limits tried one after the other give what each gives alone", "[unit]") {
+  const HoleLoop bag = ring(40, 6.0, 0.5, [](double r) { return -4.0 * (r - 6.0); });
+  const HoleLoop outside = ring(40, 6.0, -1.0, [](double) { return 3.0; });
+  for (const HoleLoop& loop : {bag, outside}) {
+    HoleFiller filler(loop);
+    for (const HoleLimits& limits :
+         {HoleLimits{.min_cosine = 0.9}, HoleLimits{.width = 2.0, .outer = true},
+          HoleLimits{.shape = HoleShape::kMembrane, .outer = true}, HoleLimits{.outer = true},
+          HoleLimits{.vertices = 20, .outer = true}, HoleLimits{.outer = true},
+          HoleLimits{.vertices = 0, .shape = HoleShape::kMembrane, .outer = true}}) {
+      const HoleFilling one = filler.fill(limits), alone = fill_hole(loop, limits);
+      CHECK(one.outcome == alone.outcome);
+      CHECK(one.width == alone.width);
+      CHECK(one.min_cosine == alone.min_cosine);
+      CHECK(one.fair == alone.fair);
+      CHECK(one.position == alone.position);
+      CHECK(one.faces == alone.faces);
+    }
+  }
+}
+
 TEST_CASE("hole filling: no more new vertices than allowed, and outer borders on request", "[unit]") {
   const HoleLoop loop = ring(48, 8.0, 1.0, [](double) { return 3.0; });
   const HoleFilling few = fill_hole(loop, {.vertices = 20});
