@@ -5,6 +5,7 @@
 #pragma once
 #include <immintrin.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -129,6 +130,12 @@ TESSERA_EMULATED V masked(const T* from, const __m256i& mask) {
     if (m[i] < 0) r[i] = from[i];
   return r;
 }
+template <class I, int kLanes, class T, class V>
+TESSERA_EMULATED void store_masked(T* to, const __m256i& mask, const V& v) {
+  const I m = bits<I>(mask);
+  for (int i = 0; i < kLanes; ++i)
+    if (m[i] < 0) to[i] = v[i];
+}
 TESSERA_EMULATED __m256 permuted_ps(const __m256& a, const __m256i& index) {
   const V8i at = bits<V8i>(index);
   __m256 r{};
@@ -153,6 +160,9 @@ TESSERA_EMULATED __m256 halves(const __m128& high, const __m128& low) {
   __m256 r{};
   for (int i = 0; i < 4; ++i) r[i] = low[i], r[i + 4] = high[i];
   return r;
+}
+TESSERA_EMULATED __m256d halves_pd(const __m128d& high, const __m128d& low) {
+  return __m256d{low[0], low[1], high[0], high[1]};
 }
 TESSERA_EMULATED __m128 half(const __m256& a, int which) {
   __m128 r{};
@@ -207,6 +217,14 @@ TESSERA_EMULATED __m128i truncated(const __m256d& a) {
   return _mm_unpacklo_epi64(_mm_cvttpd_epi32(_mm_set_pd(a[1], a[0])),
                             _mm_cvttpd_epi32(_mm_set_pd(a[3], a[2])));
 }
+TESSERA_EMULATED __m128i clamped_to_u16(const __m128i& a, const __m128i& b) {
+  std::int32_t from[8];
+  std::memcpy(from, &a, sizeof a);
+  std::memcpy(from + 4, &b, sizeof b);
+  std::uint16_t to[8];
+  for (int i = 0; i < 8; ++i) to[i] = static_cast<std::uint16_t>(std::clamp(from[i], 0, 0xffff));
+  return loaded<__m128i>(to);
+}
 TESSERA_EMULATED std::uint32_t crc32c(std::uint32_t crc, std::uint64_t value, int bytes) {
   for (int bit = 0; bit < 8 * bytes; ++bit, value >>= 1)
     crc = (crc >> 1) ^ (((crc ^ static_cast<std::uint32_t>(value)) & 1u) != 0 ? 0x82f63b78u : 0u);
@@ -228,6 +246,10 @@ TESSERA_EMULATED __m256i all_i64(std::int64_t x) {
 TESSERA_EMULATED __m256i all_i16(std::int16_t x) {
   return bits<__m256i>(V16s{x, x, x, x, x, x, x, x, x, x, x, x, x, x, x, x});
 }
+TESSERA_EMULATED __m256d twice(const __m128d* from) {
+  const __m128d half = loaded<__m128d>(from);
+  return halves_pd(half, half);
+}
 template <class V, class T>
 TESSERA_EMULATED void store(T* to, const V& v) {
   std::memcpy(to, &v, sizeof v);
@@ -240,6 +262,12 @@ TESSERA_EMULATED __m256i whole(const __m256i& a, const __m256i& b) {
   if constexpr (kOp == WholeOp::kSubtract) return bits<__m256i>(x - y);
   if constexpr (kOp == WholeOp::kEqual) return bits<__m256i>(x == y);
   if constexpr (kOp == WholeOp::kGreater) return bits<__m256i>(x > y);
+}
+TESSERA_EMULATED __m256i shifted_up(const __m256i& a, const __m256i& counts) {
+  const V8u x = bits<V8u>(a), n = bits<V8u>(counts);
+  V8u r{};
+  for (int i = 0; i < 8; ++i) r[i] = n[i] < 32 ? x[i] << n[i] : 0;
+  return bits<__m256i>(r);
 }
 
 }  // namespace tessera::emulated
@@ -276,6 +304,8 @@ TESSERA_EMULATED __m256i whole(const __m256i& a, const __m256i& b) {
 #define _mm256_xor_pd(a, b) (TESSERA_V::differing<__m256d, TESSERA_V::V4l>(a, b))
 #define _mm256_andnot_pd(a, b) (TESSERA_V::without<__m256d, TESSERA_V::V4l>(a, b))
 #define _mm256_or_si256(a, b) (TESSERA_V::either<__m256i, TESSERA_V::V4l>(a, b))
+#define _mm256_and_si256(a, b) (TESSERA_V::both<__m256i, TESSERA_V::V4l>(a, b))
+#define _mm256_xor_si256(a, b) (TESSERA_V::differing<__m256i, TESSERA_V::V4l>(a, b))
 #define _mm256_blendv_ps(a, b, m) (TESSERA_V::blended<__m256, TESSERA_V::V8i>(a, b, m))
 #define _mm256_blendv_pd(a, b, m) (TESSERA_V::blended<__m256d, TESSERA_V::V4l>(a, b, m))
 #define _mm256_blendv_epi8(a, b, m)                                               \
@@ -295,6 +325,7 @@ TESSERA_EMULATED __m256i whole(const __m256i& a, const __m256i& b) {
 #define _mm256_set1_epi16(x) TESSERA_V::all_i16(x)
 #define _mm256_broadcast_ss(p) TESSERA_V::all_ps(*(p))
 #define _mm256_broadcast_sd(p) TESSERA_V::all_pd(*(p))
+#define _mm256_broadcast_pd(p) TESSERA_V::twice(p)
 #define _mm256_broadcastss_ps(a) TESSERA_V::all_ps((a)[0])
 #define _mm256_setzero_ps() (__m256{})
 #define _mm256_setzero_pd() (__m256d{})
@@ -307,6 +338,7 @@ TESSERA_EMULATED __m256i whole(const __m256i& a, const __m256i& b) {
 #define _mm256_setr_epi64x(a, b, c, d) (__m256i{a, b, c, d})
 #define _mm256_set_epi64x(a, b, c, d) (__m256i{d, c, b, a})
 #define _mm256_set_m128(high, low) TESSERA_V::halves(high, low)
+#define _mm256_set_m128d(high, low) TESSERA_V::halves_pd(high, low)
 #define _mm256_load_ps(p) (TESSERA_V::loaded<__m256>(p))
 #define _mm256_loadu_ps(p) (TESSERA_V::loaded<__m256>(p))
 #define _mm256_load_pd(p) (TESSERA_V::loaded<__m256d>(p))
@@ -321,6 +353,7 @@ TESSERA_EMULATED __m256i whole(const __m256i& a, const __m256i& b) {
 #define _mm256_storeu_si256(p, a) TESSERA_V::store<__m256i>(p, a)
 #define _mm256_maskload_ps(p, m) (TESSERA_V::masked<__m256, TESSERA_V::V8i, 8>(p, m))
 #define _mm256_maskload_pd(p, m) (TESSERA_V::masked<__m256d, TESSERA_V::V4l, 4>(p, m))
+#define _mm256_maskstore_pd(p, m, a) (TESSERA_V::store_masked<TESSERA_V::V4l, 4>(p, m, a))
 #define _mm256_castps_si256(a) (TESSERA_V::bits<__m256i>((__m256)(a)))
 #define _mm256_castsi256_ps(a) (TESSERA_V::bits<__m256>((__m256i)(a)))
 #define _mm256_castsi256_pd(a) (TESSERA_V::bits<__m256d>((__m256i)(a)))
@@ -345,7 +378,9 @@ TESSERA_EMULATED __m256i whole(const __m256i& a, const __m256i& b) {
 #define _mm256_cmpeq_epi64(a, b) (TESSERA_V::whole<TESSERA_V::V4l, TESSERA_V::WholeOp::kEqual>(a, b))
 #define _mm256_cmpgt_epi32(a, b) (TESSERA_V::whole<TESSERA_V::V8i, TESSERA_V::WholeOp::kGreater>(a, b))
 #define _mm256_cmpgt_epi16(a, b) (TESSERA_V::whole<TESSERA_V::V16s, TESSERA_V::WholeOp::kGreater>(a, b))
+#define _mm256_sllv_epi32(a, n) TESSERA_V::shifted_up(a, n)
 #define _mm_movehdup_ps(a) _mm_shuffle_ps(a, a, _MM_SHUFFLE(3, 3, 1, 1))
 #define _mm_permutevar_ps(a, i) TESSERA_V::permuted_4(a, i)
+#define _mm_packus_epi32(a, b) TESSERA_V::clamped_to_u16(a, b)
 #define _mm_crc32_u8(crc, v) TESSERA_V::crc32c(static_cast<std::uint32_t>(crc), v, 1)
 #define _mm_crc32_u64(crc, v) (std::uint64_t{TESSERA_V::crc32c(static_cast<std::uint32_t>(crc), v, 8)})

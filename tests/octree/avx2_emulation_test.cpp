@@ -33,7 +33,8 @@ namespace avx2_emulation_test::processor {
 #define WHOLE_TWO(USE) \
   USE(__m256i, add_epi32, __m256i) USE(__m256i, sub_epi32, __m256i) USE(__m256i, cmpeq_epi32, __m256i) \
   USE(__m256i, cmpeq_epi64, __m256i) USE(__m256i, cmpgt_epi32, __m256i) USE(__m256i, cmpgt_epi16, __m256i) \
-  USE(__m256i, or_si256, __m256i)
+  USE(__m256i, or_si256, __m256i) USE(__m256i, and_si256, __m256i) USE(__m256i, xor_si256, __m256i) \
+  USE(__m256i, sllv_epi32, __m256i)
 #define FLOATS_THREE(USE) \
   USE(__m256, fmadd_ps, __m256) USE(__m256, fnmadd_ps, __m256) USE(__m256, fmsub_ps, __m256) \
   USE(__m256, blendv_ps, __m256)
@@ -100,6 +101,12 @@ inline __m256 maskload_ps(const float* p, __m256i m) {
 inline __m256d maskload_pd(const double* p, __m256i m) {
   return _mm256_maskload_pd(p, m);
 }
+inline void maskstore_pd(double* p, __m256i m, __m256d x) {
+  _mm256_maskstore_pd(p, m, x);
+}
+inline __m256d broadcast_pd(const __m128d* p) {
+  return _mm256_broadcast_pd(p);
+}
 inline __m128 permutevar(__m128 x, __m128i i) {
   return _mm_permutevar_ps(x, i);
 }
@@ -108,6 +115,12 @@ inline __m128 movehdup(__m128 x) {
 }
 inline __m256 set_m128(__m128 x, __m128 y) {
   return _mm256_set_m128(x, y);
+}
+inline __m256d set_m128d(__m128d x, __m128d y) {
+  return _mm256_set_m128d(x, y);
+}
+inline __m128i packus_epi32(__m128i x, __m128i y) {
+  return _mm_packus_epi32(x, y);
 }
 inline __m128 extractf128_ps(__m256 x) {
   return _mm256_extractf128_ps(x, 1);
@@ -220,11 +233,23 @@ TEST_CASE("emulation: floats, doubles and whole numbers have the bits of the pro
       _mm256_storeu_pd(numbers, x);
       const __m256i i = whole(random);
       CHECK(same<__m256d>(_mm256_maskload_pd(numbers, i), processor::maskload_pd(numbers, i)));
+      double stored[4], by_processor[4];
+      _mm256_storeu_pd(stored, y), _mm256_storeu_pd(by_processor, y);
+      _mm256_maskstore_pd(stored, i, x), processor::maskstore_pd(by_processor, i, x);
+      CHECK(std::memcmp(stored, by_processor, sizeof stored) == 0);
+      const __m128d low = _mm_loadu_pd(numbers), high = _mm_loadu_pd(numbers + 2);
+      CHECK(same<__m256d>(_mm256_set_m128d(low, high), processor::set_m128d(low, high)));
+      CHECK(same<__m256d>(_mm256_broadcast_pd(&high), processor::broadcast_pd(&high)));
       CHECK(same<__m256d>(_mm256_set_pd(x[0], 2.0, 3.0, 4.0), processor::set_pd(x[0])));
     }
     {
       const __m256i x = whole(random), y = whole(random), z = whole(random);
       WHOLE_TWO(SAME_TWO)
+      const __m256i counts = _mm256_and_si256(y, _mm256_set1_epi32(63));  // too far every other time
+      CHECK(same<__m256i>(_mm256_sllv_epi32(x, counts), processor::sllv_epi32(x, counts)));
+      const __m128i ints = _mm256_castsi256_si128(x);
+      const __m128i small = _mm_srai_epi32(ints, 14);  // a quarter of them fit
+      CHECK(same<__m128i>(_mm_packus_epi32(ints, small), processor::packus_epi32(ints, small)));
       CHECK(same<__m256i>(_mm256_blendv_epi8(x, y, z), processor::blendv_epi8(x, y, z)));
       CHECK(_mm256_movemask_epi8(x) == processor::movemask_epi8(x));
       CHECK(same<__m256i>(_mm256_cvtepu8_epi32(_mm256_castsi256_si128(x)),
