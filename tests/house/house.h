@@ -44,6 +44,9 @@ Findings check_tests(const Sources& sources, const std::map<std::string, std::st
 /// Kernels, octree and solvers open no file, start no thread, print nothing and know no command-line word.
 /// `allowed`: "path word" pairs with a reason.
 Findings check_kernel_words(const Sources& sources, const std::map<std::string, std::string>& allowed);
+/// Every intrinsic is of SSE2 or stands in octree/avx2_emulation.h, predicates of comparisons too: the portable build, which no test
+/// compiles, has nothing else.
+Findings check_instructions(const Sources& sources);
 /// Headers keep OpenVDB, CLI11, JSON, fmt, spdlog, TBB and Eigen out, but for those named in `allowed`.
 Findings check_heavy_headers(const Sources& sources, const std::set<std::string>& allowed);
 /// Every .cpp stands in a CMakeLists.txt: nothing lies about that no build reads.

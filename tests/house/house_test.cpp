@@ -63,6 +63,10 @@ TEST_CASE("house: kernels open no file, start no thread, print nothing, know no 
   check_clean(check_kernel_words(house(), allowed_words()));
 }
 
+TEST_CASE("house: the portable build has every intrinsic that a source names", "[unit]") {
+  check_clean(check_instructions(house()));
+}
+
 TEST_CASE("house: every kernel and every stage has a test, every test has a label", "[unit]") {
   check_clean(check_tests(house(), covering_tests()));
   check_clean(check_labels(house()));
@@ -187,6 +191,27 @@ TEST_CASE("gate of kernels: files, threads, output and options are found, commen
   const std::map<std::string, std::string> allowed = {{"kernels/picture/gl.cpp dlopen(", "loads OpenGL"}};
   check_clean(check_kernel_words({source("kernels/picture/gl.cpp", {"dlopen(name, 1);"})}, allowed));
   check_only(check_kernel_words({source("kernels/picture/gl.cpp")}, allowed), "strike the exception");
+}
+
+TEST_CASE("gate of instructions: what neither SSE2 has nor the emulation names is found", "[unit]") {
+  // Each without the underscore that it begins with, so that this file names none.
+  const auto uses = [](const std::string& name) {
+    return source("kernels/mesh/patch.cpp", {"// any _" + name, "x = to_mm_(y) + _" + name + "(x, y);"});
+  };
+  const Source emulation =
+      header("octree/avx2_emulation.h", {std::string("#define _") + "mm256_add_pd(a, b) (__m256d)((a) + (b))",
+                                         std::string("    case _") + "CMP_GE_OQ:"});
+  for (const std::string name : {"mm256_add_pd", "CMP_GE_OQ", "mm_add_pd", "mm_prefetch", "mm_srli_si128"}) {
+    CAPTURE(name);
+    check_clean(check_instructions({emulation, uses(name)}));
+  }
+  for (const std::string name :
+       {"mm256_add_pd", "CMP_GE_OQ", "mm256_and_si256", "mm_hadd_pd", "mm_shuffle_epi8", "mm_packus_epi32",
+        "mm_popcnt_u64", "mm_fmadd_sd", "mm_add", "pdep_u64", "tzcnt_u32", "CMP_ORD_Q", "cvtss_sh",
+        "_builtin_ia32_paddd256", "mm512_add_pd"}) {
+    CAPTURE(name);
+    check_only(check_instructions({uses(name)}), "patch.cpp:2: _" + name + " is not in SSE2");
+  }
 }
 
 TEST_CASE("gate of heavy headers: JSON, CLI11 and OpenVDB in a header are found", "[unit]") {
