@@ -59,9 +59,9 @@ Double4x3 splat(const Double3& v) {
   return {Double4{} + v[0], Double4{} + v[1], Double4{} + v[2]};
 }
 
-/// \param twice  the area
 constexpr double kMinHeight = 1e-4;  ///< twice the area over the square of the longest side
 
+/// \param twice  the area
 bool has_area(double twice, const Double3& ab, const Double3& ac, const Double3& bc) {
   return twice > kMinHeight * std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
 }
