@@ -75,4 +75,20 @@ TEST_CASE(
   CHECK(mesh.at("turned_faces").get<int>() < 20);  // on creases, which stay
 }
 
+TEST_CASE("smooth: far more threads than the cap feeds take turns, and make the same bytes", "[pipeline]") {
+  const TempFolder folder;
+  const auto at = [&](const char* name) { return (folder.path() / name).string(); };
+  REQUIRE(
+      tessera_command({"synth", "--scene", "terrain", "--points", "60000", "--normals", "-o", at("scan.ply")})
+          .code == 0);
+  REQUIRE(tessera_command({"reconstruct", at("scan.ply"), "-o", at("mesh.ply"), "-q"}).code == 0);
+  for (const auto& [threads, out] : {std::pair{"1", "one.ply"}, std::pair{"64", "many.ply"}}) {
+    const CommandResult r = tessera_command({"smooth", at("mesh.ply"), "-o", at(out), "--method", "denoise",
+                                             "--memory", "512M", "--threads", threads, "-q"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+  }
+  CHECK(file_bytes(at("one.ply")) == file_bytes(at("many.ply")));
+}
+
 }  // namespace denoise_command_test

@@ -15,6 +15,7 @@
 #include "stream/files/json.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_store.h"
+#include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/contact_regions.h"
@@ -24,6 +25,8 @@
 
 namespace tessera {
 namespace {
+
+constexpr std::uint64_t kLeastRingBytes = std::uint64_t{64} << 20;
 
 /// Of a length that was computed: a bound of the true one.
 constexpr double kRounding = 1.0 + 1e-12;
@@ -92,8 +95,10 @@ class SmoothStage : public Stage {
     if (rule_.cycle < 0) {
       std::uint64_t vertices = 0;
       for (const MeshPatchEntry& e : store_.patches()) vertices += e.vertices;
-      tiling_.ring_bytes =
-          std::min(tiling_.tile_bytes, smooth_by_rings_bytes(rule_, vertices, store_.face_count(), patch));
+      // Of many threads fewer run at once rather than that rings of some vertex do not fit the share of one.
+      const std::uint64_t least = std::min(kLeastRingBytes, largest_guess_bytes(state.run.memory_bytes));
+      tiling_.ring_bytes = std::min(std::max(tiling_.tile_bytes, least),
+                                    smooth_by_rings_bytes(rule_, vertices, store_.face_count(), patch));
       if (round_edges(rule_) > 0.0) tiling_.few_rings = few_rings(rule_);
     }
     tasks_ = make_smooth_tasks(store_, load_range(state.work, base_round_), tiling_);

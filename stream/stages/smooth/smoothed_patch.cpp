@@ -89,7 +89,7 @@ class RingSmoother {
       if (part.empty() || take_with(round_rings(rule_), p, part, to)) continue;
       if (part.size() == 1)
         throw ResourceError("the rings of faces that smoothing needs around one vertex take at least " +
-                            format_bytes(least_) + "; raise --memory to " +
+                            format_bytes(least_) + ": take fewer --threads, or with one of them --memory " +
                             std::to_string(cap_mib_for_guess(least_)) + "M");
       parts.push_back(cut_off_half(part, [&](std::uint32_t v) { return to.from[v]; }));
       parts.push_back(std::move(part));
