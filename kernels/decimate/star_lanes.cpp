@@ -115,7 +115,8 @@ bool StarLanes::is_surely_flat(float cosine) const {
   const Float8x3 normal = cross(ring_, next), first = permuted(normal, Int8{});
   const Float8 along = dot(first, normal), first2 = dot(first, first), normal2 = dot(normal, normal);
   const float limit = cosine + kMargin;
-  const Mask8 flat = (along > 0.0f) & (first2 * normal2 > kLeastProduct) & (along * along > limit * limit * (first2 * normal2)) &
+  const Mask8 flat = (along > 0.0f) & (first2 * normal2 > kLeastProduct) &
+                     (along * along > limit * limit * (first2 * normal2)) &
                      (normal2 > kMinSine * kMinSine * (dot(ring_, ring_) * dot(next, next)));
   const unsigned all = (1u << size_) - 1u;
   return (bits_of(flat) & all) == all;
