@@ -173,6 +173,9 @@ GroupCommit::~GroupCommit() {
     changed_.notify_all();
   }
   thread_.join();
+  std::error_code ignored;
+  for (const fs::path& path : refused_)
+    if (fs::is_regular_file(path, ignored)) fs::remove(path, ignored);
 }
 
 void GroupCommit::add(const std::set<fs::path>& paths) {
@@ -218,11 +221,9 @@ void GroupCommit::sync_all(std::unique_lock<std::mutex>& lock) {
     journal_.sync();
   } catch (...) {
     failure = std::current_exception();
-    std::error_code ignored;
-    for (const fs::path& path : paths)
-      if (fs::is_regular_file(path, ignored)) fs::remove(path, ignored);
   }
   lock.lock();
+  if (failure != nullptr) refused_.insert(paths.begin(), paths.end());
   syncing_ = false;
   if (failure_ == nullptr) failure_ = failure;
   changed_.notify_all();

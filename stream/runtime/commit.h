@@ -70,13 +70,13 @@ class GroupCommit {
   /// \param journal  outlives it
   explicit GroupCommit(JournalWriter& journal, Waits waits);
   explicit GroupCommit(JournalWriter& journal) : GroupCommit(journal, Waits()) {}
-  /// Leaves what waits to the system.
+  /// Leaves what waits to the system. Files of a group whose sync failed go, now that no task reads them: what the disk refused
+  /// would read well from memory until that forgets it.
   ~GroupCommit();
   GroupCommit(const GroupCommit&) = delete;
   GroupCommit& operator=(const GroupCommit&) = delete;
   /// Files and folders are to be synced later. \pre they have the names that they keep, or get none: what has gone by then is
-  /// no longer needed \throws what a sync before has thrown; the files of that group have gone, since what the disk refused
-  /// would read well from memory until it is needed
+  /// no longer needed \throws what a sync before has thrown
   void add(const std::set<std::filesystem::path>& paths);
   /// Returns once all that was added is on the disk. \throws what syncs throw
   void settle();
@@ -98,7 +98,8 @@ class GroupCommit {
   bool syncing_ = false;
   std::atomic<bool> ends_{false};
   std::exception_ptr failure_;
-  std::thread thread_;  ///< the last member: it uses all others
+  std::set<std::filesystem::path> refused_;  ///< of groups that failed
+  std::thread thread_;                       ///< the last member: it uses all others
 };
 
 /// What a task may have beside its stage.
