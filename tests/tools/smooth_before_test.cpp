@@ -242,8 +242,9 @@ TEST_CASE("decimate --tolerance auto: a fifth of the edges or the noise, and the
   CHECK(file_bytes(given) == file_bytes(out));
 }
 
-TEST_CASE("decimate --tolerance auto: a first look at the noise is enough where no tolerance would ask for it",
-          "[pipeline]") {
+TEST_CASE(
+    "decimate --tolerance auto: a first look at the noise is enough where no tolerance would ask for it",
+    "[pipeline]") {
   const TempFolder folder;
   const double edge = 0.0125, share = GENERATE(0.05, 0.3);
   const bool asked = share > 0.2;
@@ -257,8 +258,8 @@ TEST_CASE("decimate --tolerance auto: a first look at the noise is enough where 
   CHECK((noise.at("vertices").natural() > 2 * look.at("vertices").natural()) == asked);
   CHECK(noise.at("noise").get<double>() == Approx(share * edge).epsilon(0.3));
   // What both measured together is what a job measures that smooths, and does so without a look.
-  const Json whole = run("decimate", in.string(), folder / "smooth.ply",
-                         {"--tolerance", "auto", "--smooth", "implicit"});
+  const Json whole =
+      run("decimate", in.string(), folder / "smooth.ply", {"--tolerance", "auto", "--smooth", "implicit"});
   CHECK_FALSE(result_of(whole, "noise-look").is_object());
   CHECK((result_of(whole, "noise") == noise) == asked);
 }

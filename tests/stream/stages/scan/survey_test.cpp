@@ -478,8 +478,9 @@ TEST_CASE("point inputs: sixteen tasks share what is no more than sixteen large 
   const TempFolder folder;
   const auto tasks_of = [&](std::uint64_t points) {
     const auto path = folder.path() / "scan.ply";
-    std::ofstream(path) << "ply\nformat binary_little_endian 1.0\nelement vertex " << points
-                        << "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar grey\nend_header\n";
+    std::ofstream(path)
+        << "ply\nformat binary_little_endian 1.0\nelement vertex " << points
+        << "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar grey\nend_header\n";
     std::filesystem::resize_file(path, std::filesystem::file_size(path) + 13 * points);
     std::vector<std::unique_ptr<PointFile>> files;
     files.push_back(open_point_file(path, {}));
