@@ -6,7 +6,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <numeric>
+#include <limits>
 #include <vector>
 
 #include "kernels/certify/certificate_pair.h"
@@ -215,25 +215,49 @@ CellBounds::CellBounds(const CellComparison& cell)
     : upper{cell.there.surface.upper, cell.back.surface.upper},
       lower{cell.there.surface.lower, cell.back.surface.lower} {}
 
-void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
-                   const std::function<CellBounds(std::size_t)>& again) {
-  std::array<double, 2> lower = {0, 0};
-  for (const CellBounds& c : cells)
-    for (std::size_t side = 0; side < 2; ++side) lower[side] = std::max(lower[side], c.lower[side]);
-  std::vector<bool> tight(cells.size());
-  std::vector<std::size_t> order(cells.size());
-  for (std::size_t side = 0; side < 2; ++side) {
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return cells[a].upper[side] > cells[b].upper[side];
-    });
-    for (const std::size_t i : order) {
-      // What is above the tolerance was searched to the end.
-      if (tight[i] || cells[i].upper[side] > tolerance) continue;
-      if (cells[i].upper[side] <= std::max(kWholeTightness * lower[side], kMinTarget * tolerance)) break;
-      cells[i] = again(i);
-      tight[i] = true;
-      for (std::size_t w = 0; w < 2; ++w) lower[w] = std::max(lower[w], cells[i].lower[w]);
+void tighten_cells(std::vector<CellBounds>& cells, double tolerance, const CompareAgain& again) {
+  std::array<double, 2> lower = {0, 0}, target = {0, 0};
+  const auto raise = [&](const CellBounds& c) {
+    for (std::size_t side = 0; side < 2; ++side) {
+      lower[side] = std::max(lower[side], c.lower[side]);
+      target[side] = std::max(kWholeTightness * lower[side], kMinTarget * tolerance);
+    }
+  };
+  for (const CellBounds& c : cells) raise(c);
+  std::vector<bool> searched(cells.size());
+  for (std::size_t at_once = 1;; at_once = std::min(2 * at_once, kTightenAtOnce)) {
+    struct Above {
+      double upper = 0.0;
+      double enough = std::numeric_limits<double>::infinity();
+      std::size_t cell;
+    };
+    std::vector<Above> above;
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      Above a{.cell = i};
+      for (std::size_t side = 0; side < 2; ++side) {
+        // What is above the tolerance was searched to the end.
+        const double u = cells[i].upper[side];
+        if (searched[i] || u > tolerance || u <= target[side]) continue;
+        a.upper = std::max(a.upper, u);
+        a.enough = std::min(a.enough, target[side]);
+      }
+      if (a.upper > 0.0) above.push_back(a);
+    }
+    if (above.empty()) return;
+    std::stable_sort(above.begin(), above.end(),
+                     [](const Above& a, const Above& b) { return a.upper > b.upper; });
+    above.resize(std::min(above.size(), at_once));
+    std::vector<std::size_t> which;
+    double enough = std::numeric_limits<double>::infinity();
+    for (const Above& a : above) {
+      which.push_back(a.cell);
+      enough = std::min(enough, a.enough);
+    }
+    const std::vector<CellBounds> found = again(which, enough);
+    for (std::size_t k = 0; k < which.size(); ++k) {
+      cells[which[k]] = found[k];
+      searched[which[k]] = true;
+      raise(found[k]);
     }
   }
 }
@@ -306,10 +330,18 @@ MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
             compare_cell(mesh, reference, out, cells[i].box, out.tolerance, nullptr, options.check_stop);
       });
   std::vector<CellBounds> bounds(results.begin(), results.end());
-  tighten_cells(bounds, out.tolerance, [&](std::size_t i) {
-    if (options.check_stop) options.check_stop();
-    results[i] = compare_cell(mesh, reference, out, cells[i].box, 0.0, nullptr, options.check_stop);
-    return CellBounds(results[i]);
+  tighten_cells(bounds, out.tolerance, [&](std::span<const std::size_t> which, double enough) {
+    std::vector<CellBounds> found(which.size());
+    pool.run_tasks(
+        which.size(), [&](std::size_t k) { return cells[which[k]].bytes; }, budget,
+        [&](std::size_t k) {
+          if (options.check_stop) options.check_stop();
+          CellComparison& result = results[which[k]];
+          result =
+              compare_cell(mesh, reference, out, cells[which[k]].box, enough, nullptr, options.check_stop);
+          found[k] = CellBounds(result);
+        });
+    return found;
   });
   for (const CellComparison& result : results) add_cell(out, result);
   out.seconds = seconds();

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -114,11 +115,14 @@ struct CellBounds {
   CellBounds() = default;
   explicit CellBounds(const CellComparison& cell);
 };
-/// After every cell was compared with enough = tolerance: the bound of the whole is tight when those cells are
-/// that are above what was found anywhere. Calls `again` for each of them, the largest first; it compares the
-/// cell with enough = 0. A pure function of the bounds, which it updates.
-void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
-                   const std::function<CellBounds(std::size_t)>& again);
+/// Compares some cells once more, CertificateOptions::enough given; what it returns is in the order asked for.
+using CompareAgain =
+    std::function<std::vector<CellBounds>(std::span<const std::size_t> which, double enough)>;
+/// After every cell was compared with enough = tolerance: the bound of the whole is tight when none lies above what was found
+/// anywhere. Asks for cells that do, the largest first, one, then two, four ... (kTightenAtOnce at most) at a time, since what is
+/// found in one ends the search in others: a cell need not be searched below it. A pure function of the bounds, which it updates.
+inline constexpr std::size_t kTightenAtOnce = 64;
+void tighten_cells(std::vector<CellBounds>& cells, double tolerance, const CompareAgain& again);
 
 /// \post  depends on the two meshes and the options alone, not on threads and budget; where yes or no was asked, not on
 ///   the way either, but for `speed`. What it says then it says with kExact too

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <span>
 
 #include "stream/check/mesh_compare.h"
 #include "stream/files/json.h"
@@ -235,16 +237,43 @@ TEST_CASE("compare: cells are compared again until the bound of the whole is tig
                                    cell(0.95, 0.10), cell(1.50, 1.45), cell(0.10, 0.05, 0.30, 0.05)};
   cells[4] = cell(0.0, 0.0);
   std::vector<std::size_t> again;
-  const auto compare = [&](std::size_t i) {
-    again.push_back(i);
-    const double tight[] = {0.70, 0.91, 0.85, 0.30, 0.0, 0.06};
-    return cell(tight[i], tight[i] / 1.02, i == 5 ? 0.2 : 0.0, i == 5 ? 0.2 : 0.0);
+  std::vector<double> enough_of;
+  const auto compare = [&](std::span<const std::size_t> which, double enough) {
+    std::vector<CellBounds> found;
+    for (const std::size_t i : which) {
+      again.push_back(i);
+      enough_of.push_back(enough);
+      const double tight[] = {0.70, 0.91, 0.85, 0.30, 0.0, 0.06};
+      found.push_back(cell(std::max(tight[i], std::min(enough, cells[i].upper[0])), tight[i] / 1.02,
+                           i == 5 ? 0.2 : 0.0, i == 5 ? 0.2 : 0.0));
+    }
+    return found;
   };
   tighten_cells(cells, 1.0, compare);
   CHECK(again == std::vector<std::size_t>{1, 3, 5});
+  // Below what was found, no cell need be searched: first 0.70, then 0.91 / 1.02, but that on its other side 0.05 are known.
+  CHECK(enough_of[0] == Approx(1.05 * 0.70));
+  CHECK(enough_of[1] == Approx(1.05 * 0.05));
+  CHECK(enough_of[2] == enough_of[1]);
   double upper = 0.0, lower = 0.0;
   for (const CellBounds& c : cells) upper = std::max(upper, c.upper[0]), lower = std::max(lower, c.lower[0]);
   CHECK(upper <= 1.03 * lower);
+  // Of many like each other ever more at once, none twice, and none after one was found to be as far as all may be.
+  again.clear();
+  enough_of.clear();
+  cells.assign(300, cell(0.9, 0.1));
+  std::vector<std::size_t> calls;
+  tighten_cells(cells, 1.0, [&](std::span<const std::size_t> which, double) {
+    calls.push_back(which.size());
+    std::vector<CellBounds> found;
+    for (const std::size_t i : which) {
+      again.push_back(i);
+      found.push_back(i == 150 ? cell(0.88, 0.87) : cell(0.3, 0.2));
+    }
+    return found;
+  });
+  CHECK(calls == std::vector<std::size_t>{1, 2, 4, 8, 16, 32, 64, 64});
+  CHECK(std::set<std::size_t>(again.begin(), again.end()).size() == again.size());
   // What exceeds the tolerance was searched to the end before.
   again.clear();
   cells = {cell(1.5, 1.49), cell(0.99, 0.1)};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <span>
 #include <type_traits>
 
 #include "octree/error.h"
@@ -13,6 +14,8 @@
 #include "stream/files/json.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
+#include "stream/meshes/parts_at_once.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {
@@ -41,6 +44,8 @@ class CertifyStage : public Stage {
     begun_ = begin_comparison(mesh_, reference_, options);
     cells_ = make_compare_cells(mesh_, reference_, options.max_distance, options.cell_faces);
     per_task_ = cells_per_task(cells_.size());
+    lanes_ = parts_at_once(state.run, certify_finish_bytes(largest_cell(), cells_.size()),
+                           certify_lane_bytes(largest_cell()));
     if (!request_.name_before.empty())
       before_.emplace(request.mesh_before(state), reference_, options.max_distance, options.cell_faces);
   }
@@ -76,19 +81,25 @@ class CertifyStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    std::uint64_t maximum = 0;
-    for (const CompareCell& cell : cells_) maximum = std::max(maximum, cell.bytes);
-    return certify_finish_bytes(maximum, cells_.size());
+    const std::uint64_t lane = certify_lane_bytes(largest_cell());
+    return certify_finish_bytes(largest_cell(), cells_.size()) + (lanes_ - 1) * lane;
   }
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     std::vector<CellBounds> bounds;
     for_each_result([&](std::size_t, const CellComparison& cell) { bounds.emplace_back(cell); });
     std::map<std::size_t, CellComparison> tight;
-    const auto again = [&](std::size_t c) {
-      context.check_stop();
-      return CellBounds(tight[c] = compare_cell(mesh_, reference_, begun_, cells_[c].box, 0.0, nullptr,
-                                                [&] { context.check_stop(); }));
+    std::vector<CellComparison> ring(lanes_);
+    const auto again = [&](std::span<const std::size_t> which, double enough) {
+      std::vector<CellBounds> found;
+      parallel_in_order(
+          which.size(), lanes_,
+          [&](std::size_t k) {
+            ring[k % lanes_] = compare_cell(mesh_, reference_, begun_, cells_[which[k]].box, enough, nullptr,
+                                            [&] { context.check_stop(); });
+          },
+          [&](std::size_t k) { found.emplace_back(tight[which[k]] = ring[k % lanes_]); });
+      return found;
     };
     if (request_.tight) tighten_cells(bounds, begun_.tolerance, again);
     MeshComparison sum = begun_;
@@ -128,6 +139,11 @@ class CertifyStage : public Stage {
   }
 
  private:
+  std::uint64_t largest_cell() const {
+    std::uint64_t maximum = 0;
+    for (const CompareCell& cell : cells_) maximum = std::max(maximum, cell.bytes);
+    return maximum;
+  }
   /// The only cell holds the largest distance: searched to the end at once, it is not searched again.
   bool alone() const { return request_.tight && cells_.size() == 1; }
   static std::size_t cells_per_task(std::size_t cells) {
@@ -194,6 +210,7 @@ class CertifyStage : public Stage {
   MeshComparison begun_;
   std::vector<CompareCell> cells_;
   std::size_t per_task_ = 1;
+  std::size_t lanes_ = 1;  ///< cells that the end compares at once
   std::optional<ComparedBefore> before_;
 };
 
@@ -203,8 +220,12 @@ std::uint64_t certify_task_bytes(std::uint64_t cell_bytes) {
   return cell_bytes + (std::uint64_t{2} << 20) + 4 * kMaxFailedFaces * sizeof(FailedFace);
 }
 
+std::uint64_t certify_lane_bytes(std::uint64_t cell_bytes) {
+  return cell_bytes + (std::uint64_t{2} << 20) + sizeof(CellComparison);
+}
+
 std::uint64_t certify_finish_bytes(std::uint64_t cell_bytes, std::uint64_t cells) {
-  return cell_bytes + (std::uint64_t{2} << 20) + 3 * kMaxFailedFaces * sizeof(FailedFace) +
+  return certify_lane_bytes(cell_bytes) + 3 * kMaxFailedFaces * sizeof(FailedFace) +
          cells * sizeof(CellBounds);
 }
 

@@ -34,6 +34,8 @@ struct CertifyRequest {
 // What a task and the end take at most. \param cell_bytes  CompareCell::bytes of the largest cell
 std::uint64_t certify_task_bytes(std::uint64_t cell_bytes);
 std::uint64_t certify_finish_bytes(std::uint64_t cell_bytes, std::uint64_t cells);
+std::uint64_t certify_lane_bytes(
+    std::uint64_t cell_bytes);  ///< of one more cell that the end compares at once
 
 /// finish() throws ValidationError (exit code 6) when the tolerance is not proven and there is no other round.
 std::unique_ptr<Stage> make_certify_stage(const JobState& state, const CertifyRequest& request);

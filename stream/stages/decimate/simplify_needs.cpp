@@ -97,7 +97,8 @@ StageForecast forecast_certify(const PlannedScan& scan) {
   const std::uint64_t cell = certify_cell_bytes(both, scan.largest_patch.faces, 1);
   return {.tasks = scan.groups.size(),
           .task_bytes = certify_task_bytes(cell),
-          .finish_bytes = certify_finish_bytes(cell, scan.groups.size()),
+          .finish_bytes = max_bytes_at_once(scan.run, certify_finish_bytes(cell, scan.groups.size()),
+                                            certify_lane_bytes(cell)),
           .sure_bytes = certify_task_bytes(0),
           .files = scan.groups.size(),
           .processor_us = scan.faces * kCertifyTime,
