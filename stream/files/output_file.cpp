@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstring>
 #include <string>
+#include <utility>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
@@ -71,15 +72,26 @@ void OutputFile::write_out(std::uint64_t offset, const char* data, std::size_t b
 }
 
 void OutputFile::flush() {
-  write_out(flushed_, buffer_.get(), used_);
-  add_to_written_hash(fd_, buffer_.get(), used_);
-  flushed_ += used_;
-  used_ = 0;
-  behind_.written(fd_, flushed_);
+  const std::size_t bytes = std::exchange(used_, 0);
+  append_direct(buffer_.get(), bytes);
+  digest(buffer_.get(), bytes);
+}
+
+void OutputFile::append_direct(const void* data, std::size_t bytes) {
+  if (used_ > 0) flush();
+  write_out(flushed_, static_cast<const char*>(data), bytes);
+  flushed_ += bytes;
+}
+
+void OutputFile::digest(const void* data, std::size_t bytes) {
+  add_to_written_hash(fd_, data, bytes);
+  digested_ += bytes;
+  behind_.written(fd_, digested_);
 }
 
 void OutputFile::finish() {
   flush();
+  assert(digested_ == flushed_);
   if (::fsync(fd_) != 0) fail(part_, "be synced", errno);
   keep_written_hash(fd_);
   ::posix_fadvise(fd_, 0, 0, POSIX_FADV_DONTNEED);

@@ -31,6 +31,11 @@ class OutputFile {
   void commit(std::size_t bytes) { used_ += bytes; }
   void append(const void* data, std::size_t bytes);
   void append(std::string_view text) { append(text.data(), text.size()); }
+  /// As append(), past the buffer. Who calls it hands the same bytes in the same order to digest(), all of them before anything
+  /// else is called.
+  void append_direct(const void* data, std::size_t bytes);
+  /// Hashes what append_direct() wrote and has it brought to the disk; from one thread at a time, beside later append_direct().
+  void digest(const void* data, std::size_t bytes);
   /// Overwrites bytes that were appended before. \pre offset + bytes <= size()
   void patch(std::uint64_t offset, const void* data, std::size_t bytes);
   std::uint64_t size() const { return flushed_ + used_; }
@@ -49,6 +54,7 @@ class OutputFile {
   std::unique_ptr<char[]> buffer_;
   std::size_t used_ = 0;
   std::uint64_t flushed_ = 0;
+  std::uint64_t digested_ = 0;  ///< hashed, of `flushed_`
   WriteBehind behind_;
 };
 

@@ -19,11 +19,14 @@ struct MeshVertexPart {
   std::vector<Double3> position;
   std::vector<std::uint32_t> rgba;  ///< as many, if the header says colour
   std::vector<char> bytes;
+  Double3 moved = {0, 0,
+                   0};  ///< how far along each axis the file's numbers lie from them at most; of encode()
 };
 struct MeshFacePart {
   std::vector<MeshFace> faces;
   std::vector<std::uint8_t> synthetic;  ///< as many, if the header says so
   std::vector<char> bytes;
+  std::size_t beyond = ~std::size_t{0};  ///< the first that names no vertex of the header; of encode()
 };
 
 /// Of a MeshReader (binary PLY and STL).
@@ -47,12 +50,14 @@ class MeshRanges {
 class MeshPartWriter {
  public:
   virtual ~MeshPartWriter() = default;
-  /// Makes the bytes of a part, on any thread.
+  /// Makes the bytes of a part and looks for what append() refuses, on any thread.
   virtual void encode(MeshVertexPart& part) const = 0;
   virtual void encode(MeshFacePart& part) const = 0;
-  /// As vertices() and faces() of the writer, of a part that was encoded.
+  /// As vertices() and faces() of the writer, of a part that was encoded, in order; then digest() in the same order, from any one
+  /// thread, beside append() of later parts. \pre of whatever else is called: all of them have gone through digest()
   virtual void append(const MeshVertexPart& part) = 0;
   virtual void append(const MeshFacePart& part) = 0;
+  virtual void digest(std::span<const char> bytes) = 0;
 };
 
 }  // namespace tessera

@@ -26,7 +26,7 @@ namespace tessera {
 struct LoopSeconds {
   double all = 0.0;       ///< on all threads
   double here = 0.0;      ///< on the thread that began them
-  double in_order = 0.0;  ///< of `all`, in use() of parallel_in_order()
+  double in_order = 0.0;  ///< of `all`, in the longer of use() and after() of parallel_in_order()
 };
 
 /// While it lives, loops that the thread which made it begins are added up; loops inside loops count with those around.

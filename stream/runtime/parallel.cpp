@@ -150,51 +150,98 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& bod
   failure.rethrow();
 }
 
-void parallel_in_order(std::size_t count, std::size_t window, const std::function<void(std::size_t)>& make,
-                       const std::function<void(std::size_t)>& use) {
-  std::mutex mutex;
-  std::vector<std::condition_variable> freed(window);  // by slot: few are woken in vain
-  std::vector<std::uint8_t> made(window, 0);
-  std::size_t next = 0;  // to be used
-  double in_order = 0.0;
-  bool using_one = false;
-  bool failed = false;
-  LoopClock::Impl* const clock = LoopShare::current;
-  parallel_for(count, [&](std::size_t index) {
+namespace {
+
+/// What is made on any thread, then taken step by step, every step in order and by one thread at a time.
+class OrderedSteps {
+ public:
+  OrderedSteps(std::size_t window, std::vector<const std::function<void(std::size_t)>*> bodies, bool timed)
+      : timed_(timed), freed_(window), made_(window, 0) {
+    for (const auto* body : bodies) steps_.push_back({body});
+  }
+
+  void run(std::size_t index, const std::function<void(std::size_t)>& make) {
     try {
-      std::unique_lock lock(mutex);
+      std::unique_lock lock(mutex_);
       // The lowest index that is under way never waits. A stop signal may keep it from being begun.
-      while (
-          !freed[index % window].wait_for(lock, kStopCheck, [&] { return index < next + window || failed; }))
+      while (!freed_[index % freed_.size()].wait_for(
+          lock, kStopCheck, [&] { return index < steps_.back().next + freed_.size() || failed_; }))
         throw_if_stopped();
-      if (failed) return;
+      if (failed_) return;
       lock.unlock();
       make(index);
       lock.lock();
-      made[index % window] = 1;
-      if (using_one) return;  // who uses will find it
-      using_one = true;
-      while (made[next % window] && !failed) {
-        made[next % window] = 0;
-        lock.unlock();
-        const double start = clock ? thread_seconds() : 0.0;
-        use(next);
-        const double took = clock ? thread_seconds() - start : 0.0;
-        lock.lock();
-        in_order += took;
-        freed[next++ % window].notify_all();
-      }
-      using_one = false;
+      made_[index % made_.size()] = 1;
+      // Who is at a step finds what was made for it meanwhile; what it leaves to the next step may wait for this thread.
+      for (std::size_t k = 0; k < steps_.size() && !failed_;) k = take(k, lock) ? 0 : k + 1;
     } catch (...) {
-      const std::lock_guard lock(mutex);
-      failed = true;
-      for (std::condition_variable& slot : freed) slot.notify_all();
+      const std::lock_guard lock(mutex_);
+      failed_ = true;
+      for (std::condition_variable& slot : freed_) slot.notify_all();
       throw;
     }
-  });
+  }
+
+  /// Processor seconds of the step that took most: what no number of threads makes shorter.
+  double longest_seconds() const {
+    double longest = 0.0;
+    for (const Step& step : steps_) longest = std::max(longest, step.seconds);
+    return longest;
+  }
+
+ private:
+  struct Step {
+    const std::function<void(std::size_t)>* body;
+    std::size_t next = 0;  ///< index to be taken
+    double seconds = 0.0;
+    bool busy = false;
+  };
+
+  bool is_ready(std::size_t k) const {
+    return k == 0 ? made_[steps_[0].next % made_.size()] != 0 : steps_[k].next < steps_[k - 1].next;
+  }
+
+  /// Takes all that is ready for step k, unless another thread does. \returns whether there was anything
+  bool take(std::size_t k, std::unique_lock<std::mutex>& lock) {
+    Step& step = steps_[k];
+    if (step.busy || !is_ready(k)) return false;
+    step.busy = true;
+    while (is_ready(k) && !failed_) {
+      if (k == 0) made_[step.next % made_.size()] = 0;
+      lock.unlock();
+      const double start = timed_ ? thread_seconds() : 0.0;
+      (*step.body)(step.next);
+      const double took = timed_ ? thread_seconds() - start : 0.0;
+      lock.lock();
+      step.seconds += took;
+      const std::size_t slot = step.next++ % freed_.size();
+      if (k + 1 == steps_.size()) freed_[slot].notify_all();
+    }
+    step.busy = false;
+    return true;
+  }
+
+  const bool timed_;
+  std::mutex mutex_;
+  std::vector<std::condition_variable> freed_;  ///< by slot: few are woken in vain
+  std::vector<std::uint8_t> made_;              ///< by slot, until the first step takes it
+  std::vector<Step> steps_;
+  bool failed_ = false;
+};
+
+}  // namespace
+
+void parallel_in_order(std::size_t count, std::size_t window, const std::function<void(std::size_t)>& make,
+                       const std::function<void(std::size_t)>& use,
+                       const std::function<void(std::size_t)>& after) {
+  std::vector<const std::function<void(std::size_t)>*> bodies = {&use};
+  if (after) bodies.push_back(&after);
+  LoopClock::Impl* const clock = LoopShare::current;
+  OrderedSteps steps(window, bodies, clock != nullptr);
+  parallel_for(count, [&](std::size_t index) { steps.run(index, make); });
   if (!clock) return;
   const std::lock_guard lock(clock->mutex);
-  clock->seconds.in_order += in_order;
+  clock->seconds.in_order += steps.longest_seconds();
 }
 
 int core_count() {

@@ -1,5 +1,6 @@
 #include "stream/formats/meshes/mesh_writer_base.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 
@@ -29,15 +30,24 @@ MeshWriterBase::MeshWriterBase(const std::filesystem::path& path, const MeshHead
       [this](const Double3& p) { return read_back(local(p), header_.origin); });
 }
 
-void MeshWriterBase::note_rounding(std::span<const Double3> positions) {
+Double3 MeshWriterBase::moved_by_rounding(std::span<const Double3> positions) const {
+  Double3 moved = {0, 0, 0};
+  if (!floats_) return moved;
   for (const Double3& p : positions) {
     const Double3 q = read_back(local(p), header_.origin);
     for (std::size_t k = 0; k < 3; ++k) {
       const double by = std::fabs(q[k] - p[k]);  // NaN where the position is none
-      if (by > moved_[k]) moved_[k] = by;
+      if (by > moved[k]) moved[k] = by;
     }
   }
-  if (check_) check_->vertices(positions);
+  return moved;
+}
+
+std::size_t MeshWriterBase::find_beyond(std::span<const MeshFace> faces) const {
+  const auto beyond = std::find_if(faces.begin(), faces.end(), [&](const MeshFace& face) {
+    return std::max({face[0], face[1], face[2]}) >= header_.vertices;
+  });
+  return static_cast<std::size_t>(beyond - faces.begin());
 }
 
 void MeshWriterBase::finish_rounding() {
@@ -57,22 +67,28 @@ void MeshWriterBase::finish_rounding() {
                           std::to_string(faces_) + " faces without area; write doubles (.ply, .obj)");
 }
 
-void MeshWriterBase::vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
+void MeshWriterBase::accept_vertices(std::span<const Double3> positions, std::size_t colours,
+                                     const Double3& moved) {
   if (faces_ > 0) throw ValidationError(file_.path().string() + ": a vertex came after the first face");
-  if (rgba.size() != (header_.colour ? positions.size() : 0)) {
+  if (colours != (header_.colour ? positions.size() : 0)) {
     throw ValidationError(file_.path().string() + ": " + std::to_string(positions.size()) +
-                          " vertices came with " + std::to_string(rgba.size()) + " colours");
+                          " vertices came with " + std::to_string(colours) + " colours");
   }
   if (positions.size() > header_.vertices - vertices_) {
     throw ValidationError(file_.path().string() + ": more vertices than the " +
                           std::to_string(header_.vertices) + " announced");
   }
   vertices_ += positions.size();
-  if (floats_) note_rounding(positions);
+  for (std::size_t k = 0; k < 3; ++k) moved_[k] = std::max(moved_[k], moved[k]);
+  if (floats_ && check_) check_->vertices(positions);
+}
+
+void MeshWriterBase::vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
+  accept_vertices(positions, rgba.size(), moved_by_rounding(positions));
   write_vertices(positions, rgba);
 }
 
-void MeshWriterBase::faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
+void MeshWriterBase::accept_faces(std::span<const MeshFace> faces, std::size_t flags, std::size_t beyond) {
   if (vertices_ != header_.vertices) {
     throw ValidationError(file_.path().string() + ": faces came after " + std::to_string(vertices_) + " of " +
                           std::to_string(header_.vertices) + " vertices");
@@ -81,18 +97,20 @@ void MeshWriterBase::faces(std::span<const MeshFace> faces, std::span<const std:
     throw ValidationError(file_.path().string() + ": more faces than the " + std::to_string(header_.faces) +
                           " announced");
   }
-  if (synthetic.size() != (header_.synthetic ? faces.size() : 0)) {
+  if (flags != (header_.synthetic ? faces.size() : 0)) {
     throw ValidationError(file_.path().string() + ": " + std::to_string(faces.size()) + " faces came with " +
-                          std::to_string(synthetic.size()) + " synthetic flags");
+                          std::to_string(flags) + " synthetic flags");
   }
-  for (const MeshFace& face : faces) {
-    if (face[0] < vertices_ && face[1] < vertices_ && face[2] < vertices_) continue;
-    throw ValidationError(file_.path().string() + ": face " +
-                          std::to_string(faces_ + static_cast<std::uint64_t>(&face - faces.data())) +
+  if (beyond < faces.size()) {
+    throw ValidationError(file_.path().string() + ": face " + std::to_string(faces_ + beyond) +
                           " names a vertex beyond the last, " + std::to_string(vertices_));
   }
   faces_ += faces.size();
   if (check_ && may_lose()) check_->faces(faces);
+}
+
+void MeshWriterBase::faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
+  accept_faces(faces, synthetic.size(), find_beyond(faces));
   write_faces(faces, synthetic);
 }
 

@@ -32,6 +32,14 @@ class MeshWriterBase : public MeshWriter {
     for (std::size_t k = 0; k < 3; ++k) p[k] = static_cast<float>(position[k] - header_.origin[k]);
     return p;
   }
+  /// How far along each axis what the file holds lies from the positions at most; NaN is passed over.
+  Double3 moved_by_rounding(std::span<const Double3> positions) const;
+  /// The first of the faces that names a vertex beyond those of the header, or their number.
+  std::size_t find_beyond(std::span<const MeshFace> faces) const;
+  // What vertices() and faces() do before they write. \param moved, beyond  as above
+  void accept_vertices(std::span<const Double3> positions, std::size_t colours, const Double3& moved);
+  void accept_faces(std::span<const MeshFace> faces, std::size_t flags, std::size_t beyond);
+
   virtual void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) = 0;
   virtual void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) = 0;
   virtual void write_end() {}  ///< all counts are right; the file is synced and renamed afterwards
@@ -43,7 +51,6 @@ class MeshWriterBase : public MeshWriter {
  private:
   /// Doubles become floats. Who announced floats, and is not to be checked, loses nothing.
   bool may_lose() const { return floats_ && (header_.double_positions || header_.check_rounding); }
-  void note_rounding(std::span<const Double3> positions);
   void finish_rounding();
 
   const bool floats_;

@@ -55,21 +55,22 @@ class PlyMeshWriter : public MeshWriterBase, public MeshPartWriter {
   void encode(MeshVertexPart& part) const override {
     part.bytes.resize(part.position.size() * vertex_bytes_);
     pack_vertices(part.position, part.rgba, part.bytes.data());
+    part.moved = moved_by_rounding(part.position);
   }
   void encode(MeshFacePart& part) const override {
     part.bytes.resize(part.faces.size() * face_bytes_);
     pack_faces(part.faces, part.synthetic, part.bytes.data());
+    part.beyond = find_beyond(part.faces);
   }
   void append(const MeshVertexPart& part) override {
-    encoded_ = &part.bytes;
-    vertices(part.position, part.rgba);
-    encoded_ = nullptr;
+    accept_vertices(part.position, part.rgba.size(), part.moved);
+    file_.append_direct(part.bytes.data(), part.bytes.size());
   }
   void append(const MeshFacePart& part) override {
-    encoded_ = &part.bytes;
-    faces(part.faces, part.synthetic);
-    encoded_ = nullptr;
+    accept_faces(part.faces, part.synthetic.size(), part.beyond);
+    file_.append_direct(part.bytes.data(), part.bytes.size());
   }
+  void digest(std::span<const char> bytes) override { file_.digest(bytes.data(), bytes.size()); }
 
  private:
   void pack_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba,
@@ -96,9 +97,7 @@ class PlyMeshWriter : public MeshWriterBase, public MeshPartWriter {
     }
   }
 
-  // What is appended has passed the checks of the base by here.
   void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) override {
-    if (encoded_) return file_.append(encoded_->data(), encoded_->size());
     for (std::size_t first = 0; first < positions.size(); first += kBatch) {
       const std::size_t count = std::min(kBatch, positions.size() - first);
       pack_vertices(positions.subspan(first, count), header_.colour ? rgba.subspan(first, count) : rgba,
@@ -108,7 +107,6 @@ class PlyMeshWriter : public MeshWriterBase, public MeshPartWriter {
   }
 
   void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) override {
-    if (encoded_) return file_.append(encoded_->data(), encoded_->size());
     for (std::size_t first = 0; first < faces.size(); first += kBatch) {
       const std::size_t count = std::min(kBatch, faces.size() - first);
       pack_faces(faces.subspan(first, count), header_.synthetic ? synthetic.subspan(first, count) : synthetic,
@@ -119,7 +117,6 @@ class PlyMeshWriter : public MeshWriterBase, public MeshPartWriter {
 
   const std::size_t face_bytes_;
   const std::size_t vertex_bytes_;
-  const std::vector<char>* encoded_ = nullptr;  ///< what is being appended
 };
 
 }  // namespace

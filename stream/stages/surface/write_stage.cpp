@@ -154,11 +154,14 @@ class WriteStage : public SerialStage {
       if (parts) parts->encode(slot.vertices);
       context.count_read(16 * world.size());
     };
-    parallel_in_order(store_.patches().size(), lanes_, make, [&](std::size_t p) {
+    const auto use = [&](std::size_t p) {
       if (numbering_.patches[p].kept_vertices == 0) return;
       const MeshVertexPart& part = slots[p % lanes_].vertices;
       if (parts) return parts->append(part);
       writer.vertices(part.position, part.rgba);
+    };
+    parallel_in_order(store_.patches().size(), lanes_, make, use, [&](std::size_t p) {
+      if (parts && numbering_.patches[p].kept_vertices > 0) parts->digest(slots[p % lanes_].vertices.bytes);
     });
   }
 
@@ -186,7 +189,7 @@ class WriteStage : public SerialStage {
       context.count_read(12 * slot.patch.faces.size() + 8 * slot.patch.foreign.size());
     };
     std::uint64_t closing = 0;
-    parallel_in_order(store_.patches().size(), lanes_, make, [&](std::size_t p) {
+    const auto use = [&](std::size_t p) {
       const Slot& slot = slots[p % lanes_];
       if (numbering_.patches[p].kept_faces == 0) return;
       closing += slot.closing;
@@ -196,6 +199,9 @@ class WriteStage : public SerialStage {
         writer.faces(slot.faces.faces, slot.faces.synthetic);
       }
       context.advance(slot.faces.faces.size());
+    };
+    parallel_in_order(store_.patches().size(), lanes_, make, use, [&](std::size_t p) {
+      if (parts && numbering_.patches[p].kept_faces > 0) parts->digest(slots[p % lanes_].faces.bytes);
     });
     return closing;
   }

@@ -57,6 +57,21 @@ TEST_CASE("written hash: that of an output under its final name, patched or not"
   }
 }
 
+TEST_CASE("written hash: what passes the buffer counts where it stands", "[unit]") {
+  const TempFolder folder;
+  const auto path = folder.path() / "mesh";
+  const std::string parts[] = {hash_bytes_made(30000), hash_bytes_made(9), hash_bytes_made(20000)};
+  OutputFile file(path);
+  file.append("header");
+  for (const std::string& part : parts) file.append_direct(part.data(), part.size());
+  for (const std::string& part : parts) file.digest(part.data(), part.size());
+  file.append("footer");
+  file.finish();
+  const std::string text = "header" + parts[0] + parts[1] + parts[2] + "footer";
+  CHECK(hash_written_file(path) == hash_text(text));
+  CHECK(hash_file(path) == hash_text(text));
+}
+
 TEST_CASE("written hash: a file that was written to since is read again", "[unit]") {
   const TempFolder folder;
   const auto path = folder.path() / "file";

@@ -98,18 +98,59 @@ TEST_CASE("parallel: results are used in order, few at a time", "[unit]") {
   CHECK(std::is_sorted(used.begin(), used.end()));
 }
 
+TEST_CASE("parallel: what follows a use keeps the order and the ring, beside the next use", "[unit]") {
+  const int threads = GENERATE(1, 2, 5);
+  const std::size_t window = GENERATE(1u, 3u, 8u);
+  CAPTURE(threads, window);
+  WorkerPool pool(threads);
+  std::vector<std::size_t> ring(window), used, followed;
+  std::atomic<std::size_t> uses{0}, ended{0};
+  std::atomic<bool> beside{false};
+  std::atomic<int> busy{0}, wrong{0};
+  const auto slow = [&](std::size_t i) {
+    if (++busy > 1) beside = true;
+    if (i % 5 == 0) pause_us(300);
+    --busy;
+  };
+  pool.run_here([&] {
+    parallel_in_order(
+        200, window,
+        [&](std::size_t i) {
+          wrong += i >= ended + window;
+          ring[i % window] = i * i;
+        },
+        [&](std::size_t i) {
+          slow(i);
+          wrong += ring[i % window] != i * i;
+          used.push_back(i);
+          ++uses;
+        },
+        [&](std::size_t i) {
+          wrong += uses <= i;
+          slow(i);
+          wrong += ring[i % window] != i * i;
+          followed.push_back(i);
+          ++ended;
+        });
+  });
+  CHECK(wrong == 0);
+  CHECK(used.size() == 200);
+  CHECK(std::is_sorted(used.begin(), used.end()));
+  CHECK(used == followed);
+  if (threads == 5 && window == 8) CHECK(beside);
+  if (threads == 1) CHECK_FALSE(beside);
+}
+
 TEST_CASE("parallel: a failure in order ends the loop, waiting threads too", "[fault]") {
-  const bool in_use = GENERATE(false, true);
+  const int where = GENERATE(0, 1, 2);
   WorkerPool pool(5);
-  const auto fail = [](std::size_t i) {
+  const std::function<void(std::size_t)> fail_at = [](std::size_t i) {
     if (i == 20) throw std::runtime_error("20");
   };
-  const auto pass = [](std::size_t) {};
+  const std::function<void(std::size_t)> pass = [](std::size_t) {};
   CHECK_THROWS_WITH(pool.run_here([&] {
-    if (in_use)
-      parallel_in_order(1000, 2, pass, fail);
-    else
-      parallel_in_order(1000, 2, fail, pass);
+    parallel_in_order(1000, 2, where == 0 ? fail_at : pass, where == 1 ? fail_at : pass,
+                      where == 2 ? fail_at : pass);
   }),
                     "20");
 }
