@@ -91,20 +91,24 @@ class StoreWriter {
   }
 
  private:
-  /// What one patch needs on its way; slots are used again.
+  /// What one patch needs on its way: first its block, then what is written of it. Slots are used again.
   struct Slot {
     MeshBlock block;
     std::vector<std::uint64_t> open;  ///< keys of vertices that other patches may use
-    std::vector<std::uint8_t> synthetic;
+    MeshVertexPart vertices;
+    MeshFacePart faces;
     std::uint64_t flat = 0, closing = 0;
   };
-  /// make(p, slot) of every patch on all threads, use(p, slot) one after the other.
+  /// make(p, slot) of every patch on all threads, use(p, slot) one after the other, and after(slot) in the same order.
   template <class Make, class Use>
-  void in_order(Make&& make, Use&& use) {
+  void in_order(Make&& make, Use&& use, const std::function<void(Slot&)>& after = {}) {
     slots_.resize(std::max<std::size_t>(1, output_.patches_at_once));
+    const auto slot = [&](std::size_t p) -> Slot& { return slots_[p % slots_.size()]; };
+    std::function<void(std::size_t)> then;
+    if (after) then = [&](std::size_t p) { after(slot(p)); };
     parallel_in_order(
-        store_.patches().size(), slots_.size(), [&](std::size_t p) { make(p, slots_[p % slots_.size()]); },
-        [&](std::size_t p) { use(p, slots_[p % slots_.size()]); });
+        store_.patches().size(), slots_.size(), [&](std::size_t p) { make(p, slot(p)); },
+        [&](std::size_t p) { use(p, slot(p)); }, then);
   }
   void stop() const {
     if (output_.check_stop) output_.check_stop();
@@ -161,12 +165,10 @@ class StoreWriter {
     ExternalSort<Number> sort(output_.temp, output_.memory_bytes / 2);
     Named next;
     bool more = owners_.next(next);
-    MeshVertexPart part;
     in_order([&](std::size_t p, Slot& slot) { slot.block = load(p); },
              [&](std::size_t p, Slot& slot) {
                const MeshBlock& block = slot.block;
-               part.position.clear();
-               part.rgba.clear();
+               MeshVertexPart& part = slot.vertices;
                for (std::size_t v = 0; v < block.key.size(); ++v) {
                  const bool shared = more && next.patch == p && next.key == block.key[v];
                  const std::uint64_t owner = shared ? next.value : p;
@@ -176,8 +178,11 @@ class StoreWriter {
                  part.position.push_back(block.position[v]);
                  if (!block.rgba.empty()) part.rgba.push_back(block.rgba[v]);
                }
-               file.vertices(part.position, part.rgba);
                slot.block = {};
+             },
+             [&](Slot& slot) {
+               file.vertices(slot.vertices.position, slot.vertices.rgba);
+               slot.vertices = {};
              });
     sort.drain([&](std::span<const Number> batch) { numbers_.append(batch); });
   }
@@ -204,20 +209,18 @@ class StoreWriter {
     bool more = named_->next(next);
     std::vector<std::uint64_t> number;
     const bool flagged = store_.has_synthetic();
-    std::vector<MeshFace> faces;
     const auto make = [&](std::size_t p, Slot& slot) {
       slot.block = load(p);
       const MeshBlock& block = slot.block;
       slot.flat = slot.closing = 0;
       for (const auto& f : block.faces)
         slot.flat += face_extent(block.position[f[0]], block.position[f[1]], block.position[f[2]]).is_flat();
-      slot.synthetic.clear();
       for (const std::uint8_t flags : block.face_flags) {
-        if (flagged) slot.synthetic.push_back((flags & kFaceSynthetic) != 0);
+        if (flagged) slot.faces.synthetic.push_back((flags & kFaceSynthetic) != 0);
         slot.closing += (flags & kFaceSynthetic) != 0;
       }
     };
-    in_order(make, [&](std::size_t p, Slot& slot) {
+    const auto use = [&](std::size_t p, Slot& slot) {
       const MeshBlock& block = slot.block;
       number.resize(block.key.size());
       std::uint64_t own = first_[p];
@@ -230,13 +233,16 @@ class StoreWriter {
           number[v] = own++;
         }
       }
-      faces.clear();
-      for (const auto& f : block.faces) faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
+      for (const auto& f : block.faces)
+        slot.faces.faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
       report_.flat_faces += slot.flat;
       report_.synthetic_faces += slot.closing;
-      file.faces(faces, slot.synthetic);
-      if (output_.advance) output_.advance(faces.size());
       slot.block = {};
+    };
+    in_order(make, use, [&](Slot& slot) {
+      file.faces(slot.faces.faces, slot.faces.synthetic);
+      if (output_.advance) output_.advance(slot.faces.faces.size());
+      slot.faces = {};
     });
   }
 
