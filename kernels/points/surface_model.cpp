@@ -98,23 +98,6 @@ void fill_empty(ColumnSquare s, const std::vector<std::uint8_t>& inside, std::ve
   }
 }
 
-/// The lowest or highest of the columns around those wanted; kNoHeight elsewhere.
-std::vector<std::int32_t> extreme_around(ColumnSquare s, const std::vector<std::int32_t>& height,
-                                         const std::vector<std::uint8_t>& wanted, int radius, bool highest) {
-  std::vector<std::int32_t> out(height.size(), kNoHeight);
-  for (int v = 0; v < s.edge; ++v)
-    for (int u = 0; u < s.edge; ++u) {
-      if (wanted[s.at(u, v)] == 0) continue;
-      std::int32_t& best = out[s.at(u, v)];
-      for (int y = std::max(0, v - radius); y <= std::min(s.edge - 1, v + radius); ++y)
-        for (int x = std::max(0, u - radius); x <= std::min(s.edge - 1, u + radius); ++x) {
-          const std::int32_t h = height[s.at(x, y)];
-          if (h != kNoHeight && (best == kNoHeight || (highest ? h > best : h < best))) best = h;
-        }
-    }
-  return out;
-}
-
 /// Closes pits where it is wanted: the lowest of the highest around.
 void close_pits(ColumnSquare s, const std::vector<std::uint8_t>& wanted, std::vector<std::int32_t>& height) {
   const std::vector<std::int32_t> high =
@@ -254,12 +237,12 @@ void find_ground(ColumnSquare s, std::span<const ColumnLayers> layers,
   std::vector<std::int32_t> bottom(n);
   for (std::size_t i = 0; i < n; ++i) bottom[i] = layers[i].bottom.height;
   const std::vector<std::int32_t> smooth = median5(s, bottom, dilate_flags(s, model.flags, kModelStands, 3));
-  std::vector<std::int64_t> near(n), all(n);
+  std::vector<std::int32_t> near(n), all(n);
   for (std::size_t i = 0; i < n; ++i) {
     all[i] = measured[i];
     near[i] = measured[i] != 0 && std::abs(std::int64_t{bottom[i]} - smooth[i]) <= kSmoothBottom;
   }
-  const std::vector<std::int64_t> near_around = box_sums(s, near, 2), all_around = box_sums(s, all, 2);
+  const std::vector<std::int32_t> near_around = box_sums(s, near, 2), all_around = box_sums(s, all, 2);
   std::vector<std::uint8_t> wanted(n);
   for (std::size_t i = 0; i < n; ++i) {
     if (near[i] == 0 || (model.flags[i] & kModelStands) == 0) continue;
@@ -384,14 +367,14 @@ SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse
 
   // Strewn points and rough layers against the others.
   const std::vector<std::int32_t> smooth = median5(s, model.height, measured);
-  std::vector<std::int64_t> votes(n);
+  std::vector<std::int32_t> votes(n);
   for (std::size_t i = 0; i < n; ++i) {
     const bool rough =
         measured[i] != 0 && std::abs(std::int64_t{layers[i].top.height} - smooth[i]) > kRoughCells;
     votes[i] =
-        rough ? layers[i].top.points : 2 * std::int64_t{layers[i].top.volumetric} - layers[i].top.points;
+        rough ? layers[i].top.points : 2 * std::int32_t{layers[i].top.volumetric} - layers[i].top.points;
   }
-  const std::vector<std::int64_t> majority = box_sums(s, votes, kVoteRadius);
+  const std::vector<std::int32_t> majority = box_sums(s, votes, kVoteRadius);
   std::vector<std::uint8_t> strewn(n);
   for (std::size_t i = 0; i < n; ++i) strewn[i] = closed[i] != 0 && majority[i] > 0;
   // What is thin hangs over points of its own that stay; a skin has nothing else there.
@@ -412,7 +395,8 @@ SurfaceModel fit_layers(std::span<const ColumnLayers> layers, int edge, ModelUse
   fill_empty(s, closed, model.height, model.rgba);
   model.height = median5(s, model.height, near);
   if (!ground) close_pits(s, unsure, model.height);
-  std::vector<std::int64_t> off(n, 0), counted(n, 0);
+  std::vector<std::int64_t> off(n);
+  std::vector<std::int32_t> counted(n);
   for (std::size_t i = 0; i < n; ++i)
     if (measured[i] != 0 && near[i] != 0 && !layers[i].synthetic)
       off[i] = std::abs(std::int64_t{layers[i].top.height} - model.height[i]), counted[i] = 1;

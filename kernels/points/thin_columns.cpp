@@ -19,24 +19,6 @@ constexpr std::int64_t kLineColumns = 12;
 /// between are one to so many columns at most; and all but one column in so many lie at the height of those around.
 constexpr std::int64_t kEmptyBelow = 8, kEvenLine = 4;
 
-/// The lowest bottom within kThroughRadius: below roofs no wider than that it is the ground beside them.
-std::vector<std::int32_t> lowest_around(ColumnSquare s, const std::vector<std::int32_t>& bottom) {
-  const auto pass = [&](const std::vector<std::int32_t>& in, bool along_u) {
-    std::vector<std::int32_t> out(in.size(), kNoHeight);
-    for (int v = 0; v < s.edge; ++v)
-      for (int u = 0; u < s.edge; ++u) {
-        std::int32_t& lowest = out[s.at(u, v)];
-        const int at = along_u ? u : v;
-        for (int k = std::max(0, at - kThroughRadius); k <= std::min(s.edge - 1, at + kThroughRadius); ++k) {
-          const std::int32_t h = in[along_u ? s.at(k, v) : s.at(u, k)];
-          if (h != kNoHeight && (lowest == kNoHeight || h < lowest)) lowest = h;
-        }
-      }
-    return out;
-  };
-  return pass(pass(bottom, true), false);
-}
-
 }  // namespace
 
 std::vector<std::uint8_t> find_thin_columns(std::span<const ColumnLayers> layers, int edge,
@@ -52,8 +34,9 @@ std::vector<std::uint8_t> find_thin_columns(std::span<const ColumnLayers> layers
     high = high || (known[i] != 0 && layers[i].top.height - bottom[i] >= kThinHeight);
   }
   if (!high) return {};
-  ground = lowest_around(s, bottom);
-  std::vector<std::int64_t> all(n), through(n), between(n);
+  // Below roofs no wider than that it is the ground beside them.
+  ground = extreme_around(s, bottom, std::vector<std::uint8_t>(n, 1), kThroughRadius, false);
+  std::vector<std::int32_t> all(n), through(n), between(n);
   for (std::size_t i = 0; i < n; ++i) {
     const ColumnLayers& c = layers[i];
     if (known[i] == 0 || c.top.height - ground[i] < kThinHeight) continue;
@@ -63,15 +46,15 @@ std::vector<std::uint8_t> find_thin_columns(std::span<const ColumnLayers> layers
     between[i] = c.between;
   }
   const std::vector<std::int32_t> smooth = median5(s, top, hanging);
-  std::vector<std::int64_t> even(n);
+  std::vector<std::int32_t> even(n);
   for (std::size_t i = 0; i < n; ++i)
     even[i] = all[i] != 0 && std::abs(std::int64_t{top[i]} - smooth[i]) <= kQuantaPerCell;
   const std::vector<std::uint8_t> closed = erode(s, dilate(s, hanging, 1), 1);
   const std::vector<std::uint8_t> wide = dilate(s, erode(s, closed, kThinRadius), kThinRadius);
-  const std::vector<std::int64_t> line = box_sums(s, all, kLineRadius);
-  const std::vector<std::int64_t> across = box_sums(s, all, kThroughRadius);
+  const std::vector<std::int32_t> line = box_sums(s, all, kLineRadius);
+  const std::vector<std::int32_t> across = box_sums(s, all, kThroughRadius);
   through = box_sums(s, through, kThroughRadius);
-  for (std::vector<std::int64_t>* v : {&all, &between, &even}) *v = box_sums(s, *v, kAroundRadius);
+  for (std::vector<std::int32_t>* v : {&all, &between, &even}) *v = box_sums(s, *v, kAroundRadius);
   std::vector<std::uint8_t> thin(n);
   for (std::size_t i = 0; i < n; ++i)
     thin[i] = hanging[i] != 0 && wide[i] == 0 && line[i] >= kLineColumns && 5 * through[i] >= 3 * across[i] &&

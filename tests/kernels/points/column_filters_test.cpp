@@ -1,4 +1,5 @@
 // Filters over squares of columns against what they say, column by column.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstdlib>
 
@@ -96,6 +97,44 @@ TEST_CASE(
   corner[0] = 1;
   CHECK(dilate_round(square, corner, 10)[square.at(0, 10)] == 1);
   CHECK(dilate_round(square, corner, 10)[square.at(0, 11)] == 0);
+}
+
+TEST_CASE("column filters: medians and extremes of few and of many heights, beyond a register's width",
+          "[unit]") {
+  for (const int edge : {3, 16, 53}) {
+    const ColumnSquare square{edge};
+    const auto n = square.at(0, edge);
+    for (const double missing : {0.0, 0.1, 0.6, 0.97}) {
+      test::Random random(static_cast<std::uint64_t>(edge));
+      std::vector<std::int32_t> height(n);
+      std::vector<std::uint8_t> wanted(n);
+      for (std::size_t i = 0; i < n; ++i) {
+        height[i] = random.unit() < missing ? kNoHeight : static_cast<std::int32_t>(random.in(-2e9, 2e9));
+        wanted[i] = random.unit() < 0.5;
+      }
+      const auto medians = median5(square, height, wanted);
+      for (const int radius : {0, 1, 2, 4, 9, 60}) {
+        const auto low = extreme_around(square, height, wanted, radius, false);
+        const auto high = extreme_around(square, height, wanted, radius, true);
+        for (int v = 0; v < edge; ++v)
+          for (int u = 0; u < edge; ++u) {
+            std::vector<std::int32_t> near;
+            for (int y = std::max(0, v - radius); y <= std::min(edge - 1, v + radius); ++y)
+              for (int x = std::max(0, u - radius); x <= std::min(edge - 1, u + radius); ++x)
+                if (height[square.at(x, y)] != kNoHeight) near.push_back(height[square.at(x, y)]);
+            std::sort(near.begin(), near.end());
+            const std::size_t at = square.at(u, v);
+            const bool some = wanted[at] != 0 && !near.empty();
+            CAPTURE(edge, missing, radius, u, v);
+            REQUIRE(low[at] == (some ? near.front() : kNoHeight));
+            REQUIRE(high[at] == (some ? near.back() : kNoHeight));
+            if (radius != 2) continue;
+            const bool median = wanted[at] != 0 && height[at] != kNoHeight;
+            REQUIRE(medians[at] == (median ? near[(near.size() - 1) / 2] : height[at]));
+          }
+      }
+    }
+  }
 }
 
 }  // namespace column_filters_test
