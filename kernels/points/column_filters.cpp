@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <limits>
+
+#include "octree/lanes.h"
 
 // Loops run along rows and over many columns at once: down a row of columns every step would be a line of cache of its own.
 
@@ -91,21 +94,15 @@ void turn_over(std::vector<std::uint8_t>& mask) {
 
 constexpr auto kUnite = [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); };
 
-/// Columns side by side, as wide as a few registers.
-constexpr std::size_t kMedianLanes = 16;
-using HeightLanes = std::array<std::int32_t, kMedianLanes>;
-
-void put_in_order(HeightLanes& low, HeightLanes& high) {
-  for (std::size_t l = 0; l < kMedianLanes; ++l) {
-    const std::int32_t a = low[l], b = high[l];
-    low[l] = a < b ? a : b;
-    high[l] = a < b ? b : a;
-  }
+void put_in_order(Int8& low, Int8& high) {
+  const Int8 a = low;
+  low = a < high ? a : high;
+  high = a < high ? high : a;
 }
 
 /// The lowest of the first n values comes to the front, the highest to the end.
 template <std::size_t n, std::size_t size>
-void part_extremes(std::array<HeightLanes, size>& value) {
+void part_extremes(std::array<Int8, size>& value) {
   for (std::size_t i = 0; i < n / 2; ++i) put_in_order(value[i], value[n - 1 - i]);
   for (std::size_t i = 1; i < (n + 1) / 2; ++i) put_in_order(value[0], value[i]);
   for (std::size_t i = n / 2; i < n - 1; ++i) put_in_order(value[i], value[n - 1]);
@@ -118,7 +115,7 @@ constexpr std::size_t kKept = kMedianColumns / 2 + 2;
 
 /// Forgets the lowest and the highest of the kept values, takes in the next one, until three are left.
 template <std::size_t n, class Next>
-void forget_extremes(std::array<HeightLanes, kKept>& kept, const Next& next) {
+void forget_extremes(std::array<Int8, kKept>& kept, const Next& next) {
   part_extremes<n>(kept);
   if constexpr (n > 3) {
     next(kept[0]);
@@ -127,20 +124,18 @@ void forget_extremes(std::array<HeightLanes, kKept>& kept, const Next& next) {
 }
 
 /// Lower medians of 25 heights each. Of n that there are it is the one in place (n - 1) / 2, and so in place 12 of 25 once what
-/// is missing counts as lowest and as highest by turns. \param next  fills in the next height of each column
+/// is missing counts as lowest and as highest by turns. \param next  gives the next height of each column
 template <class Next>
-HeightLanes lower_medians(const Next& next) {
-  HeightLanes turn{};
-  const auto take = [&](HeightLanes& to) {
-    next(to);
-    for (std::size_t l = 0; l < kMedianLanes; ++l) {
-      const std::int32_t missing = to[l] == kNoHeight ? -1 : 0;
-      to[l] ^= missing & turn[l];  // kNoHeight is the lowest of all, and all its bits turned over the highest
-      turn[l] ^= missing;
-    }
+Int8 lower_medians(const Next& next) {
+  Int8 turn = {};
+  const auto take = [&](Int8& to) {
+    to = next();
+    const Int8 missing = to == kNoHeight;
+    to ^= missing & turn;  // kNoHeight is the lowest of all, and all its bits turned over the highest
+    turn ^= missing;
   };
-  std::array<HeightLanes, kKept> kept;
-  for (HeightLanes& lanes : kept) take(lanes);
+  std::array<Int8, kKept> kept;
+  for (Int8& lanes : kept) take(lanes);
   forget_extremes<kKept>(kept, take);
   return kept[1];
 }
@@ -191,7 +186,7 @@ std::vector<std::int32_t> median5(ColumnSquare s, const std::vector<std::int32_t
   std::vector<std::int32_t> out = height;
   // The rows around one, with what lies beyond their ends, so that lanes may read there.
   constexpr std::size_t kRows = 2 * kMedianRadius + 1;
-  const std::size_t edge = static_cast<std::size_t>(s.edge), stride = edge + 2 * kMedianRadius + kMedianLanes;
+  const std::size_t edge = static_cast<std::size_t>(s.edge), stride = edge + 2 * kMedianRadius + kLanes;
   std::array<std::vector<std::int32_t>, kRows> rows;
   for (std::vector<std::int32_t>& row : rows) row.assign(stride, kNoHeight);
   const auto row_of = [&](int v) -> std::vector<std::int32_t>& {
@@ -210,17 +205,18 @@ std::vector<std::int32_t> median5(ColumnSquare s, const std::vector<std::int32_t
     load(v + kMedianRadius);
     const std::uint8_t* want = wanted.data() + s.at(0, v);
     std::int32_t* to = out.data() + s.at(0, v);
-    for (std::size_t u = 0; u < edge; u += kMedianLanes) {
-      const std::size_t end = std::min(kMedianLanes, edge - u);
+    for (std::size_t u = 0; u < edge; u += kLanes) {
+      const std::size_t end = std::min(kLanes, edge - u);
       bool any = false;
       for (std::size_t l = 0; l < end; ++l) any = any || (want[u + l] != 0 && to[u + l] != kNoHeight);
       if (!any) continue;
       int dv = -kMedianRadius;
       std::size_t du = 0;
-      const HeightLanes median = lower_medians([&](HeightLanes& lanes) {
-        std::copy_n(row_of(v + dv).begin() + static_cast<std::ptrdiff_t>(u + du), kMedianLanes,
-                    lanes.begin());
+      const Int8 median = lower_medians([&] {
+        Int8 lanes;
+        std::memcpy(&lanes, row_of(v + dv).data() + u + du, sizeof(lanes));
         if (++du == kRows) du = 0, ++dv;
+        return lanes;
       });
       for (std::size_t l = 0; l < end; ++l)
         if (want[u + l] != 0 && to[u + l] != kNoHeight) to[u + l] = median[l];

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdlib>
+#include <numeric>
 #include <optional>
 
 #include "kernels/points/column_filters.h"
@@ -299,16 +300,20 @@ PointLayer layer_of(std::span<const ColumnPoint> points) {
   return layer;
 }
 
-void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers) {
-  std::sort(points.begin(), points.end(), [](const ColumnPoint& a, const ColumnPoint& b) {
-    if (a.column != b.column) return a.column < b.column;
-    return a.height > b.height;
-  });
-  for (std::size_t first = 0; first < points.size();) {
-    std::size_t end = first;
-    while (end < points.size() && points[end].column == points[first].column) ++end;
-    const std::span<const ColumnPoint> column = points.subspan(first, end - first);
-    ColumnLayers& out = layers[points[first].column];
+void find_column_layers(std::span<const ColumnPoint> points, std::span<ColumnLayers> layers) {
+  // Gathered by column first: what is left to sort are a few points each.
+  std::vector<std::uint32_t> place(layers.size() + 1, 0);
+  for (const ColumnPoint& p : points) ++place[std::size_t{p.column} + 1];
+  std::partial_sum(place.begin(), place.end(), place.begin());
+  std::vector<ColumnPoint> gathered(points.size());
+  for (const ColumnPoint& p : points) gathered[place[p.column]++] = p;
+  for (std::size_t c = 0, first = 0; c < layers.size(); ++c) {
+    const std::size_t end = place[c];
+    if (end == first) continue;
+    const std::span<ColumnPoint> column(gathered.data() + first, end - first);
+    std::sort(column.begin(), column.end(),
+              [](const ColumnPoint& a, const ColumnPoint& b) { return a.height > b.height; });
+    ColumnLayers& out = layers[c];
     const std::size_t n = column.size(),
                       wanted = std::min(n, std::clamp(n / kLayerShare, kFewestInLayer, kMostInLayer));
     // Windows of so many points, from above and from below, until one is no deeper than a layer.

@@ -58,8 +58,8 @@ struct ColumnLayers {
 [[nodiscard]] PointLayer layer_of(std::span<const ColumnPoint> points);
 
 /// Of every column the highest and the lowest layer of three cells that hold at least three points of many, two of few: not
-/// the highest point, so that a bird is none. \param points  get sorted \param layers  kBrickCells^2, u fastest
-void find_column_layers(std::span<ColumnPoint> points, std::span<ColumnLayers> layers);
+/// the highest point, so that a bird is none. \param points  in any order \param layers  kBrickCells^2, u fastest
+void find_column_layers(std::span<const ColumnPoint> points, std::span<ColumnLayers> layers);
 
 /// What a model and its samples are for.
 enum class ModelUse {

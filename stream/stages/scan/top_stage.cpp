@@ -63,23 +63,23 @@ class TopStage : public Stage {
   }
 
   Json run(std::size_t task, TaskContext& context) const override {
-    const int gu = groups_[task].first * edge_ - 1, gv = groups_[task].second * edge_ - 1;
-    const int raster = (edge_ + 2) * kBrickCells;
+    const Window w = window(groups_[task].first * edge_, groups_[task].second * edge_);
+    const int raster = (w.edge + 2) * kBrickCells;
     SurfaceModel model;
     {
       std::vector<ColumnLayers> layers(static_cast<std::size_t>(raster) * static_cast<std::size_t>(raster));
       std::vector<ColumnLayers> column(std::size_t{kBrickCells} * kBrickCells);
-      for (int u = gu; u < gu + edge_ + 2; ++u)
-        for (int v = gv; v < gv + edge_ + 2; ++v) {
+      for (int u = 0; u < w.edge + 2; ++u)
+        for (int v = 0; v < w.edge + 2; ++v) {
           context.check_stop();
-          const bool measured = columns_.bricks().count({u, v}) > 0;
-          if (!measured && !(ground_ && ground_->has(columns_.key(u, v)))) continue;
+          if (!is_known(w.u + u, w.v + v)) continue;
           std::fill(column.begin(), column.end(), ColumnLayers{});
-          find_layers(u, v, column, context);
+          find_layers(w.u + u, w.v + v, column, context);
           for (int row = 0; row < kBrickCells; ++row)
             std::copy_n(column.begin() + row * kBrickCells, kBrickCells,
-                        layers.begin() + ((v - gv) * kBrickCells + row) * raster + (u - gu) * kBrickCells);
-          if (measured && is_core(u - gu) && is_core(v - gv)) context.advance(1);
+                        layers.begin() + (v * kBrickCells + row) * raster + u * kBrickCells);
+          const bool core = u >= 1 && v >= 1 && u <= w.edge && v <= w.edge;
+          if (core && columns_.bricks().count({w.u + u, w.v + v}) > 0) context.advance(1);
         }
       context.check_stop();
       if (ground_) follow_measured(layers, raster);
@@ -88,7 +88,7 @@ class TopStage : public Stage {
     context.check_stop();
     TopFileWriter writer(
         context.create(std::string(TopStore::kFolder) + "/" + task_file_stem(task) + TopStore::kExtension));
-    Json summary = write(model, gu, gv, writer);
+    Json summary = write(model, w, writer);
     context.count_written(writer.finish());
     return summary;
   }
@@ -107,7 +107,31 @@ class TopStage : public Stage {
   }
 
  private:
-  bool is_core(int column) const { return column >= 1 && column <= edge_; }
+  /// A square of brick columns, with a rim one wide around those whose model it is for.
+  struct Window {
+    int u, v;  ///< of the corner of the rim
+    int edge;  ///< without it
+  };
+
+  /// Whether points or the ground tell anything of a brick column.
+  bool is_known(int u, int v) const {
+    return columns_.bricks().count({u, v}) > 0 || (ground_ && ground_->has(columns_.key(u, v)));
+  }
+
+  /// Of a group the part that has all that is known in it, and around it: nothing is filled beyond that.
+  Window window(int u, int v) const {
+    int low_u = edge_, high_u = -1, low_v = edge_, high_v = -1;
+    for (int du = -1; du <= edge_; ++du)
+      for (int dv = -1; dv <= edge_; ++dv) {
+        if (!is_known(u + du, v + dv)) continue;
+        low_u = std::min(low_u, du), high_u = std::max(high_u, du);
+        low_v = std::min(low_v, dv), high_v = std::max(high_v, dv);
+      }
+    low_u = std::max(low_u, 0), high_u = std::min(high_u, edge_ - 1);
+    low_v = std::max(low_v, 0), high_v = std::min(high_v, edge_ - 1);
+    const int edge = std::max(high_u - low_u, high_v - low_v) + 1;
+    return {u + std::min(low_u, edge_ - edge) - 1, v + std::min(low_v, edge_ - edge) - 1, edge};
+  }
 
   BrickTerrain terrain(int u, int v) const { return {ground_->load(columns_.key(u, v)), rules_}; }
 
@@ -119,10 +143,10 @@ class TopStage : public Stage {
       (use_ == ModelUse::kCleared ? find_cleared_layers : find_ground_layers)(points, below, layers);
   }
 
-  Json write(const SurfaceModel& model, int gu, int gv, TopFileWriter& writer) const {
+  Json write(const SurfaceModel& model, const Window& w, TopFileWriter& writer) const {
     std::uint64_t skin = 0, stands = 0, cleared = 0, filled = 0, samples = 0, steps = 0;
-    for (int u = 1; u <= edge_; ++u)
-      for (int v = 1; v <= edge_; ++v) {
+    for (int u = 1; u <= w.edge; ++u)
+      for (int v = 1; v <= w.edge; ++v) {
         std::vector<ModelColumn> columns(std::size_t{kBrickCells} * kBrickCells);
         bool any = false;
         for (int row = 0; row < kBrickCells; ++row)
@@ -139,14 +163,14 @@ class TopStage : public Stage {
             c.reach = static_cast<std::uint32_t>(model.reach(i));
           }
         if (!any) continue;
-        if (use_ == ModelUse::kGround) narrow_reach(gu + u, gv + v, columns);
-        writer.model(columns_.key(gu + u, gv + v), columns);
+        if (use_ == ModelUse::kGround) narrow_reach(w.u + u, w.v + v, columns);
+        writer.model(columns_.key(w.u + u, w.v + v), columns);
       }
     std::map<std::uint64_t, std::vector<PointRecord>> bricks;
-    sample_surface_model(model, kBrickCells, (edge_ + 1) * kBrickCells, [&](const ModelSample& m) {
+    sample_surface_model(model, kBrickCells, (w.edge + 1) * kBrickCells, [&](const ModelSample& m) {
       PointRecord r;
-      r.q[axes_.u] = gu * kBrickCells * kQuantaPerCell + m.u;
-      r.q[axes_.v] = gv * kBrickCells * kQuantaPerCell + m.v;
+      r.q[axes_.u] = w.u * kBrickCells * kQuantaPerCell + m.u;
+      r.q[axes_.v] = w.v * kBrickCells * kQuantaPerCell + m.v;
       r.q[axes_.up] = axes_.sign * m.height;
       Float3 n = {};
       n[axes_.u] = m.normal[0], n[axes_.v] = m.normal[1];
@@ -212,7 +236,7 @@ std::uint64_t top_task_bytes(int group_columns, std::uint64_t column_points, std
   };
   return square(group_columns + 2) * kModelColumnBytes +
          square(group_columns) * (is_skin(use) ? kSkinColumnBytes : kColumnSampleBytes) +
-         column_points * sizeof(ColumnPoint) + BrickColumns::load_bytes(brick_points) + kTopFixedBytes;
+         2 * column_points * sizeof(ColumnPoint) + BrickColumns::load_bytes(brick_points) + kTopFixedBytes;
 }
 
 ModelUse model_use(const ReconstructOptions& options) {
