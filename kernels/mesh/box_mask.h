@@ -32,6 +32,14 @@ class BoxMask {
   }
   /// Whether a cell of the box is marked: true wherever the box meets a marked one.
   [[nodiscard]] bool meets(const Double3& low, const Double3& high) const { return meets(range(low, high)); }
+  /// Whether all cells of the box are marked: then every box in it meets one.
+  [[nodiscard]] bool covers(const Double3& low, const Double3& high) const {
+    const Range r = range(low, high);
+    for (std::size_t z = r.from[2]; z <= r.to[2]; ++z)
+      for (std::size_t y = r.from[1]; y <= r.to[1]; ++y)
+        if ((rows_[z * cells_ + y] & r.along_x) != r.along_x) return false;
+    return true;
+  }
   /// Numbers of the faces whose box meets a marked cell, ascending: asked for all at once a point is placed only once.
   [[nodiscard]] std::vector<std::uint32_t> faces_that_meet(
       std::span<const Double3> points, std::span<const std::array<std::uint32_t, 3>> faces) const;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <tuple>
 
@@ -18,11 +19,31 @@ constexpr std::uint32_t kForeign = std::uint32_t{1} << 31, kUsed = 0, kUnused = 
 constexpr double kEnd = kBrickCells + kBluntHalo;
 constexpr Double3 kLow = {-kBluntHalo, -kBluntHalo, -kBluntHalo};
 constexpr Double3 kHigh = {kEnd, kEnd, kEnd};
+/// Where a brick's own vertices lie: passes before moved them by a cell at most.
+constexpr Double3 kOwnLow = {-2.0, -2.0, -2.0};
+constexpr Double3 kOwnHigh = {kBrickCells + 2.0, kBrickCells + 2.0, kBrickCells + 2.0};
+/// Parts of a cell that boxes have. What lies farther away than they reach, 255 cells, is far from every brick around.
+constexpr double kBoxParts = 128.0;
+/// Faces beside each other are marked together up to this length of their box, in parts.
+constexpr int kSmallParts = 3 * 128;
+
+/// Whether faces in this box are marked together.
+bool is_small(const std::array<std::int16_t, 3>& low, const std::array<std::int16_t, 3>& high) {
+  bool small = true;
+  for (std::size_t a = 0; a < 3; ++a) small = small && high[a] - low[a] <= kSmallParts;
+  return small;
+}
 
 bool apart(const Double3& from, const Double3& to, const Double3& low, const Double3& high) {
   bool out = false;
   for (std::size_t a = 0; a < 3; ++a) out = out || from[a] > high[a] || low[a] > to[a];
   return out;
+}
+
+bool within(const Double3& from, const Double3& to, const Double3& low, const Double3& high) {
+  bool in = true;
+  for (std::size_t a = 0; a < 3; ++a) in = in && from[a] >= low[a] && to[a] <= high[a];
+  return in;
 }
 
 }  // namespace
@@ -35,17 +56,18 @@ bool BluntReader::gather(std::size_t patch, CreaseMesh& mesh, std::vector<std::u
   for (const std::size_t p : around) {
     const View& there = view(p);
     const Double3 shift = offset(p, brick);
-    for (const std::uint32_t f : there.wanted) {
-      auto [from, to] = there.box(f, shift);
+    for (const FaceBox& box : there.wanted) {
+      auto [from, to] = box.shifted(shift);
       if (apart(from, to, kLow, kHigh)) continue;
       for (double& x : from) x -= kBluntMargin;
       for (double& x : to) x += kBluntMargin;
       near.mark(from, to);
-      any = true;
+      // None of the brick's own vertices moves for what it lies beyond the rings of.
+      any = any || !apart(from, to, kOwnLow, kOwnHigh);
     }
   }
   if (!any) return false;
-  mesh = {};
+  mesh.position.clear(), mesh.faces.clear(), mesh.unseen.clear(), mesh.at_border.clear();
   own_.clear(), foreign_.clear();
   for (const std::size_t p : around)
     if (!add_faces(p, offset(p, brick), near, mesh)) return false;
@@ -56,18 +78,29 @@ bool BluntReader::gather(std::size_t patch, CreaseMesh& mesh, std::vector<std::u
 std::uint64_t BluntReader::bytes(std::span<const PatchEntry> patches) {
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches)
-    largest = std::max<std::uint64_t>(largest, 80ull * e.vertices + 60ull * e.foreign + 40ull * e.faces);
+    largest = std::max<std::uint64_t>(largest, 92ull * e.vertices + 72ull * e.foreign + 53ull * e.faces);
   return kVertexCacheBytes + kViewCacheBytes + 2 * largest + kMaxBluntFaces * kBluntFaceBytes +
          NumberedPatches::kCacheBytes;
 }
 
-BluntReader::Box BluntReader::View::box(std::uint32_t f, const Double3& shift) const {
-  const PatchFace& c = faces[f];
-  const Double3 p = position(c[0]), q = position(c[1]), r = position(c[2]);
+BluntReader::Box BluntReader::FaceBox::shifted(const Double3& shift) const {
   Box out;
   for (std::size_t a = 0; a < 3; ++a) {
-    out.first[a] = std::min({p[a], q[a], r[a]}) + shift[a];
-    out.second[a] = std::max({p[a], q[a], r[a]}) + shift[a];
+    out.first[a] = low[a] * (1.0 / kBoxParts) + shift[a];
+    out.second[a] = high[a] * (1.0 / kBoxParts) + shift[a];
+  }
+  return out;
+}
+
+BluntReader::FaceBox BluntReader::FaceBox::around(const Double3& point) {
+  const auto part = [](double x) {
+    return static_cast<std::int16_t>(std::clamp<double>(x, std::numeric_limits<std::int16_t>::min(),
+                                                        std::numeric_limits<std::int16_t>::max()));
+  };
+  FaceBox out;
+  for (std::size_t a = 0; a < 3; ++a) {
+    out.low[a] = part(std::floor(point[a] * kBoxParts));
+    out.high[a] = part(std::ceil(point[a] * kBoxParts));
   }
   return out;
 }
@@ -77,16 +110,15 @@ bool BluntReader::add_faces(std::size_t patch, const Double3& shift, const BoxMa
   const std::size_t begin = mesh.faces.size();
   place_.assign(there.border.size(), kUnused);
   for (std::size_t run = 0; run < there.runs.size(); ++run) {
-    Double3 low, high;
-    for (std::size_t a = 0; a < 3; ++a) {
-      low[a] = there.runs[run].low[a] + shift[a];
-      high[a] = there.runs[run].high[a] + shift[a];
-    }
+    const auto [low, high] = there.runs[run].shifted(shift);
     if (apart(low, high, kLow, kHigh) || !near.meets(low, high)) continue;
     const std::size_t end = std::min(there.faces.size(), (run + 1) * kFaceRun);
+    const bool all = within(low, high, kLow, kHigh) && near.covers(low, high);
     for (std::size_t f = run * kFaceRun; f < end; ++f) {
-      const auto [from, to] = there.box(static_cast<std::uint32_t>(f), shift);
-      if (apart(from, to, kLow, kHigh) || !near.meets(from, to)) continue;
+      if (!all) {
+        const auto [from, to] = there.boxes[f].shifted(shift);
+        if (apart(from, to, kLow, kHigh) || !near.meets(from, to)) continue;
+      }
       if (mesh.faces.size() == kMaxBluntFaces) return false;
       mesh.unseen.push_back(there.synthetic[f]);
       mesh.faces.push_back(there.faces[f]);
@@ -165,30 +197,33 @@ void BluntReader::load_view(std::size_t patch, View& out) {
     out.foreign_name.push_back(patch_vertex(slot.patch, slot.vertex));
     out.border.push_back(there.kind[slot.vertex] == VertexClass::kBorder);
   }
+  point_box_.clear();
+  for (std::uint32_t v = 0; v < out.border.size(); ++v)
+    point_box_.push_back(FaceBox::around(out.position(v)));
+  FaceBox wanted;
+  bool any_wanted = false;
   for (std::size_t f = 0; f < read_.faces.size(); ++f) {
     const PatchFace& face = read_.faces[f];
     if (!read_.kept(face)) continue;
+    FaceBox one = point_box_[face[0]];
+    one.extend(point_box_[face[1]]);
+    one.extend(point_box_[face[2]]);
+    if (out.faces.size() % kFaceRun == 0) out.runs.push_back(one);
+    out.runs.back().extend(one);
     out.faces.push_back(face);
+    out.boxes.push_back(one);
     const bool unseen = sparse_ || (!read_.synthetic.empty() && read_.synthetic[f] != 0);
     out.synthetic.push_back(unseen ? std::uint8_t{1} : std::uint8_t{0});
-    if (out.synthetic.back() || out.border[face[0]] || out.border[face[1]] || out.border[face[2]])
-      out.wanted.push_back(static_cast<std::uint32_t>(out.faces.size() - 1));
-  }
-  for (std::size_t first = 0; first < out.faces.size(); first += kFaceRun) {
-    Box all = out.box(static_cast<std::uint32_t>(first), {});
-    for (std::size_t f = first + 1; f < std::min(out.faces.size(), first + kFaceRun); ++f) {
-      const Box one = out.box(static_cast<std::uint32_t>(f), {});
-      for (std::size_t a = 0; a < 3; ++a) {
-        all.first[a] = std::min(all.first[a], one.first[a]);
-        all.second[a] = std::max(all.second[a], one.second[a]);
-      }
+    if (!unseen && !out.border[face[0]] && !out.border[face[1]] && !out.border[face[2]]) continue;
+    FaceBox both = any_wanted ? wanted : one;
+    both.extend(one);
+    if (!is_small(both.low, both.high)) {
+      out.wanted.push_back(wanted);
+      both = one;
     }
-    WholeBox& run = out.runs.emplace_back();
-    for (std::size_t a = 0; a < 3; ++a) {
-      run.low[a] = static_cast<std::int16_t>(std::floor(all.first[a]));
-      run.high[a] = static_cast<std::int16_t>(std::ceil(all.second[a]));
-    }
+    wanted = both, any_wanted = true;
   }
+  if (any_wanted) out.wanted.push_back(wanted);
 }
 
 }  // namespace tessera

@@ -1,6 +1,7 @@
 /// \file blunt_reader.h
 /// Faces of the welded mesh near a border, or near what nobody saw, around one brick: what the pass "blunt" works on.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -46,11 +47,19 @@ class BluntReader {
     std::vector<VertexClass> kind;
     std::uint64_t bytes() const { return position.size() * (sizeof(Float3) + 1) + 128; }
   };
-  /// Whole cells around faces, from the min corner of their patch's brick.
-  struct WholeBox {
-    std::array<std::int16_t, 3> low, high;
-  };
   using Box = std::pair<Double3, Double3>;  ///< low, high corner
+  /// Around faces, rounded outwards to parts of a cell, from the min corner of their patch's brick.
+  struct FaceBox {
+    std::array<std::int16_t, 3> low, high;
+    Box shifted(const Double3& shift) const;
+    void extend(const FaceBox& other) {
+      for (std::size_t a = 0; a < 3; ++a) {
+        low[a] = std::min(low[a], other.low[a]);
+        high[a] = std::max(high[a], other.high[a]);
+      }
+    }
+    static FaceBox around(const Double3& point);
+  };
   /// Kept faces of a patch; positions in cells from the min corner of its brick.
   struct View {
     std::vector<Float3> own;  ///< positions of the patch's own vertices
@@ -58,17 +67,18 @@ class BluntReader {
     std::vector<std::uint64_t> foreign_name;
     std::vector<PatchFace> faces;
     std::vector<std::uint8_t> synthetic;
-    std::vector<std::uint8_t> border;   ///< per vertex
-    std::vector<WholeBox> runs;         ///< per kFaceRun faces: most are passed over by a look at these
-    std::vector<std::uint32_t> wanted;  ///< faces at a border, or that nobody saw
+    std::vector<std::uint8_t> border;  ///< per vertex
+    std::vector<FaceBox> boxes;        ///< per face
+    std::vector<FaceBox> runs;         ///< per kFaceRun faces: most are passed over by a look at these
+    std::vector<FaceBox>
+        wanted;  ///< around faces at a border, or that nobody saw; few beside each other in one
     Double3 position(std::uint32_t v) const {
       return v < own.size() ? wide(own[v]) : foreign[v - own.size()];
     }
-    Box box(std::uint32_t f, const Double3& shift) const;
     std::uint64_t bytes() const {
       return own.size() * sizeof(Float3) + foreign.size() * (sizeof(Double3) + 8) + border.size() +
-             faces.size() * (sizeof(PatchFace) + 1) + runs.size() * sizeof(WholeBox) + wanted.size() * 4 +
-             256;
+             faces.size() * (sizeof(PatchFace) + 1) +
+             (boxes.size() + runs.size() + wanted.size()) * sizeof(FaceBox) + 256;
     }
   };
   /// Vertices of chosen faces, in cells from the brick at work; one of several patches comes several times.
@@ -107,6 +117,7 @@ class BluntReader {
   PatchFaces read_;
   Chosen own_, foreign_;              ///< of the brick at work
   std::vector<std::uint32_t> place_;  ///< per vertex of the patch at hand
+  std::vector<FaceBox> point_box_;    ///< the same
 };
 
 }  // namespace tessera

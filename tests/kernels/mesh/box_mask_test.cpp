@@ -19,6 +19,10 @@ TEST_CASE("box mask: a box is met where it shares a cell with a marked one, and 
   CHECK_FALSE(mask.meets({4.1, 2.1, 2.1}, {7.9, 2.9, 2.9}));
   CHECK_FALSE(mask.meets({2.1, 3.1, 2.1}, {3.9, 7.9, 7.9}));
   CHECK_FALSE(mask.meets({0.0, 0.0, 0.0}, {1.9, 7.9, 7.9}));
+  CHECK(mask.covers({2.1, 2.1, 2.1}, {3.9, 2.9, 2.9}));
+  CHECK_FALSE(mask.covers({2.1, 2.1, 2.1}, {4.1, 2.9, 2.9}));
+  CHECK_FALSE(mask.covers({2.1, 2.1, 2.1}, {3.9, 3.1, 2.9}));
+  CHECK_FALSE(mask.covers({2.1, 2.1, 1.9}, {3.9, 2.9, 2.9}));
 }
 
 TEST_CASE("box mask: what lies outside counts with the nearest cell, a flat box with its one layer",
