@@ -1,6 +1,7 @@
 #include "kernels/field/root_colour.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 
@@ -46,23 +47,28 @@ std::uint32_t mean_colour(const PointBlock& points, const SampleList& samples, c
   return out;
 }
 
-/// The samples within a range of heights, in their order: place and point alone.
-void take_heights(const SampleList& from, float low, float high, SampleList& out) {
+/// The samples strictly within a box, in their order: place and point alone.
+void take_within(const SampleList& from, const SampleBox& box, SampleList& out) {
   out.reserve(from.size);
-  const __m256 lowest = _mm256_set1_ps(low), highest = _mm256_set1_ps(high);
+  const auto inside = [](__m256 v, float low, float high) {
+    return _mm256_and_ps(_mm256_cmp_ps(v, _mm256_set1_ps(low), _CMP_GT_OQ),
+                         _mm256_cmp_ps(v, _mm256_set1_ps(high), _CMP_LT_OQ));
+  };
   std::size_t size = 0;
   for (std::size_t i = 0; i < from.size; i += kLanes) {
-    const __m256 z = _mm256_loadu_ps(&from.z[i]);
+    const __m256 x = _mm256_loadu_ps(&from.x[i]), y = _mm256_loadu_ps(&from.y[i]),
+                 z = _mm256_loadu_ps(&from.z[i]);
     auto mask = static_cast<unsigned>(_mm256_movemask_ps(
-        _mm256_and_ps(_mm256_cmp_ps(z, lowest, _CMP_GT_OQ), _mm256_cmp_ps(z, highest, _CMP_LT_OQ))));
+        _mm256_and_ps(_mm256_and_ps(inside(x, box.low[0], box.high[0]), inside(y, box.low[1], box.high[1])),
+                      inside(z, box.low[2], box.high[2]))));
     if (from.size - i < kLanes) mask &= (1u << (from.size - i)) - 1u;
     if (!mask) continue;
     const __m256i front = compress_lanes(mask);
     const auto store = [&](std::vector<float>& to, __m256 v) {
       _mm256_storeu_ps(to.data() + size, _mm256_permutevar8x32_ps(v, front));
     };
-    store(out.x, _mm256_loadu_ps(&from.x[i]));
-    store(out.y, _mm256_loadu_ps(&from.y[i]));
+    store(out.x, x);
+    store(out.y, y);
     store(out.z, z);
     const __m256i point = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(&from.point[i]));
     _mm256_storeu_si256(reinterpret_cast<__m256i*>(out.point.data() + size),
@@ -76,7 +82,7 @@ void take_heights(const SampleList& from, float low, float high, SampleList& out
 
 void colour_roots(const PointBlock& points, const PointLeaves& leaves, float radius, bool with_volumetric,
                   bool far, DirectedField& field) {
-  SampleList samples, slab;
+  SampleList samples, slab, row;
   for (const BandLeaf& leaf : field.leaves) {
     std::uint64_t any = 0;
     for (const auto& axis : leaf.crossing)
@@ -90,20 +96,28 @@ void colour_roots(const PointBlock& points, const PointLeaves& leaves, float rad
            leaf.origin[2] >> kLeafBits, {{low, low, low}, {high, high, high}}, samples);
     for (std::size_t z = 0; z < 8; ++z) {
       if ((leaf.crossing[0][z] | leaf.crossing[1][z] | leaf.crossing[2][z]) == 0) continue;
-      // Roots of these edges lie up to a cell higher.
-      constexpr float kReach = kColourRadius + 0.01f;
-      take_heights(samples, static_cast<float>(z) - kReach, static_cast<float>(z) + 1.0f + kReach, slab);
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        std::uint32_t next = leaf.first_root[axis][z];
-        for (std::uint64_t left = leaf.crossing[axis][z]; left; left &= left - 1) {
-          const int bit = std::countr_zero(left);
-          EdgeRoot& root = field.roots[next++];
-          Float3 p = {static_cast<float>(bit & 7), static_cast<float>(bit >> 3), static_cast<float>(z)};
-          p[axis] += root.t;
-          root.rgba = mean_colour(points, slab, p, kColourRadius);
-          if (root.rgba == 0) root.rgba = mean_colour(points, samples, p, radius);
-          if (root.rgba == 0 && far) root.rgba = mean_colour(points, samples, p, kFarColour);
-        }
+      // Roots of these edges lie up to a cell farther along any axis.
+      constexpr float kReach = kColourRadius + 0.01f, kEnd = 8.0f + kReach;
+      const auto below = static_cast<float>(z) - kReach, above = static_cast<float>(z) + 1.0f + kReach;
+      take_within(samples, {{-kReach, -kReach, below}, {kEnd, kEnd, above}}, slab);
+      std::array<std::uint32_t, 3> next = {leaf.first_root[0][z], leaf.first_root[1][z],
+                                           leaf.first_root[2][z]};
+      for (int y = 0; y < 8; ++y) {
+        const auto edges = [&](std::size_t axis) {
+          return static_cast<unsigned>(leaf.crossing[axis][z] >> (8 * y) & 0xff);
+        };
+        if ((edges(0) | edges(1) | edges(2)) == 0) continue;
+        const auto at = static_cast<float>(y);
+        take_within(slab, {{-kReach, at - kReach, below}, {kEnd, at + 1.0f + kReach, above}}, row);
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          for (unsigned left = edges(axis); left; left &= left - 1) {
+            EdgeRoot& root = field.roots[next[axis]++];
+            Float3 p = {static_cast<float>(std::countr_zero(left)), at, static_cast<float>(z)};
+            p[axis] += root.t;
+            root.rgba = mean_colour(points, row, p, kColourRadius);
+            if (root.rgba == 0) root.rgba = mean_colour(points, samples, p, radius);
+            if (root.rgba == 0 && far) root.rgba = mean_colour(points, samples, p, kFarColour);
+          }
       }
     }
   }
