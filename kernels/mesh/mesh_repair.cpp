@@ -42,11 +42,11 @@ std::uint32_t previous_of(std::uint32_t half) {
 /// The tile with local vertex indices. Half-edge 3 f + e runs from corner e to the next one.
 class Repair {
  public:
-  explicit Repair(RepairTile&& tile) : tile_(std::move(tile)), faces_(std::move(tile_.faces)) {}
+  explicit Repair(RepairTile&& tile) : tile_(std::move(tile)), local_(std::move(tile_.faces)) {}
 
   RepairResult run() {
-    drop_duplicates();
     localise();
+    drop_duplicates();
     if (tile_.orient) orient();
     pair_edges();
     split_fans();
@@ -61,90 +61,89 @@ class Repair {
   std::uint32_t to(std::uint32_t half) const { return local_[half / 3][half % 3 == 2 ? 0 : half % 3 + 1]; }
   bool own_vertex(std::uint32_t local) const { return local >= own_first_ && local < own_last_; }
 
+  /// Numbers become indices of them, which ascend alike; the smallest corner comes first.
+  void localise() {
+    const auto& number = tile_.number;
+    const auto place = [&](std::uint32_t v) {
+      return static_cast<std::uint32_t>(std::lower_bound(number.begin(), number.end(), v) - number.begin());
+    };
+    own_first_ = place(tile_.own_begin);
+    own_last_ = place(tile_.own_end);
+    // Own numbers are mostly without gaps, so a table finds them; the others are searched.
+    std::vector<std::uint32_t> slot(tile_.own_end - tile_.own_begin);
+    for (std::uint32_t v = own_first_; v < own_last_; ++v) slot[number[v] - tile_.own_begin] = v;
+    for (RepairFace& f : local_) {
+      for (std::uint32_t& v : f) {
+        const std::uint32_t local = owned(v) ? slot[v - tile_.own_begin] : place(v);
+        assert(number[local] == v);
+        v = local;
+      }
+      f = reversed(f);
+    }
+  }
+
   /// Ascending by sorted corners; of equal corner sets the smallest stays.
   void drop_duplicates() {
-    for (RepairFace& f : faces_) f = reversed(f);
+    sort_faces();
     // Faces with the same corner set have the same first corner once turned.
     const auto same = [](const RepairFace& a, const RepairFace& b) {
       return a[0] == b[0] && std::min(a[1], a[2]) == std::min(b[1], b[2]) &&
              std::max(a[1], a[2]) == std::max(b[1], b[2]);
     };
-    const auto before = [](const RepairFace& a, const RepairFace& b) {  // of the same first corner
-      const std::uint32_t low_a = std::min(a[1], a[2]), low_b = std::min(b[1], b[2]);
-      if (low_a != low_b) return low_a < low_b;
-      const std::uint32_t high_a = std::max(a[1], a[2]), high_b = std::max(b[1], b[2]);
-      return high_a != high_b ? high_a < high_b : a < b;
-    };
-    sort_by_first_corner();
-    for (std::size_t f = 0; f < faces_.size();) {
-      std::size_t end = f + 1;
-      while (end < faces_.size() && faces_[end][0] == faces_[f][0]) ++end;
-      if (end > f + 1)
-        std::sort(faces_.begin() + static_cast<std::ptrdiff_t>(f),
-                  faces_.begin() + static_cast<std::ptrdiff_t>(end), before);
-      f = end;
-    }
     std::size_t kept = 0;
-    for (std::size_t f = 0; f < faces_.size(); ++f) {
-      if (kept > 0 && same(faces_[f], faces_[kept - 1])) {
-        if (owned(faces_[f][0])) ++result_.report.duplicate_faces;
+    for (std::size_t f = 0; f < local_.size(); ++f) {
+      if (kept > 0 && same(local_[f], local_[kept - 1])) {
+        if (own_vertex(local_[f][0])) ++result_.report.duplicate_faces;
         continue;
       }
-      faces_[kept++] = faces_[f];
+      if (kept != f) local_[kept] = local_[f];
+      ++kept;
     }
-    faces_.resize(kept);
+    local_.resize(kept);
   }
 
-  /// Two counting passes over 16 bits each: a few faces share a corner, so this is nearly the whole sort.
-  void sort_by_first_corner() {
-    std::vector<RepairFace> other(faces_.size());
-    std::vector<std::uint32_t> begin(65537);
-    for (const unsigned shift : {0u, 16u}) {
-      counting_sort<RepairFace>(faces_, other, begin,
-                                [shift](const RepairFace& f) { return f[0] >> shift & 0xffffu; });
-      faces_.swap(other);
+  /// A counting sort by first corner, then the few faces of each.
+  void sort_faces() {
+    std::vector<RepairFace> sorted(local_.size());
+    std::vector<std::uint32_t> begin(tile_.number.size() + 1);
+    counting_sort<RepairFace>(local_, sorted, begin, [](const RepairFace& f) { return f[0]; });
+    local_.swap(sorted);
+    for (std::size_t f = 0, end = 0; f < local_.size(); f = end) {
+      end = f + 1;
+      while (end < local_.size() && local_[end][0] == local_[f][0]) ++end;
+      if (end > f + 1) sort_star(std::span(local_).subspan(f, end - f));
     }
   }
 
-  void localise() {
-    const auto& number = tile_.number;
-    own_first_ = static_cast<std::uint32_t>(std::lower_bound(number.begin(), number.end(), tile_.own_begin) -
-                                            number.begin());
-    own_last_ = static_cast<std::uint32_t>(std::lower_bound(number.begin(), number.end(), tile_.own_end) -
-                                           number.begin());
-    // Own numbers are mostly without gaps, so a table finds them; the others are searched.
-    const std::size_t range = tile_.own_end - tile_.own_begin;
-    std::vector<std::uint32_t> slot(range, 0);
-    for (std::uint32_t v = own_first_; v < own_last_; ++v) slot[number[v] - tile_.own_begin] = v;
-    local_.resize(faces_.size());
-    for (std::size_t f = 0; f < faces_.size(); ++f)
-      for (std::size_t c = 0; c < 3; ++c) {
-        const std::uint32_t v = faces_[f][c];
-        local_[f][c] = owned(v) ? slot[v - tile_.own_begin]
-                                : static_cast<std::uint32_t>(
-                                      std::lower_bound(number.begin(), number.end(), v) - number.begin());
-        assert(number[local_[f][c]] == v);
-      }
-  }
-
-  /// Edges with an end that is owned.
-  EdgeFaces own_edges() const {
-    return EdgeFaces(tile_.number.size(), local_,
-                     [&](std::uint32_t half) { return own_vertex(from(half)) || own_vertex(to(half)); });
+  /// Faces of one first corner, by the smaller and the larger one of the others; of equal ones as the corners are.
+  static void sort_star(std::span<RepairFace> faces) {
+    const auto others = [](const RepairFace& f) {
+      return std::uint64_t{std::min(f[1], f[2])} << 32 | std::max(f[1], f[2]);
+    };
+    const auto before = [&](const RepairFace& a, const RepairFace& b) {
+      const std::uint64_t of_a = others(a), of_b = others(b);
+      return of_a != of_b ? of_a < of_b : a[1] < b[1];
+    };
+    constexpr std::size_t kFew = 16;
+    if (faces.size() > kFew) {
+      std::sort(faces.begin(), faces.end(), before);
+      return;
+    }
+    for (std::size_t i = 1; i < faces.size(); ++i) {
+      const RepairFace f = faces[i];
+      std::size_t j = i;
+      for (; j > 0 && before(f, faces[j - 1]); --j) faces[j] = faces[j - 1];
+      faces[j] = f;
+    }
   }
 
   /// Parts joined by edges of two faces: a spanning tree gives each face a parity, the majority of the part
   /// wins.
   void orient() {
-    std::vector<std::uint32_t> neighbour(3 * faces_.size(), kBorder);
-    own_edges().for_each([&](std::uint32_t, std::uint32_t, std::span<const std::uint32_t> half) {
-      if (half.size() != 2) return;
-      neighbour[half[0]] = half[1];
-      neighbour[half[1]] = half[0];
-    });
-    std::vector<std::uint8_t> state(faces_.size(), 0);  // 1 as it is, 2 turned
+    const std::vector<std::uint32_t> neighbour = opposite_half_edges(tile_.number.size(), local_);
+    std::vector<std::uint8_t> state(local_.size(), 0);  // 1 as it is, 2 turned
     std::vector<std::uint32_t> part;
-    for (std::uint32_t seed = 0; seed < faces_.size(); ++seed) {
+    for (std::uint32_t seed = 0; seed < local_.size(); ++seed) {
       if (state[seed]) continue;
       part.assign(1, seed);
       state[seed] = 1;
@@ -155,7 +154,7 @@ class Repair {
         for (std::uint32_t e = 0; e < 3; ++e) {
           const std::uint32_t h = 3 * f + e;
           const std::uint32_t g = neighbour[h];
-          if (g == kBorder || state[g / 3]) continue;
+          if (g == kNoHalfEdge || state[g / 3]) continue;
           const bool agree = from(h) == to(g);
           state[g / 3] = agree ? state[f] : static_cast<std::uint8_t>(3 - state[f]);
           part.push_back(g / 3);
@@ -164,19 +163,75 @@ class Repair {
       const std::uint8_t wrong = 2 * reversed_count > part.size() ? 1 : 2;
       for (const std::uint32_t f : part) {
         if (state[f] != wrong) continue;
-        std::swap(faces_[f][1], faces_[f][2]);
         std::swap(local_[f][1], local_[f][2]);
         ++result_.report.reversed_faces;
       }
     }
   }
 
+  /// Vertex by vertex the edges to larger ones: as a rule each has one half-edge that leaves it and one that comes back.
   void pair_edges() {
-    partner_.assign(3 * faces_.size(), kUnknown);
-    own_edges().for_each([&](std::uint32_t low, std::uint32_t high, std::span<const std::uint32_t> half) {
-      const bool counted = own_vertex(low);
+    const std::size_t n = tile_.number.size();
+    partner_.assign(3 * local_.size(), kUnknown);
+    std::vector<std::uint32_t> leaving(n, kBorder);  // of the vertex at hand, by where they end
+    // Of faces with larger first corners than the smaller end of their second edge: by that end, in lists.
+    std::vector<std::uint32_t> first(n, kBorder), next(local_.size());
+    for (std::uint32_t v = 0, begin = 0, end = 0; v < n; ++v, begin = end) {
+      for (; end < local_.size() && local_[end][0] == v; ++end) {
+        std::uint32_t& list = first[std::min(local_[end][1], local_[end][2])];
+        next[end] = std::exchange(list, end);
+      }
+      const auto each = [&](const auto& leaves, const auto& comes) {
+        const auto own = [&](std::uint32_t other) { return own_vertex(v) || own_vertex(other); };
+        for (std::uint32_t f = begin; f < end; ++f)
+          if (own(local_[f][1])) leaves(3 * f, local_[f][1]);
+        for (std::uint32_t f = first[v]; f != kBorder; f = next[f])
+          if (local_[f][1] == v && own(local_[f][2])) leaves(3 * f + 1, local_[f][2]);
+        for (std::uint32_t f = begin; f < end; ++f)
+          if (own(local_[f][2])) comes(3 * f + 2, local_[f][2]);
+        for (std::uint32_t f = first[v]; f != kBorder; f = next[f])
+          if (local_[f][2] == v && own(local_[f][1])) comes(3 * f + 1, local_[f][1]);
+      };
+      bool plain = true;
+      each(
+          [&](std::uint32_t half, std::uint32_t to) {
+            plain = plain && leaving[to] == kBorder;
+            leaving[to] = half;
+            partner_[half] = kBorder;
+          },
+          [&](std::uint32_t half, std::uint32_t from) {
+            const std::uint32_t other = leaving[from];
+            if (other == kBorder || partner_[other] != kBorder) {
+              plain = false;
+              return;
+            }
+            partner_[other] = half;
+            partner_[half] = other;
+          });
+      const auto clear = [&](std::uint32_t, std::uint32_t to) { leaving[to] = kBorder; };
+      each(clear, [](std::uint32_t, std::uint32_t) {});
+      if (plain) continue;
+      std::vector<std::uint64_t> ends;  // the larger vertex, then the half-edge
+      const auto add = [&](std::uint32_t half, std::uint32_t other) {
+        ends.push_back(std::uint64_t{other} << 32 | half);
+      };
+      each(add, add);
+      pair_edges_of(v, ends);
+    }
+  }
+
+  /// Any half-edges between a vertex and larger ones.
+  void pair_edges_of(std::uint32_t low, std::vector<std::uint64_t>& ends) {
+    std::sort(ends.begin(), ends.end());
+    std::vector<std::uint32_t> half;
+    const bool counted = own_vertex(low);
+    for (std::size_t i = 0; i < ends.size();) {
+      const auto high = static_cast<std::uint32_t>(ends[i] >> 32);
+      half.clear();
+      for (; i < ends.size() && ends[i] >> 32 == high; ++i)
+        half.push_back(static_cast<std::uint32_t>(ends[i]));
       for (const std::uint32_t h : half) partner_[h] = kBorder;
-      if (half.size() == 1) return;
+      if (half.size() == 1) continue;
       if (half.size() == 2) {
         if (from(half[0]) == to(half[1])) {
           partner_[half[0]] = half[1];
@@ -184,13 +239,13 @@ class Repair {
         } else if (counted) {
           ++result_.report.inconsistent_edges;
         }
-        return;
+        continue;
       }
       if (counted) ++result_.report.nonmanifold_edges;
       if (branch_.empty()) branch_.assign(tile_.number.size(), 0);
       branch_[low] = branch_[high] = 1;
       pair_many(low, high, half);
-    });
+    }
   }
 
   /// From the edge into the face of a half-edge, square to the edge, unit length; zero if the face has no
@@ -231,7 +286,7 @@ class Repair {
         const double cosine = dot(u, d);
         const double sine = -dot(outside, d);
         candidates.push_back(
-            {sine >= 0.0 ? 1.0 - cosine : 3.0 + cosine, faces_[up / 3], faces_[down / 3], up, down});
+            {sine >= 0.0 ? 1.0 - cosine : 3.0 + cosine, local_[up / 3], local_[down / 3], up, down});
       }
     }
     std::sort(candidates.begin(), candidates.end());
@@ -245,12 +300,13 @@ class Repair {
   /// Fans of every own vertex; all but the one with the smallest face become copies.
   void split_fans() {
     const std::size_t n = tile_.number.size();
-    std::vector<std::uint32_t> degree(n, 0);
-    std::vector<std::uint32_t> some(n, kBorder);  // the first corner of each vertex
-    for (std::uint32_t h = 0; h < partner_.size(); ++h) {
-      if (++degree[from(h)] == 1) some[from(h)] = h;
-    }
-    copy_.assign(faces_.size(), {0, 0, 0});
+    std::vector<std::uint32_t> degree(n, 0), some(n);  // corners of each vertex, and one of them
+    for (std::uint32_t f = 0; f < local_.size(); ++f)
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        ++degree[local_[f][c]];
+        some[local_[f][c]] = 3 * f + c;
+      }
+    copy_.assign(local_.size(), {0, 0, 0});
     std::vector<std::uint32_t> many;  // vertices of several fans, or of an edge with several pairs of faces
     for (std::uint32_t v = own_first_; v < own_last_; ++v) {
       if (degree[v] == 0) continue;
@@ -401,38 +457,53 @@ class Repair {
 
   void collect() {
     RepairResult& out = result_;
-    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
-      const RepairFace& face = faces_[f];
-      if (owned(face[0])) {
-        std::uint8_t border = 0;
-        for (std::uint32_t e = 0; e < 3; ++e)
-          if (ends_at(3 * f + e)) border = static_cast<std::uint8_t>(border | 1u << e);
-        out.report.border_edges +=
-            static_cast<std::uint64_t>((border & 1) + (border >> 1 & 1) + (border >> 2));
-        out.faces.push_back(face);
-        out.local.push_back(local_[f]);
-        out.copy.push_back(copy_[f]);
-        out.border.push_back(border);
-        continue;
-      }
-      const RepairFace corners = sorted_corners(face);
-      const auto slot = [&](std::uint32_t v) {
-        return static_cast<std::uint16_t>(v == corners[0] ? 0 : v == corners[1] ? 1 : 2);
-      };
-      for (std::uint32_t e = 0; e < 3; ++e) {
-        if (owned(face[e]) && copy_[f][e] != 0) out.fixes.push_back({corners, slot(face[e]), copy_[f][e]});
-        // The tile that keeps the face knows nothing of its edge between the two larger corners, if neither
-        // is its own: the owner of the smaller one tells. Of cuts only who makes them knows.
-        const std::uint32_t half = 3 * f + e;
-        if (!ends_at(half)) continue;
-        const std::uint16_t i = slot(face[e]);
-        const std::uint16_t j = slot(face[(e + 1) % 3]);
-        const bool known = std::min(i, j) == 1 && owned(corners[1]);
-        if (known || (!cut_.empty() && cut_[half]))
-          out.fixes.push_back({corners, static_cast<std::uint16_t>(i + j == 2 ? 5 : 3 + std::min(i, j)), 0});
-      }
+    const auto first_of = [&](std::uint32_t vertex) {
+      return static_cast<std::size_t>(
+          std::partition_point(local_.begin(), local_.end(),
+                               [&](const RepairFace& f) { return f[0] < vertex; }) -
+          local_.begin());
+    };
+    const std::size_t begin = first_of(own_first_), end = first_of(own_last_);
+    const auto part = [&](const auto& values) { return std::span(values).subspan(begin, end - begin); };
+    out.local.assign(part(local_).begin(), part(local_).end());
+    out.copy.assign(part(copy_).begin(), part(copy_).end());
+    out.faces.resize(end - begin);
+    out.border.resize(end - begin);
+    for (std::size_t i = 0; i < out.faces.size(); ++i) {
+      out.faces[i] = numbers_of(out.local[i]);
+      const auto half = static_cast<std::uint32_t>(3 * (begin + i));
+      const unsigned a = ends_at(half), b = ends_at(half + 1), c = ends_at(half + 2);
+      out.border[i] = static_cast<std::uint8_t>(a | b << 1 | c << 2);
+      out.report.border_edges += a + b + c;
     }
+    for (std::size_t f = 0; f < begin; ++f) add_fixes(static_cast<std::uint32_t>(f));
+    for (std::size_t f = end; f < local_.size(); ++f) add_fixes(static_cast<std::uint32_t>(f));
     std::sort(out.fixes.begin(), out.fixes.end());
+  }
+
+  RepairFace numbers_of(const RepairFace& local) const {
+    return {tile_.number[local[0]], tile_.number[local[1]], tile_.number[local[2]]};
+  }
+
+  /// What is known here of a face that another tile keeps.
+  void add_fixes(std::uint32_t f) {
+    const RepairFace face = numbers_of(local_[f]), corners = sorted_corners(face);
+    const auto slot = [&](std::uint32_t v) {
+      return static_cast<std::uint16_t>(v == corners[0] ? 0 : v == corners[1] ? 1 : 2);
+    };
+    std::vector<RepairFix>& fixes = result_.fixes;
+    for (std::uint32_t e = 0; e < 3; ++e) {
+      if (owned(face[e]) && copy_[f][e] != 0) fixes.push_back({corners, slot(face[e]), copy_[f][e]});
+      // The tile that keeps the face knows nothing of its edge between the two larger corners, if neither
+      // is its own: the owner of the smaller one tells. Of cuts only who makes them knows.
+      const std::uint32_t half = 3 * f + e;
+      if (!ends_at(half)) continue;
+      const std::uint16_t i = slot(face[e]);
+      const std::uint16_t j = slot(face[(e + 1) % 3]);
+      const bool known = std::min(i, j) == 1 && owned(corners[1]);
+      if (known || (!cut_.empty() && cut_[half]))
+        fixes.push_back({corners, static_cast<std::uint16_t>(i + j == 2 ? 5 : 3 + std::min(i, j)), 0});
+    }
   }
 
   bool ends_at(std::uint32_t half) const {
@@ -440,8 +511,7 @@ class Repair {
   }
 
   RepairTile tile_;
-  std::vector<RepairFace> faces_;
-  std::vector<RepairFace> local_;
+  std::vector<RepairFace> local_;  ///< faces by indices of RepairTile::number
   std::uint32_t own_first_ = 0;
   std::uint32_t own_last_ = 0;
   std::vector<std::uint32_t> partner_;  ///< per half-edge

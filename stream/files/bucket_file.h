@@ -17,10 +17,10 @@ namespace tessera {
 struct BucketRun {
   std::uint32_t bucket = 0, count = 0;
 };
-/// One more record.
-inline void add_to_runs(std::vector<BucketRun>& runs, std::size_t bucket) {
+/// More records.
+inline void add_to_runs(std::vector<BucketRun>& runs, std::size_t bucket, std::uint32_t count = 1) {
   if (runs.empty() || runs.back().bucket != bucket) runs.push_back({static_cast<std::uint32_t>(bucket), 0});
-  ++runs.back().count;
+  runs.back().count += count;
 }
 
 class BucketFileWriter {

@@ -59,24 +59,28 @@ void PlyRanges::read_vertices(const ReadFile& file, std::uint64_t begin, std::ui
 
 std::uint64_t PlyRanges::read_triangles(const ReadFile& file, std::uint64_t begin, std::uint64_t end,
                                         MeshFacePart& part) const {
-  part.faces.clear();
   part.synthetic.clear();
-  end = std::min(end, (file.size() - face_begin_) / triangle_bytes_);
-  if (begin >= end) return begin;
+  end = std::max(begin, std::min(end, (file.size() - face_begin_) / triangle_bytes_));
+  part.faces.resize(end - begin);
+  if (begin == end) return begin;
   read_ply_records(file, face_begin_, triangle_bytes_, begin, end, part.bytes);
   const std::size_t first = list_at_ + scalar_bytes(count_type_), width = scalar_bytes(index_type_);
   const bool plain = !big_endian_ && index_type_ == ScalarType::kUint32;
-  for (const char* at = part.bytes.data(); begin < end; ++begin, at += triangle_bytes_) {
-    if (load_integer(count_type_, big_endian_, at + list_at_) != 3) return begin;
-    MeshFace face;
+  const bool small = scalar_bytes(count_type_) == 1;
+  const char* at = part.bytes.data();
+  std::size_t count = 0;
+  for (MeshFace& face : part.faces) {
+    if (small ? at[list_at_] != 3 : load_integer(count_type_, big_endian_, at + list_at_) != 3) break;
     for (std::size_t c = 0; c < 3; ++c)
       face[c] = plain ? load_scalar<std::uint32_t>(at + first + 4 * c)
                       : load_integer(index_type_, big_endian_, at + first + width * c);
-    part.faces.push_back(face);
     if (synthetic_type_)
       part.synthetic.push_back(load_double(*synthetic_type_, big_endian_, at + synthetic_at_) != 0.0);
+    at += triangle_bytes_;
+    ++count;
   }
-  return begin;
+  part.faces.resize(count);
+  return begin + count;
 }
 
 }  // namespace tessera

@@ -67,10 +67,10 @@ std::unique_ptr<MeshVertexPart> FileVertices::take_part() {
 void FileVertices::read_kept(std::uint64_t begin, std::uint64_t end, const Sink& sink) const {
   std::vector<Double3> batch;
   while (begin < end) {
-    batch.clear();
-    for (; begin < end && batch.size() < kKeptBatch; ++begin) {
-      const Float3& p = position_[begin];
-      batch.push_back({p[0], p[1], p[2]});
+    batch.resize(std::min<std::uint64_t>(kKeptBatch, end - begin));
+    for (Double3& to : batch) {
+      const Float3& p = position_[begin++];
+      to = {p[0], p[1], p[2]};
     }
     sink(batch, {});
   }

@@ -123,8 +123,11 @@ class ImportCornersStage : public SerialStage {
   class BucketSearch {
    public:
     explicit BucketSearch(const ImportedVertices& vertices) : vertices_(vertices) {}
+    /// Whether a number lies in the last one.
+    bool holds(std::uint32_t number) const { return number >= low_ && number < high_; }
+    std::uint32_t last() const { return static_cast<std::uint32_t>(last_); }
     std::uint32_t of(std::uint32_t number) {
-      if (number < low_ || number >= high_) {
+      if (!holds(number)) {
         last_ = vertices_.bucket_of(number);
         low_ = vertices_.first(last_);
         high_ = vertices_.first(last_ + 1);
@@ -197,18 +200,41 @@ class ImportCornersStage : public SerialStage {
     dealt.known.assign(faces.size(), {kNoVertex, kNoVertex, kNoVertex});
     if (pass.before && !faces.empty())
       pass.before->read_at(first * sizeof(RepairFace), dealt.known.data(), faces.size() * sizeof(RepairFace));
+    const std::uint64_t begin = pass.begin, count = pass.end - pass.begin;
+    const std::uint32_t* number = pass.number.data();
+    RepairFace* known = dealt.known.data();
     for (std::size_t f = 0; f < faces.size(); ++f)
       for (std::size_t c = 0; c < 3; ++c) {
-        const std::uint64_t v = faces[f][c];
-        if (v >= pass.begin && v < pass.end) dealt.known[f][c] = pass.number[v - pass.begin];
+        const std::uint64_t v = faces[f][c] - begin;
+        if (v < count) known[f][c] = number[v];
       }
     dealt.faces.clear();
     dealt.runs.clear();
     dealt.tally = {};
     if (!pass.last) return;
     BucketSearch bucket(vertices_);
-    for (std::size_t f = 0; f < faces.size(); ++f)
-      add_face(dealt.known[f], !synthetic.empty() && synthetic[f] != 0, bucket, dealt);
+    dealt.faces.reserve(faces.size() + faces.size() / 8);
+    std::uint32_t inside = 0;  // faces of the last bucket alone
+    const auto add_inside = [&] {
+      if (inside == 0) return;
+      add_to_runs(dealt.runs, bucket.last(), inside);
+      dealt.tally.faces += inside;
+      dealt.tally.dealt += inside;
+      inside = 0;
+    };
+    for (std::size_t f = 0; f < faces.size(); ++f) {
+      const RepairFace& face = dealt.known[f];
+      const bool closes = !synthetic.empty() && synthetic[f] != 0;
+      if (bucket.holds(face[0]) && bucket.holds(face[1]) && bucket.holds(face[2]) && face[0] != face[1] &&
+          face[1] != face[2] && face[2] != face[0]) {
+        dealt.faces.push_back({closes ? face[0] | kSyntheticCorner : face[0], face[1], face[2]});
+        ++inside;
+        continue;
+      }
+      add_inside();
+      add_face(face, closes, bucket, dealt);
+    }
+    add_inside();
   }
 
   /// To the bucket of each corner.

@@ -63,14 +63,10 @@ std::vector<OccupiedCell> parents_of(const std::vector<OccupiedCell>& cells) {
 
 }  // namespace
 
-std::uint64_t ImportPlan::brick_of(const Double3& position) const {
-  const double edge = info.lattice.h * kBrickCells;  // a power of two
-  const double end = std::ldexp(2.0, brick_level);
-  std::array<std::uint32_t, 3> brick;
-  for (std::size_t a = 0; a < 3; ++a)
-    brick[a] =
-        checked_index(cell_at(position[a], edge) - static_cast<double>(info.lattice.origin_brick[a]), end);
-  return morton_encode(brick[0], brick[1], brick[2]);
+GridCells ImportPlan::bricks() const {
+  Double3 origin;
+  for (std::size_t a = 0; a < 3; ++a) origin[a] = static_cast<double>(info.lattice.origin_brick[a]);
+  return {info.lattice.h * kBrickCells, origin, std::ldexp(2.0, brick_level)};
 }
 
 std::size_t ImportPlan::bucket_of_brick(std::uint64_t brick) const {
@@ -141,6 +137,7 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
   std::vector<std::uint32_t> count(std::size_t{kGrid} * kGrid * kGrid, 0);
   Double3 first_cell_of_grid;
   for (std::size_t a = 0; a < 3; ++a) first_cell_of_grid[a] = std::ldexp(origin[a], kGridLevel);
+  const GridCells code_of(cell, first_cell_of_grid, kGrid);
   vertices_of_file([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
     check_stop();
     std::uint64_t last = 0;
@@ -150,10 +147,7 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
     };
     for (const Double3& p : positions) {
       if (!finite(p)) continue;
-      std::array<std::uint32_t, 3> c;
-      for (std::size_t a = 0; a < 3; ++a)
-        c[a] = checked_index(cell_at(p[a], cell) - first_cell_of_grid[a], kGrid);
-      const std::uint64_t code = morton_encode(c[0], c[1], c[2]);
+      const std::uint64_t code = code_of(p);
       if (code != last) {
         add_run();
         last = code;

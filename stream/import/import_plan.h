@@ -1,6 +1,8 @@
 /// \file import_plan.h
 /// How a mesh on disk is cut: bricks by the density of its vertices, buckets of bricks for the tasks.
 #pragma once
+#include <array>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -20,6 +22,30 @@ namespace tessera {
 using VertexSource =
     std::function<void(const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>&)>;
 
+/// Cells of a grid aligned to the world's zero. \pre `edge` is a power of two
+class GridCells {
+ public:
+  GridCells(double edge, const Double3& origin, double end)
+      : inverse_(1.0 / edge), origin_(origin), end_(end) {}
+  /// Morton code of the cell of a position; coordinates count from the origin and are below the end.
+  std::uint64_t operator()(const Double3& p) const {
+    std::array<std::uint32_t, 3> at;
+    for (std::size_t a = 0; a < 3; ++a) {
+      double cell = std::floor(p[a] * inverse_);  // as cell_at() of the edge: the quotient is the same
+      if (cell == 0.0 && p[a] < 0.0) cell = -1.0;
+      const double index = cell - origin_[a];
+      at[a] = index >= 0.0 && index < end_ ? static_cast<std::uint32_t>(static_cast<std::int64_t>(index))
+                                           : checked_index(index, end_);
+    }
+    return morton_encode(at[0], at[1], at[2]);
+  }
+
+ private:
+  double inverse_;
+  Double3 origin_;
+  double end_;
+};
+
 /// A pure function of the set of vertices. Bricks are cubes of a power of two, aligned to the world's zero,
 /// the largest that hold at most about so many vertices in the middle of the distribution.
 struct ImportPlan {
@@ -38,8 +64,9 @@ struct ImportPlan {
   static constexpr std::uint64_t kSurveyBytes = std::uint64_t{20} << 20;  ///< what measuring takes
 
   std::size_t buckets() const { return first_cell.size(); }
-  /// Morton code of the brick of a position. \pre finite, within what was measured
-  std::uint64_t brick_of(const Double3& position) const;
+  /// Morton codes of the bricks of positions. \pre of these: finite, within what was measured
+  GridCells bricks() const;
+  std::uint64_t brick_of(const Double3& position) const { return bricks()(position); }
   std::size_t bucket_of_brick(std::uint64_t brick) const;
 
   /// Reads all vertices twice. \throws EmptyError when there is no finite vertex

@@ -140,17 +140,21 @@ class ImportTilesStage : public Stage {
     std::vector<std::uint32_t> foreign;
     for (const RepairFace& f : tile.faces)
       for (const std::uint32_t n : f) {
-        if (n >= tile.own_begin && n < tile.own_end) {
-          used[n - tile.own_begin] = 1;
-        } else {
+        const std::uint32_t i = n - tile.own_begin;
+        if (i < used.size())
+          used[i] = 1;
+        else
           foreign.push_back(n);
-        }
       }
     std::sort(foreign.begin(), foreign.end());
     foreign.erase(std::unique(foreign.begin(), foreign.end()), foreign.end());
     const auto after = std::lower_bound(foreign.begin(), foreign.end(), tile.own_begin);
     const auto split = static_cast<std::size_t>(after - foreign.begin());
     TileVertices v;
+    const std::size_t total = foreign.size() + used.size();
+    v.number.reserve(total);
+    v.position.reserve(total);
+    if (!own.rgba.empty()) v.rgba.reserve(total);
     const auto take_foreign = [&](std::size_t first, std::size_t last) {
       v.number.insert(v.number.end(), foreign.begin() + static_cast<std::ptrdiff_t>(first),
                       foreign.begin() + static_cast<std::ptrdiff_t>(last));
@@ -195,17 +199,16 @@ class ImportTilesStage : public Stage {
                                                   std::vector<std::uint32_t>& local) {
     const auto own_end = static_cast<std::uint32_t>(
         std::lower_bound(v.number.begin(), v.number.end(), end_number) - v.number.begin());
-    std::uint32_t first = own_end;
     std::vector<std::uint32_t> used, others;
     for (std::size_t f = begin; f < end; ++f)
       for (std::size_t c = 0; c < 3; ++c) {
         const std::uint32_t at = result.local[f][c];
         if (result.copy[f][c] != 0 || local[at] != kNone) continue;
         local[at] = 0;
-        first = std::min(first, at);
         if (at >= own_end) others.push_back(at);
       }
-    for (std::uint32_t at = first; at < own_end; ++at)
+    // Faces ascend by their smallest corners.
+    for (std::uint32_t at = result.local[begin][0]; at < own_end; ++at)
       if (local[at] != kNone) used.push_back(at);
     std::sort(others.begin(), others.end());
     used.insert(used.end(), others.begin(), others.end());
@@ -217,8 +220,10 @@ class ImportTilesStage : public Stage {
                               std::size_t end, std::uint32_t end_number,
                               const std::vector<RepairFace>& synthetic, std::vector<std::uint32_t>& local) {
     MeshBlock block;
-    std::map<std::uint64_t, std::uint32_t> copies;  // of split vertices, by key
     const std::vector<std::uint32_t> used = used_vertices(v, result, begin, end, end_number, local);
+    block.key.reserve(used.size());
+    block.position.reserve(used.size());
+    if (!v.rgba.empty()) block.rgba.reserve(used.size());
     const auto add = [&](std::uint32_t at, std::uint16_t copy) {
       block.key.push_back(vertex_copy_key(v.number[at], copy));
       block.position.push_back(v.position[at]);
@@ -226,28 +231,52 @@ class ImportTilesStage : public Stage {
       return static_cast<std::uint32_t>(block.key.size() - 1);
     };
     for (const std::uint32_t at : used) local[at] = add(at, 0);
+    std::map<std::uint64_t, std::uint32_t> copies;  // of split vertices, by key
+    block.faces.resize(end - begin);
+    block.face_flags.assign(result.border.begin() + static_cast<std::ptrdiff_t>(begin),
+                            result.border.begin() + static_cast<std::ptrdiff_t>(end));
     for (std::size_t f = begin; f < end; ++f) {
-      std::array<std::uint32_t, 3> corners;
       for (std::size_t c = 0; c < 3; ++c) {
         const std::uint32_t at = result.local[f][c];
         const std::uint16_t copy = result.copy[f][c];
         if (copy != 0) {
           const auto [it, fresh] = copies.try_emplace(vertex_copy_key(v.number[at], copy), 0);
           if (fresh) it->second = add(at, copy);
-          corners[c] = it->second;
+          block.faces[f - begin][c] = it->second;
           continue;
         }
-        corners[c] = local[at];
+        block.faces[f - begin][c] = local[at];
       }
-      block.faces.push_back(corners);
-      const bool closes = std::binary_search(synthetic.begin(), synthetic.end(), ascending(result.faces[f]));
-      block.face_flags.push_back(
-          static_cast<std::uint8_t>(result.border[f] | (closes ? unsigned{kFaceSynthetic} : 0u)));
+      if (!synthetic.empty() &&
+          std::binary_search(synthetic.begin(), synthetic.end(), ascending(result.faces[f])))
+        block.face_flags[f - begin] |= kFaceSynthetic;
     }
     for (const std::uint32_t at : used) local[at] = kNone;
     block.vertex_class.assign(block.key.size(), VertexClass::kSmooth);
-    canonicalise(block);
+    if (!copies.empty() || !sort_stars(block)) canonicalise(block);
     return block;
+  }
+
+  /// As canonicalise() of a block whose vertices ascend by key and whose faces ascend by their first, smallest corners.
+  /// False, with faces left in any order, where too many have the same.
+  static bool sort_stars(MeshBlock& block) {
+    constexpr std::size_t kMany = 64;
+    auto& faces = block.faces;
+    for (std::size_t f = 1, star = 0; f < faces.size(); ++f) {
+      if (faces[f][0] != faces[f - 1][0]) star = f;
+      if (f - star > kMany) return false;
+      if (!(faces[f] < faces[f - 1])) continue;
+      const auto face = faces[f];
+      const std::uint8_t flags = block.face_flags[f];
+      std::size_t to = f;
+      for (; to > star && face < faces[to - 1]; --to) {
+        faces[to] = faces[to - 1];
+        block.face_flags[to] = block.face_flags[to - 1];
+      }
+      faces[to] = face;
+      block.face_flags[to] = flags;
+    }
+    return true;
   }
 
   std::filesystem::path work_;

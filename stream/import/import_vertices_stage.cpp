@@ -58,6 +58,15 @@ void sort_by_upper_half(std::span<std::uint64_t> values, std::vector<std::uint64
   if (from.data() != values.data()) std::copy(from.begin(), from.end(), values.begin());
 }
 
+/// use(values) of all that follow one another with the same upper half, where they are several.
+template <class Use>
+void for_runs(std::span<std::uint64_t> values, const Use& use) {
+  for (std::size_t begin = 0, end = 0; begin < values.size(); begin = end) {
+    while (end < values.size() && values[end] >> 32 == values[begin] >> 32) ++end;
+    if (end > begin + 1) use(values.subspan(begin, end - begin));
+  }
+}
+
 class ImportReadStage : public SerialStage {
  public:
   ImportReadStage(const JobState& state, ImportSource source)
@@ -120,14 +129,21 @@ class ImportReadStage : public SerialStage {
   template <class Real>
   static void deal_batch(const ImportPlan& plan, std::uint32_t first, std::span<const Double3> positions,
                          std::span<const std::uint32_t> rgba, Dealt<Real>& dealt) {
+    const GridCells brick_of = plan.bricks();
     std::uint64_t last_brick = ~std::uint64_t{0};
-    std::uint32_t bucket = 0;
+    BucketRun run;
+    const auto end_run = [&] {
+      if (run.count > 0) add_to_runs(dealt.runs, run.bucket, run.count);
+      run.count = 0;
+    };
+    dealt.vertices.reserve(dealt.vertices.size() + positions.size());
     for (std::size_t i = 0; i < positions.size(); ++i) {
       const Double3& p = positions[i];
       if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) continue;
-      const std::uint64_t brick = plan.brick_of(p);
+      const std::uint64_t brick = brick_of(p);
       if (brick != last_brick) {
-        bucket = static_cast<std::uint32_t>(plan.bucket_of_brick(brick));
+        end_run();
+        run.bucket = static_cast<std::uint32_t>(plan.bucket_of_brick(brick));
         last_brick = brick;
       }
       DealtVertex<Real> v;
@@ -135,8 +151,9 @@ class ImportReadStage : public SerialStage {
       v.rgba = rgba.empty() ? 0 : rgba[i];
       v.in_file = first + static_cast<std::uint32_t>(i);
       dealt.vertices.push_back(v);
-      add_to_runs(dealt.runs, bucket);
+      ++run.count;
     }
+    end_run();
   }
 
   template <class Real>
@@ -216,10 +233,11 @@ class ImportVerticesStage : public Stage {
   std::vector<std::uint64_t> sort_vertices(const std::vector<DealtVertex<Real>>& dealt,
                                            std::vector<std::uint64_t>& bricks,
                                            std::vector<std::uint32_t>& first) const {
+    const GridCells brick_of = plan_.bricks();
     std::vector<std::uint64_t> brick(dealt.size());
     for (std::size_t i = 0; i < dealt.size(); ++i) {
       const auto& p = dealt[i].position;
-      brick[i] = plan_.brick_of({p[0], p[1], p[2]});
+      brick[i] = brick_of({p[0], p[1], p[2]});
       if (bricks.empty() || bricks.back() != brick[i]) bricks.push_back(brick[i]);
     }
     std::sort(bricks.begin(), bricks.end());
@@ -249,11 +267,14 @@ class ImportVerticesStage : public Stage {
     for (std::size_t b = 0; b < bricks.size(); ++b) {
       const std::span<std::uint64_t> of_brick(order.data() + first[b], first[b + 1] - first[b]);
       sort_by_upper_half(of_brick, scratch);
-      for (std::size_t begin = 0, end = 0; begin < of_brick.size(); begin = end) {
-        while (end < of_brick.size() && of_brick[end] >> 32 == of_brick[begin] >> 32) ++end;
-        std::sort(of_brick.begin() + static_cast<std::ptrdiff_t>(begin),
-                  of_brick.begin() + static_cast<std::ptrdiff_t>(end), before);
-      }
+      for_runs(of_brick, [&](std::span<std::uint64_t> same) {
+        if (sizeof(Real) > sizeof(std::uint32_t)) return std::sort(same.begin(), same.end(), before);
+        for (std::uint64_t& v : same)  // of the same x
+          v = std::uint64_t{leading_bits(dealt[static_cast<std::uint32_t>(v)].position[1])} << 32 |
+              static_cast<std::uint32_t>(v);
+        std::sort(same.begin(), same.end());
+        for_runs(same, [&](std::span<std::uint64_t> run) { std::sort(run.begin(), run.end(), before); });
+      });
     }
     return order;
   }

@@ -81,14 +81,17 @@ class PlyMeshReader : public MeshReader, public MeshRanges {
 
   void read_vertex_range(std::uint64_t begin, std::uint64_t end, MeshVertexPart& part) const override {
     ranges_->read_vertices(file_, begin, end, part.bytes);
-    part.position.clear();
     part.rgba.clear();
+    VertexRecords records(*this);
+    part.position.resize(end - begin);
+    if (records.copy(part.bytes.data(), part.position)) return;
+    part.position.clear();
     const VertexSink sink = [&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
       part.position.insert(part.position.end(), positions.begin(), positions.end());
       part.rgba.insert(part.rgba.end(), rgba.begin(), rgba.end());
     };
     VertexBatch batch(sink, header_.colour);
-    VertexRecords(*this).add(part.bytes.data(), end - begin, batch);
+    records.add(part.bytes.data(), end - begin, batch);
     batch.flush();
   }
 
@@ -345,6 +348,15 @@ class PlyMeshReader : public MeshReader, public MeshRanges {
       if (reader.confidence_ >= 0) wanted_.push_back(reader.confidence_);
       plain_ = !reader.ply_.big_endian() && !reader.header_.double_positions && wanted_.size() == 3;
       values_.resize(e.properties.size());
+    }
+    /// Where little endian floats of positions are all that is wanted.
+    bool copy(const char* record, std::span<Double3> to) const {
+      const std::size_t x = offset(wanted_[0]), y = offset(wanted_[1]), z = offset(wanted_[2]);
+      const std::size_t stride = plain_ ? reader_.element().stride() : 0;
+      for (std::size_t i = 0; plain_ && i < to.size(); ++i, record += stride)
+        to[i] = {load_scalar<float>(record + x), load_scalar<float>(record + y),
+                 load_scalar<float>(record + z)};
+      return plain_;
     }
     void add(const char* record, std::uint64_t count, VertexBatch& batch) {
       const std::size_t stride = reader_.element().stride();
