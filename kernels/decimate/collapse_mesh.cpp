@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 #include <string>
+#include <utility>
 
 #include "octree/error.h"
 #include "octree/lists.h"
@@ -149,47 +150,63 @@ void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uin
   }
 }
 
+/// Vertex by vertex the edges to larger ones: a face has each in one direction. Faces ascend by their first corners, the
+/// smallest.
 void CollapseMesh::match_edges(const MeshBlock& block) {
-  // Edges by their lower vertex, in lists that are short.
-  struct Edge {
-    std::uint64_t high;  ///< the other vertex, and below it the direction
-    std::uint32_t corner, next;
+  constexpr std::uint32_t kCame = kNoCorner - 1;  // no face has the other direction
+  const std::size_t n = vertices_.size(), m = faces_.size();
+  std::vector<std::uint32_t> across(n,
+                                    kNoCorner);  // from the vertex at hand to this one: the corner opposite
+  // Faces by the smaller end of the edge opposite their first corners: lists of those that leave it and that come to it.
+  std::vector<std::array<std::uint32_t, 2>> first(n, {kNoCorner, kNoCorner});
+  std::vector<std::uint32_t> next(m);
+  std::uint32_t v = 0;
+  const auto refuse = [&](std::uint32_t w) {
+    throw InputError("decimation: the edge between vertices " + std::to_string(block.key[block_vertex_[v]]) +
+                     " and " + std::to_string(block.key[block_vertex_[w]]) +
+                     " has more than two faces, or two of the same direction; import the mesh first");
   };
-  std::vector<std::uint32_t> head(vertices_.size(), kNoCorner);
-  std::vector<Edge> edges;
-  edges.reserve(faces_.size() * 3 / 2 + vertices_.size() / 8);
-  for (std::uint32_t f = 0; f < faces_.size(); ++f)
-    for (std::uint32_t i = 0; i < 3; ++i) {
-      const std::uint32_t a = faces_[f].vertex[i == 2 ? 0 : i + 1], b = faces_[f].vertex[i == 0 ? 2 : i - 1],
-                          low = std::min(a, b), corner = 4 * f + i;
-      const std::uint64_t high = std::uint64_t{std::max(a, b)} << 1 | (a < b);
-      std::uint32_t at = head[low];
-      while (at != kNoCorner && (edges[at].high ^ high) > 1) at = edges[at].next;
-      if (at == kNoCorner) {
-        edges.push_back({high, corner, head[low]});
-        head[low] = static_cast<std::uint32_t>(edges.size() - 1);
-        continue;
-      }
-      const std::uint32_t other = edges[at].corner;
-      if (edges[at].high == high || opposite(other) != kNoCorner)
-        throw InputError("decimation: the edge between vertices " +
-                         std::to_string(block.key[block_vertex_[low]]) + " and " +
-                         std::to_string(block.key[block_vertex_[high >> 1]]) +
-                         " has more than two faces, or two of the same direction; import the mesh first");
-      faces_[f].opposite[i] = other;
-      faces_[other >> 2].opposite[other & 3u] = corner;
+  for (std::uint32_t begin = 0, end = 0; v < n; ++v, begin = end) {
+    for (; end < m && faces_[end].vertex[0] == v; ++end) {
+      const std::uint32_t a = faces_[end].vertex[1], b = faces_[end].vertex[2];
+      next[end] = std::exchange(first[std::min(a, b)][a > b], end);
     }
+    const auto each = [&](std::size_t comes, const auto& use) {  // (the other vertex, the corner across)
+      for (std::uint32_t f = begin; f < end; ++f) use(faces_[f].vertex[1 + comes], 4 * f + (comes ? 1 : 2));
+      for (std::uint32_t f = first[v][comes]; f != kNoCorner; f = next[f])
+        use(faces_[f].vertex[2 - comes], 4 * f);
+    };
+    each(0, [&](std::uint32_t w, std::uint32_t corner) {
+      if (across[w] != kNoCorner) refuse(w);
+      across[w] = corner;
+    });
+    bool alone = false;
+    each(1, [&](std::uint32_t w, std::uint32_t corner) {
+      const std::uint32_t other = across[w];
+      if (other == kNoCorner) {
+        across[w] = kCame;
+        alone = true;
+        return;
+      }
+      if (other == kCame || opposite(other) != kNoCorner) refuse(w);
+      faces_[corner >> 2].opposite[corner & 3u] = other;
+      faces_[other >> 2].opposite[other & 3u] = corner;
+    });
+    const auto clear = [&](std::uint32_t w, std::uint32_t) { across[w] = kNoCorner; };
+    each(0, clear);
+    if (alone) each(1, clear);
+  }
 }
 
 /// One corner per vertex, the first of its fan; a vertex with corners outside its fan is pinched.
 void CollapseMesh::find_fans() {
   const std::size_t n = vertices_.size();
   std::vector<std::uint32_t> corners(n, 0);
-  for (std::uint32_t f = 0; f < faces_.size(); ++f)
-    for (std::uint32_t i = 0; i < 3; ++i) {
+  for (auto f = static_cast<std::uint32_t>(faces_.size()); f-- > 0;)  // the first corner stays
+    for (std::uint32_t i = 3; i-- > 0;) {
       const std::uint32_t v = faces_[f].vertex[i];
       ++corners[v];
-      if (corner_[v] == kNoCorner) corner_[v] = 4 * f + i;
+      corner_[v] = 4 * f + i;
     }
   for (std::uint32_t v = 0; v < n; ++v) {
     if (corner_[v] == kNoCorner) {

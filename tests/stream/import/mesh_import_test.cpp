@@ -3,6 +3,8 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <fstream>
 #include <map>
 #include <numeric>
@@ -169,6 +171,38 @@ TEST_CASE("mesh import: a mesh comes back as it went in, whatever its order", "[
   const Imported kept = round_trip(folder.path() / "c.ply", folder.path(), 512u << 20);
   CHECK(kept.bytes == round_trip(folder.path() / "c.ply", folder.path(), 250u << 20).bytes);
   CHECK(faces_of(kept.mesh) == faces_of(mesh));
+}
+
+TEST_CASE("mesh import: patches are canonical, whatever meets at a vertex", "[unit]") {
+  Mesh sheet = make_sheet(40);
+  Mesh hub;  // more faces than are sorted one by one, and all of one first corner
+  hub.position.push_back({-9.0, 0.0, 0.0});
+  for (int k = 0; k < 300; ++k)
+    hub.position.push_back({std::cos(0.01 * (k - 150)), std::sin(0.01 * (k - 150)), 0.125 * (k % 7)});
+  for (std::uint64_t k = 1; k < 300; ++k) hub.faces.push_back({0, k, k + 1});
+  Mesh fans = hub;  // a second fan at the same corner: a copy of it
+  fans.position.insert(fans.position.end(), {{-8.0, 5.0, 1.0}, {-8.0, 5.0, 2.0}});
+  fans.faces.push_back({0, 301, 302});
+  for (Mesh* mesh : {&sheet, &hub, &fans}) {
+    shuffle(*mesh, 3);
+    const test::TempFolder folder;
+    write(*mesh, folder.path() / "in.ply");
+    RunOptions run;
+    run.memory_bytes = (256u << 20) + kProcessBytes;
+    run.threads = 1;
+    const MeshStore store = import_mesh(folder.path() / "in.ply", folder.path(), "mesh", run, {}, nullptr);
+    std::size_t faces = 0;
+    for (std::size_t p = 0; p < store.patches().size(); ++p) {
+      const MeshBlock block = store.load(std::array{p});
+      MeshBlock canonical = block;
+      canonicalise(canonical);
+      CHECK(canonical.key == block.key);
+      CHECK(canonical.faces == block.faces);
+      CHECK(canonical.face_flags == block.face_flags);
+      faces += block.faces.size();
+    }
+    CHECK(faces == mesh->faces.size());
+  }
 }
 
 TEST_CASE("mesh import: numbers of vertices that do not fit in memory are taken range by range",
