@@ -271,6 +271,7 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
   record.task = task;
   record.basis = basis;
   record.plan = plan;
+  record.need_bytes = aids.need_bytes;
   try {
     if (task == kFinishTask) {
       record.summary = stage.finish(summaries, context);

@@ -10,6 +10,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
@@ -116,6 +117,7 @@ struct TaskAids {
   bool lasting = true;
   /// Of a job that one process does alone; null: everything is synced before the task counts as done.
   GroupCommit* group = nullptr;
+  std::optional<std::uint64_t> need_bytes = {};  ///< of the record
 };
 
 /// Runs a task, or finish() for kFinishTask, and commits it: its files are synced (later, in a group), get their names, and

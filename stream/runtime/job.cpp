@@ -225,8 +225,8 @@ class Driver {
                       const std::map<std::int64_t, TaskRecord>& done) const;
 
   StageRecords run_stage(std::size_t index, const Journal& journal);
-  TaskRecord run_one(const Stage& stage, std::int64_t task, const std::vector<Json>& summaries,
-                     const std::function<Json()>& stats);
+  TaskRecord run_one(const Stage& stage, std::int64_t task, std::optional<std::uint64_t> need_bytes,
+                     const std::vector<Json>& summaries, const std::function<Json()>& stats);
   TaskRecord run_child(const std::string& stage, std::int64_t task);
 
   const JobState& state_;
@@ -280,9 +280,13 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   throw_if_stopped();
   trim_allocator();
   std::unique_ptr<Stage> stage;
-  pool_.run_here(
-      [&] { stage = job_.stages[index].make(state_); });  // thousands of headers are read on all threads
-  const std::size_t count = stage->task_count();
+  std::vector<std::uint64_t> needs;  // of its tasks
+  pool_.run_here([&] {
+    stage = job_.stages[index].make(state_);  // thousands of headers are read on all threads
+    needs.resize(stage->task_count());
+    parallel_for(needs.size(), [&](std::size_t k) { needs[k] = stage->task_bytes(k); });
+  });
+  const std::size_t count = needs.size();
 
   // A process of its own holds the base once more.
   const std::uint64_t base = resident_bytes();
@@ -290,9 +294,8 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   MemoryBudget budget(state_.run.memory_bytes, base);
   std::uint64_t largest_task = 0;
   for (std::size_t k = 0; k < count; ++k) {
-    const std::uint64_t bytes = stage->task_bytes(k);
-    budget.require(bytes + own_base, fmt::format("task {} of stage {}", k, name));
-    largest_task = std::max(largest_task, bytes);
+    budget.require(needs[k] + own_base, fmt::format("task {} of stage {}", k, name));
+    largest_task = std::max(largest_task, needs[k]);
   }
   budget.require(stage->finish_bytes() + own_base, fmt::format("the end of stage {}", name));
 
@@ -319,15 +322,15 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
     if (done.count(static_cast<std::int64_t>(k)) == 0) missing.push_back(static_cast<std::int64_t>(k));
   }
   pool_.run_tasks(
-      missing.size(),
-      [&](std::size_t i) { return stage->task_bytes(static_cast<std::size_t>(missing[i])) + own_base; },
+      missing.size(), [&](std::size_t i) { return needs[static_cast<std::size_t>(missing[i])] + own_base; },
       budget,
       [&](std::size_t i) {
-        TaskRecord record = run_one(*stage, missing[i], {}, {});
+        TaskRecord record = run_one(*stage, missing[i], needs[static_cast<std::size_t>(missing[i])], {}, {});
         log_.debug("stage {}, task {}: {:.2f} s", name, missing[i], record.seconds);
         const std::lock_guard lock(mutex_);
         done.emplace(missing[i], std::move(record));
-      });
+      },
+      TaskOrder::kLargestFirst);
 
   StageRecords records;
   for (auto& [task, record] : done) records.tasks.push_back(std::move(record));
@@ -353,7 +356,7 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   const std::vector<Json> summaries = records.summaries();
   pool_.run_tasks(
       1, [&](std::size_t) { return stage->finish_bytes() + own_base; }, budget,
-      [&](std::size_t) { records.finish = run_one(*stage, kFinishTask, summaries, stats); });
+      [&](std::size_t) { records.finish = run_one(*stage, kFinishTask, {}, summaries, stats); });
   if (!idle) progress_.end_stage();
   log_.info("stage {}: committed: {}", name, dump_json(records.finish.stage_stats));
   for (const Json& w : warnings_of(records.finish.summary))
@@ -361,8 +364,8 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   return records;
 }
 
-TaskRecord Driver::run_one(const Stage& stage, std::int64_t task, const std::vector<Json>& summaries,
-                           const std::function<Json()>& stats) {
+TaskRecord Driver::run_one(const Stage& stage, std::int64_t task, std::optional<std::uint64_t> need_bytes,
+                           const std::vector<Json>& summaries, const std::function<Json()>& stats) {
   try {
     // finish() of a process job stays here: it is one task, and its statistics are the driver's.
     if (!state_.run.processes || task == kFinishTask)
@@ -370,7 +373,8 @@ TaskRecord Driver::run_one(const Stage& stage, std::int64_t task, const std::vec
                             {.progress = &progress_,
                              .notes = &notes_,
                              .lasting = task != kFinishTask || stage.task_count() > 0 || stage.units() > 0,
-                             .group = state_.run.processes ? nullptr : &group_});
+                             .group = state_.run.processes ? nullptr : &group_,
+                             .need_bytes = need_bytes});
     notes_.started(stage.name(), task);
     TaskRecord record = run_child(stage.name(), task);
     progress_.advance(record.units);

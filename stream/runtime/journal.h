@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,7 @@ struct TaskRecord {
   double seconds = 0.0;
   double cpu_seconds = 0.0;
   std::uint64_t peak_bytes = 0;
+  std::optional<std::uint64_t> need_bytes;  ///< tasks only: Stage::task_bytes(), which says when it starts
   std::uint64_t bytes_read = 0;
   std::uint64_t bytes_written = 0;
   std::uint64_t units = 0;  ///< of progress
@@ -55,6 +57,7 @@ struct TaskRecord {
     field("seconds", self.seconds);
     field("cpu_seconds", self.cpu_seconds);
     field("peak_bytes", self.peak_bytes);
+    field("need_bytes", self.need_bytes);
     field("bytes_read", self.bytes_read);
     field("bytes_written", self.bytes_written);
     field("units", self.units);

@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <numeric>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -46,23 +47,23 @@ class FirstFailure {
  public:
   void note(std::size_t index) {
     const std::lock_guard lock(mutex_);
-    if (failure_ == nullptr || index < index_) {
-      failure_ = std::current_exception();
-      index_ = index;
-    }
-    failed_.store(true);
+    if (failure_ != nullptr && index >= index_.load()) return;
+    failure_ = std::current_exception();
+    index_.store(index);
   }
-  bool failed() const { return failed_.load(); }
+  bool failed() const { return index_.load() != kNone; }
+  /// Whether a failure of this index would be the one to report.
+  bool concerns(std::size_t index) const { return index < index_.load(); }
   /// \pre nobody calls note() any more
   void rethrow() const {
     if (failure_ != nullptr) std::rethrow_exception(failure_);
   }
 
  private:
+  static constexpr std::size_t kNone = ~std::size_t{0};
   std::mutex mutex_;
   std::exception_ptr failure_;
-  std::size_t index_ = 0;
-  std::atomic<bool> failed_{false};
+  std::atomic<std::size_t> index_{kNone};
 };
 
 double thread_seconds() {
@@ -248,6 +249,19 @@ int core_count() {
   return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 }
 
+std::vector<std::size_t> start_order(std::span<const std::uint64_t> bytes, int threads) {
+  constexpr std::size_t kFewPerThread = 6, kLastPerThread = 3;
+  std::vector<std::size_t> order(bytes.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  if (threads <= 1) return order;
+  const auto of_all = static_cast<std::size_t>(threads);
+  const auto larger = [&](std::size_t a, std::size_t b) { return bytes[a] > bytes[b]; };
+  std::stable_sort(order.begin(), order.end(), larger);
+  if (order.size() > kFewPerThread * of_all)
+    std::sort(order.begin(), order.end() - static_cast<std::ptrdiff_t>(kLastPerThread * of_all));
+  return order;
+}
+
 struct WorkerPool::Impl {
   explicit Impl(int count)
       : threads(count),
@@ -267,7 +281,8 @@ int WorkerPool::threads() const {
 }
 
 void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(std::size_t)>& bytes,
-                           MemoryBudget& budget, const std::function<void(std::size_t)>& body) {
+                           MemoryBudget& budget, const std::function<void(std::size_t)>& body,
+                           TaskOrder order) {
   if (tasks_here > 0) {
     // The one worker that there may be is this thread: what waited here for another one would wait for ever.
     for (std::size_t index = 0; index < count; ++index) {
@@ -282,17 +297,25 @@ void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(
   int running = 0;
   FirstFailure failure;
   const std::shared_ptr<const JobContext> job = current_job();
-  for (std::size_t index = 0; index < count; ++index) {
+  std::vector<std::uint64_t> needs;
+  std::vector<std::size_t> starts;
+  if (order == TaskOrder::kLargestFirst) {
+    for (std::size_t index = 0; index < count; ++index) needs.push_back(bytes(index));
+    starts = start_order(needs, impl_->threads);
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t index = starts.empty() ? k : starts[k];
+    if (!failure.concerns(index)) continue;
     {
       std::unique_lock lock(mutex);
       changed.wait(lock, [&] { return running < impl_->threads; });
-      if (failure.failed()) break;
     }
     try {
       throw_if_stopped();
       // Waits here, not on a worker: workers stay free for the loops of what runs.
-      auto reserved = std::make_unique<MemoryBudget::Reservation>(budget.reserve(bytes(index)));
-      if (failure.failed()) break;
+      auto reserved = std::make_unique<MemoryBudget::Reservation>(
+          budget.reserve(needs.empty() ? bytes(index) : needs[index]));
+      if (!failure.concerns(index)) continue;
       {
         const std::lock_guard lock(mutex);
         ++running;
@@ -317,9 +340,11 @@ void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(
         }
         show_order();
       });
-    } catch (...) {
+    } catch (const StoppedError&) {
       failure.note(index);
       break;
+    } catch (...) {
+      failure.note(index);
     }
   }
   {

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "stream/runtime/memory_budget.h"
 
@@ -28,6 +30,16 @@ void parallel_in_order(std::size_t count, std::size_t window, const std::functio
 /// Hardware threads, at least 1.
 int core_count();
 
+/// Which tasks begin before others.
+enum class TaskOrder {
+  kIndex,         ///< in ascending order
+  kLargestFirst,  ///< as start_order() says
+};
+/// The order in which tasks of so many bytes begin, so that no thread is left with a large one when the others are done: on
+/// several threads the largest first, ties by index. Where there are many tasks for each thread, that holds of the smallest alone,
+/// which come last: neighbours find in memory what they share. On one thread by index.
+std::vector<std::size_t> start_order(std::span<const std::uint64_t> bytes, int threads);
+
 /// A number of threads and a budget. One per job.
 class WorkerPool {
  public:
@@ -38,12 +50,14 @@ class WorkerPool {
   WorkerPool& operator=(const WorkerPool&) = delete;
   int threads() const;
 
-  /// Runs body(k) for every k of [0, count), in ascending order of start, at most `threads` at once, each with
-  /// bytes(k) of the budget reserved. The calling thread waits; idle threads help loops inside running bodies.
-  /// Failures as in parallel_for.
+  /// Runs body(k) for every k of [0, count), at most `threads` at once, each with bytes(k) of the budget reserved. The
+  /// calling thread waits; idle threads help loops inside running bodies. After a failure lower indices alone still start,
+  /// so that of the lowest of all is thrown in any order; after a stop signal none does.
+  /// \param order  of starts; kLargestFirst asks for all bytes before the first
   /// \throws ResourceError when bytes(k) exceeds budget.capacity() for some k
   void run_tasks(std::size_t count, const std::function<std::uint64_t(std::size_t)>& bytes,
-                 MemoryBudget& budget, const std::function<void(std::size_t)>& body);
+                 MemoryBudget& budget, const std::function<void(std::size_t)>& body,
+                 TaskOrder order = TaskOrder::kIndex);
   /// Runs body here, with parallel loops on the pool's threads.
   void run_here(const std::function<void()>& body);
 

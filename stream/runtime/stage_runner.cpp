@@ -45,7 +45,7 @@ std::vector<Json> run_stages(const JobState& state, const std::vector<StageEntry
     std::vector<Json> summaries(stage->task_count());
     pool.run_tasks(
         summaries.size(), [&](std::size_t k) { return stage->task_bytes(k); }, budget,
-        [&](std::size_t k) { summaries[k] = stage->run(k, context); });
+        [&](std::size_t k) { summaries[k] = stage->run(k, context); }, TaskOrder::kLargestFirst);
     pool.run_tasks(
         1, [&](std::size_t) { return stage->finish_bytes(); }, budget,
         [&](std::size_t) { reports.push_back(stage->finish(summaries, context)); });

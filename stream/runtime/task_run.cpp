@@ -169,6 +169,7 @@ void StageTasks::run_one(std::int64_t task, const std::vector<Json>& summaries) 
   TaskAids aids{nullptr, notes_.get(), options_.scratch, {}};
   aids.elsewhere = [&](TaskRecord& record) { return is_elsewhere(task, record); };
   try {
+    if (task != kFinishTask) aids.need_bytes = stage_->task_bytes(static_cast<std::size_t>(task));
     run_and_commit(
         *stage_, task, summaries, state_, basis_, plan_, *writer_, [this] { return figures(); }, aids);
   } catch (const StoppedError&) {
@@ -196,7 +197,9 @@ void StageTasks::do_tasks(const std::vector<std::int64_t>& tasks) {
   const auto need = [&](std::size_t i) { return stage_->task_bytes(static_cast<std::size_t>(missing[i])); };
   for (std::size_t i = 0; i < missing.size(); ++i)
     budget().require(need(i), fmt::format("task {} of stage {}", missing[i], name()));
-  pool_->run_tasks(missing.size(), need, budget(), [&](std::size_t i) { run_one(missing[i], {}); });
+  pool_->run_tasks(
+      missing.size(), need, budget(), [&](std::size_t i) { run_one(missing[i], {}); },
+      TaskOrder::kLargestFirst);
 }
 
 Json StageTasks::figures() const {

@@ -66,6 +66,15 @@ TEST_CASE("journal: a line gives back the record", "[unit]") {
   }
 }
 
+TEST_CASE("journal: what a task was told to need is read where a line says it", "[unit]") {
+  TaskRecord in = record(4), out;
+  REQUIRE(parse_journal_line(journal_line(in), out));
+  CHECK_FALSE(out.need_bytes.has_value());
+  in.need_bytes = 1ull << 33;
+  REQUIRE(parse_journal_line(journal_line(in), out));
+  CHECK(out.need_bytes == in.need_bytes);
+}
+
 TEST_CASE("journal: every line is one line of JSON", "[unit]") {
   TaskRecord r = record(1);
   r.summary = {{"text", "two\nlines \xff"}};

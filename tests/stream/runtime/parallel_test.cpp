@@ -11,6 +11,7 @@
 #include <mutex>
 #include <set>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -214,6 +215,74 @@ TEST_CASE("parallel: of many failures the lowest is reported, every time", "[pro
     CHECK_THROWS_WITH(run_small(pool, 500, body), "index 7");
     CHECK(started < 500);
     CHECK_THROWS_WITH(pool.run_here([&] { parallel_for(500, body); }), "index 7");
+  }
+}
+
+TEST_CASE("parallel: large tasks begin first where there are few, the smallest last where there are many",
+          "[unit]") {
+  using Order = std::vector<std::size_t>;
+  const std::vector<std::uint64_t> few = {3, 9, 3, 7, 9, 1};
+  CHECK(start_order(few, 2) == Order{1, 4, 3, 0, 2, 5});
+  CHECK(start_order(few, 1) == Order{0, 1, 2, 3, 4, 5});
+  CHECK(start_order({}, 4).empty());
+  std::vector<std::uint64_t> many(40);
+  for (std::size_t k = 0; k < many.size(); ++k) many[k] = 100 + k * 7 % 40;  // all of them differ
+  const Order order = start_order(many, 2);
+  Order sorted = order;
+  std::sort(sorted.begin(), sorted.end());
+  for (std::size_t k = 0; k < sorted.size(); ++k) CHECK(sorted[k] == k);
+  const auto last = std::is_sorted_until(order.begin(), order.end());
+  CHECK(last - order.begin() >= 20);
+  CHECK(order.end() - last >= 4);
+  const auto larger = [&](std::size_t a, std::size_t b) { return many[a] > many[b]; };
+  CHECK(std::is_sorted(last, order.end(), larger));
+  for (auto k = order.begin(); k != last; ++k)
+    if (many[*k] < many[*last]) CHECK(k + 1 == last);
+}
+
+TEST_CASE("parallel: with large tasks first the lowest failure is reported, and the budget is kept",
+          "[property]") {
+  for (const int threads : {1, 2, 4}) {
+    CAPTURE(threads);
+    WorkerPool pool(threads);
+    MemoryBudget budget(3200, 0);  // capacity 3100
+    std::vector<std::size_t> begun;
+    std::mutex mutex;
+    std::atomic<std::uint64_t> taken{0};
+    std::atomic<bool> exceeded{false};
+    const auto bytes = [](std::size_t k) { return std::uint64_t{100 + 200 * k}; };  // the last are largest
+    const auto run = [&](const std::function<void(std::size_t)>& body) {
+      begun.clear();
+      pool.run_tasks(
+          12, bytes, budget,
+          [&](std::size_t k) {
+            if ((taken += bytes(k)) > 3100) exceeded = true;
+            {
+              const std::lock_guard lock(mutex);
+              begun.push_back(k);
+            }
+            pause_us(300);
+            taken -= bytes(k);
+            body(k);
+          },
+          TaskOrder::kLargestFirst);
+    };
+    run([](std::size_t) {});
+    CHECK(begun.size() == 12);
+    CHECK(begun.front() == (threads == 1 ? 0u : 11u));
+    for (int round = 0; round < 10; ++round)
+      CHECK_THROWS_WITH(run([](std::size_t k) {
+                          if (k == 3 || k == 6 || k == 11) throw InputError("index " + std::to_string(k));
+                        }),
+                        "index 3");
+    CHECK_THROWS_AS(run([&](std::size_t k) {
+                      if (k == (threads == 1 ? 0u : 11u)) request_stop(SIGINT);
+                    }),
+                    StoppedError);
+    CHECK(begun.size() < 12);
+    request_stop(0);
+    CHECK_FALSE(exceeded);
+    CHECK(budget.reserved() == 0);
   }
 }
 
