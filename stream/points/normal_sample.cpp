@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <bit>
+#include <iterator>
+#include <numeric>
 #include <tuple>
 
 #include "octree/error.h"
@@ -16,7 +18,23 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kNormalSampleKind = {"TSNSAMP2", "a sample of normals"};
+constexpr PackedKind kNormalSampleKind = {"TSNSAMP3", "a sample of normals"};
+constexpr int kCountBits = 12;   ///< for counting what a sampler holds
+constexpr int kSectionBits = 6;  ///< of a file
+
+/// Hashes up to the last one by their first bits.
+class HashBuckets {
+ public:
+  HashBuckets(std::uint64_t last, int bits)
+      : last_(last), shift_(std::max(0, static_cast<int>(std::bit_width(last)) - bits)) {}
+  std::size_t count() const { return static_cast<std::size_t>(last_ >> shift_) + 1; }
+  std::size_t of(std::uint64_t hash) const { return static_cast<std::size_t>(hash >> shift_); }
+  std::uint64_t least(std::size_t bucket) const { return static_cast<std::uint64_t>(bucket) << shift_; }
+
+ private:
+  std::uint64_t last_;
+  int shift_;
+};
 
 std::uint64_t bits_of_double(double v) {
   return std::bit_cast<std::uint64_t>(v + 0.0);
@@ -64,15 +82,14 @@ void NormalSampler::push(const Double3& p, const Float3& n) {
 
 void NormalSampler::shrink() {
   // Hashes are spread evenly: where the limit is reached is told by counts, never too early, as a bucket has a cell or more.
-  constexpr int kBucketBits = 12;
-  const int shift = std::max(0, static_cast<int>(std::bit_width(threshold_)) - kBucketBits);
-  std::vector<std::size_t> buckets((threshold_ >> shift) + 1);
+  const HashBuckets buckets(threshold_, kCountBits);
+  std::vector<std::size_t> counts(buckets.count());
   for (const Entry& e : entries_)
-    if (e.cell <= threshold_) ++buckets[e.cell >> shift];
+    if (e.cell <= threshold_) ++counts[buckets.of(e.cell)];
   std::size_t sum = 0;
-  for (std::size_t b = 0; b + 1 < buckets.size() && sum <= kLimit; ++b) {
-    sum += std::min(buckets[b], kOfCell);
-    if (sum > kLimit) threshold_ = ((b + std::uint64_t{1}) << shift) - 1;
+  for (std::size_t b = 0; b + 1 < counts.size() && sum <= kLimit; ++b) {
+    sum += std::min(counts[b], kOfCell);
+    if (sum > kLimit) threshold_ = buckets.least(b + 1) - 1;
   }
   std::erase_if(entries_, [&](const Entry& e) { return e.cell > threshold_; });
   if (entries_.size() > kLimit + kLimit / 2) sort();
@@ -83,30 +100,32 @@ void NormalSampler::sort() {
     if (a.cell != b.cell) return a.cell < b.cell;
     return std::tie(a.point, a.p, a.n) < std::tie(b.point, b.p, b.n);
   };
-  // What stays is among the first, but where cells hold many.
-  std::size_t sorted = std::min(entries_.size(), kLimit + kLimit / 4);
-  const auto rest = entries_.begin() + static_cast<std::ptrdiff_t>(sorted);
-  std::nth_element(entries_.begin(), rest, entries_.end(), less);
-  std::sort(entries_.begin(), rest, less);
+  // Hashes are spread evenly: of a bucket few are left to be compared.
+  const HashBuckets buckets(threshold_, kCountBits);
+  std::vector<std::size_t> next(buckets.count() + 1);
+  for (const Entry& e : entries_)
+    if (e.cell <= threshold_) ++next[buckets.of(e.cell) + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  std::vector<Entry> from(next.back());
+  for (const Entry& e : entries_)
+    if (e.cell <= threshold_) from[next[buckets.of(e.cell)]++] = e;  // now where the bucket ends
   std::size_t out = 0;
-  for (std::size_t i = 0, end = 0; i < entries_.size(); i = end) {
-    const std::uint64_t cell = entries_[i].cell;
-    for (end = i; end < entries_.size(); ++end) {
-      if (end == sorted) {
-        std::sort(rest, entries_.end(), less);
-        sorted = entries_.size();
+  for (std::size_t b = 0, begin = 0; b < buckets.count(); begin = next[b++]) {
+    std::sort(from.begin() + static_cast<std::ptrdiff_t>(begin),
+              from.begin() + static_cast<std::ptrdiff_t>(next[b]), less);
+    for (std::size_t i = begin, end = begin; i < next[b]; i = end) {
+      const std::uint64_t cell = from[i].cell;
+      while (end < next[b] && from[end].cell == cell) ++end;
+      const std::size_t take = std::min(end - i, kOfCell);
+      if (out + take > kLimit) {
+        threshold_ = std::min(threshold_, cell - 1);
+        entries_.resize(out);
+        return;
       }
-      if (entries_[end].cell != cell) break;
+      std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(i), take,
+                  entries_.begin() + static_cast<std::ptrdiff_t>(out));
+      out += take;
     }
-    const std::size_t take = std::min(end - i, kOfCell);
-    if (cell > threshold_ || out + take > kLimit) {
-      threshold_ = std::min(threshold_, cell - 1);
-      break;
-    }
-    std::copy(entries_.begin() + static_cast<std::ptrdiff_t>(i),
-              entries_.begin() + static_cast<std::ptrdiff_t>(i + take),
-              entries_.begin() + static_cast<std::ptrdiff_t>(out));
-    out += take;
   }
   entries_.resize(out);
 }
@@ -126,21 +145,37 @@ NormalAgreement NormalSampler::measure() {
 }
 
 std::uint64_t NormalSampler::save(const std::filesystem::path& file) {
-  if (entries_.size() > kLimit) sort();
+  sort();
   PackedWriter out(file, kNormalSampleKind, std::size_t{1} << 20);
   std::vector<std::uint64_t> threshold = {threshold_};
-  const std::vector<Section> table = {out.append(bytes_of(threshold)), out.append(bytes_of(entries_))};
+  std::vector<Section> table = {out.append(bytes_of(threshold))};
+  // A section each, so that whoever merges reads those alone that may be of the whole sample.
+  const HashBuckets buckets(threshold_, kSectionBits);
+  const std::span<const Entry> all(entries_);
+  std::size_t first = 0;
+  for (std::size_t b = 0; b < buckets.count(); ++b) {
+    std::size_t end = first;
+    while (end < all.size() && buckets.of(all[end].cell) == b) ++end;
+    table.push_back(out.append(std::as_bytes(all.subspan(first, end - first))));
+    first = end;
+  }
   return out.finish(table);
 }
 
 void NormalSampler::merge(const std::filesystem::path& file) {
   const PackedFile in(file, kNormalSampleKind, sizeof(Section));
   const auto table = in.table<Section>();
-  threshold_ = std::min(threshold_, in.load<std::uint64_t>(table.at(0)).at(0));
-  const auto more = in.load<Entry>(table.at(1));
+  const std::uint64_t saved = in.load<std::uint64_t>(table.at(0)).at(0);
+  threshold_ = std::min(threshold_, saved);
+  const HashBuckets buckets(saved, kSectionBits);
   if (entries_.empty()) entries_.reserve(2 * kLimit);
-  if (entries_.size() + more.size() > 2 * kLimit) sort();  // what is reserved is enough
-  entries_.insert(entries_.end(), more.begin(), more.end());
+  for (std::size_t b = 0; b < buckets.count() && buckets.least(b) <= threshold_; ++b) {
+    const auto more = in.load<Entry>(table.at(b + 1));
+    if (entries_.size() + more.size() > 2 * kLimit) shrink();  // what is reserved is enough
+    if (entries_.size() + more.size() > 2 * kLimit) sort();
+    std::copy_if(more.begin(), more.end(), std::back_inserter(entries_),
+                 [&](const Entry& e) { return e.cell <= threshold_; });
+  }
 }
 
 void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement) {
