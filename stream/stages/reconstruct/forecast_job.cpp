@@ -7,6 +7,7 @@
 
 #include "kernels/field/field.h"
 #include "stream/points/top_store.h"
+#include "stream/runtime/parallel.h"
 #include "stream/stages/plan/forecast_rates.h"
 #include "stream/stages/plan/planned_scan.h"
 #include "stream/stages/reconstruct/forecast.h"
@@ -134,19 +135,20 @@ std::uint64_t peak_disk(const PlannedScan& scan, const std::vector<StageForecast
 Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, const InputTasks& inputs,
                       const JobState& job) {
   const PlannedScan scan = planned_scan(plan, bricks, inputs, job);
+  std::vector<StageEntry> entries = reconstruct_stages(scan.options);
+  const auto self = std::find_if(entries.begin(), entries.end(),
+                                 [](const StageEntry& entry) { return entry.name == "forecast"; });
+  entries.erase(entries.begin(), self == entries.end() ? self : self + 1);
   Forecast forecast;
-  bool follows = false;
-  for (const StageEntry& entry : reconstruct_stages(scan.options)) {
-    if (follows) {
-      StageForecast told = entry.forecast ? entry.forecast(scan) : idle_forecast();
-      told.stage = entry.name;
-      const double threads = std::max(1.0, 1.0 * scan.run.threads);
-      const double width = std::clamp(static_cast<double>(told.tasks), 1.0, threads);
-      told.seconds = told.processor_us * 1e-6 / width + told.moved_bytes / kDiskBytesPerSecond;
-      forecast.stages.push_back(std::move(told));
-    }
-    follows |= entry.name == "forecast";
-  }
+  forecast.stages.resize(entries.size());
+  parallel_for(entries.size(), [&](std::size_t k) {
+    StageForecast& told = forecast.stages[k];
+    told = entries[k].forecast ? entries[k].forecast(scan) : idle_forecast();
+    told.stage = entries[k].name;
+    const double threads = std::max(1.0, 1.0 * scan.run.threads);
+    const double width = std::clamp(static_cast<double>(told.tasks), 1.0, threads);
+    told.seconds = told.processor_us * 1e-6 / width + told.moved_bytes / kDiskBytesPerSecond;
+  });
   forecast.output_bytes = scan.output_bytes;
   forecast.peak_disk_bytes = peak_disk(scan, forecast.stages);
   return forecast;

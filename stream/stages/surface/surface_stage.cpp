@@ -13,6 +13,7 @@
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/task_counts.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_stage.h"
@@ -270,20 +271,28 @@ double surface_face_time(const PlannedScan& scan) {
 StageForecast forecast_surface(const PlannedScan& scan) {
   const BrickSectionStore no_cells({});
   const std::uint64_t limit = tile_bytes_limit(scan.run);
-  std::uint64_t maximum = 0, open = 0;
-  scan.for_each_tile([&](const Tile& t) {
-    const std::uint64_t near =
-        scan.closes ? MultipoleStore::near_bytes(scan.bricks, t.corner(), t.edges()) : 0;
-    const BrickSectionStore* closing = scan.closes ? &no_cells : nullptr;
-    const std::uint64_t bytes = expected_tile_bytes(scan.bricks, closing, t, scan.halo, limit) +
-                                surface_extra_bytes(scan.bricks, closing, t, scan.halo, scan.fuses_stores, 0);
-    maximum = std::max(maximum, bytes + near);
-    open = std::max(open, bytes);
+  struct Needs {
+    std::uint64_t all = 0, open = 0;
+  };
+  std::vector<Needs> of_groups(scan.groups.size());
+  parallel_for(of_groups.size(), [&](std::size_t k) {
+    for (const Tile& t : scan.groups[k]) {
+      const std::uint64_t near =
+          scan.closes ? MultipoleStore::near_bytes(scan.bricks, t.corner(), t.edges()) : 0;
+      const BrickSectionStore* closing = scan.closes ? &no_cells : nullptr;
+      const std::uint64_t bytes =
+          expected_tile_bytes(scan.bricks, closing, t, scan.halo, limit) +
+          surface_extra_bytes(scan.bricks, closing, t, scan.halo, scan.fuses_stores, 0);
+      of_groups[k] = {std::max(of_groups[k].all, bytes + near), std::max(of_groups[k].open, bytes)};
+    }
   });
+  Needs most;
+  for (const Needs& needs : of_groups)
+    most = {std::max(most.all, needs.all), std::max(most.open, needs.open)};
   const double time = surface_face_time(scan) + (scan.fuses_stores ? kFirstPassFaceTime : 0.0);
   return {.tasks = scan.groups.size(),
-          .task_bytes = maximum,
-          .sure_bytes = open,
+          .task_bytes = most.all,
+          .sure_bytes = most.open,
           .disk_bytes = scan.surface_bytes,
           .files = scan.groups.size(),
           .processor_us = scan.faces * time,
