@@ -179,7 +179,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
     by("kernels/decimate/crossing_guard", "kernels/decimate", {"sheet_marks"});
     by("kernels/decimate/decimate", "kernels/decimate",
-       {"collapse_deviation", "collapse_mesh", "decimator", "decimator_sweep", "feature_edges", "quadric"});
+       {"collapse_deviation", "decimator", "decimator_sweep", "feature_edges", "quadric"});
     by("kernels/extract/extended_marching_cubes", "kernels/extract",
        {"brick_band", "cell_loops", "feature_sample", "loop_triangulation", "tangent_planes"});
     by("kernels/solid/mesh_creases", "kernels/extract", {"crease_cells", "crease_lines"});
