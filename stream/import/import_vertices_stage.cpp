@@ -288,6 +288,8 @@ class ImportVerticesStage : public Stage {
     const std::vector<std::uint64_t> order = sort_vertices<Real>(dealt, bricks, first);
     context.check_stop();
     BucketVertices out;
+    out.position.reserve(dealt.size());
+    if (plan_.info.colour) out.rgba.reserve(dealt.size());
     std::vector<DealtNumber> numbers(dealt.size());
     std::uint64_t conflicts = 0;
     std::size_t brick = 0;
