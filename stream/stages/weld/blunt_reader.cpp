@@ -107,6 +107,7 @@ BluntReader::FaceBox BluntReader::FaceBox::around(const Double3& point) {
 
 bool BluntReader::add_faces(std::size_t patch, const Double3& shift, const BoxMask& near, CreaseMesh& mesh) {
   const View& there = view(patch);
+  make_boxes(there);
   const std::size_t begin = mesh.faces.size();
   place_.assign(there.border.size(), kUnused);
   for (std::size_t run = 0; run < there.runs.size(); ++run) {
@@ -197,33 +198,45 @@ void BluntReader::load_view(std::size_t patch, View& out) {
     out.foreign_name.push_back(patch_vertex(slot.patch, slot.vertex));
     out.border.push_back(there.kind[slot.vertex] == VertexClass::kBorder);
   }
-  point_box_.clear();
-  for (std::uint32_t v = 0; v < out.border.size(); ++v)
-    point_box_.push_back(FaceBox::around(out.position(v)));
-  FaceBox wanted;
-  bool any_wanted = false;
+  wanted_.clear();
   for (std::size_t f = 0; f < read_.faces.size(); ++f) {
     const PatchFace& face = read_.faces[f];
     if (!read_.kept(face)) continue;
+    const bool unseen = sparse_ || (!read_.synthetic.empty() && read_.synthetic[f] != 0);
+    if (unseen || out.border[face[0]] || out.border[face[1]] || out.border[face[2]])
+      wanted_.push_back(static_cast<std::uint32_t>(out.faces.size()));
+    out.faces.push_back(face);
+    out.synthetic.push_back(unseen ? std::uint8_t{1} : std::uint8_t{0});
+  }
+  if (wanted_.empty()) return;
+  make_boxes(out);
+  FaceBox box = out.boxes[wanted_.front()];
+  for (const std::uint32_t f : wanted_) {
+    FaceBox both = box;
+    both.extend(out.boxes[f]);
+    if (!is_small(both.low, both.high)) {
+      out.wanted.push_back(box);
+      both = out.boxes[f];
+    }
+    box = both;
+  }
+  out.wanted.push_back(box);
+}
+
+void BluntReader::make_boxes(const View& view) {
+  if (!view.boxes.empty()) return;
+  point_box_.clear();
+  for (std::uint32_t v = 0; v < view.border.size(); ++v)
+    point_box_.push_back(FaceBox::around(view.position(v)));
+  view.boxes.reserve(view.faces.size());
+  for (const PatchFace& face : view.faces) {
     FaceBox one = point_box_[face[0]];
     one.extend(point_box_[face[1]]);
     one.extend(point_box_[face[2]]);
-    if (out.faces.size() % kFaceRun == 0) out.runs.push_back(one);
-    out.runs.back().extend(one);
-    out.faces.push_back(face);
-    out.boxes.push_back(one);
-    const bool unseen = sparse_ || (!read_.synthetic.empty() && read_.synthetic[f] != 0);
-    out.synthetic.push_back(unseen ? std::uint8_t{1} : std::uint8_t{0});
-    if (!unseen && !out.border[face[0]] && !out.border[face[1]] && !out.border[face[2]]) continue;
-    FaceBox both = any_wanted ? wanted : one;
-    both.extend(one);
-    if (!is_small(both.low, both.high)) {
-      out.wanted.push_back(wanted);
-      both = one;
-    }
-    wanted = both, any_wanted = true;
+    if (view.boxes.size() % kFaceRun == 0) view.runs.push_back(one);
+    view.runs.back().extend(one);
+    view.boxes.push_back(one);
   }
-  if (any_wanted) out.wanted.push_back(wanted);
 }
 
 }  // namespace tessera

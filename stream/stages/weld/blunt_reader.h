@@ -67,18 +67,18 @@ class BluntReader {
     std::vector<std::uint64_t> foreign_name;
     std::vector<PatchFace> faces;
     std::vector<std::uint8_t> synthetic;
-    std::vector<std::uint8_t> border;  ///< per vertex
-    std::vector<FaceBox> boxes;        ///< per face
-    std::vector<FaceBox> runs;         ///< per kFaceRun faces: most are passed over by a look at these
+    std::vector<std::uint8_t> border;    ///< per vertex
+    mutable std::vector<FaceBox> boxes;  ///< per face; made when they are asked for
+    mutable std::vector<FaceBox> runs;   ///< per kFaceRun faces: most are passed over by a look at these
     std::vector<FaceBox>
-        wanted;  ///< around faces at a border, or that nobody saw; few beside each other in one
+        wanted;  ///< around faces at a border or that nobody saw, few beside each other in one
     Double3 position(std::uint32_t v) const {
       return v < own.size() ? wide(own[v]) : foreign[v - own.size()];
     }
-    std::uint64_t bytes() const {
+    std::uint64_t bytes() const {  // boxes too, whether they are made or not
       return own.size() * sizeof(Float3) + foreign.size() * (sizeof(Double3) + 8) + border.size() +
-             faces.size() * (sizeof(PatchFace) + 1) +
-             (boxes.size() + runs.size() + wanted.size()) * sizeof(FaceBox) + 256;
+             faces.size() * (sizeof(PatchFace) + 1 + sizeof(FaceBox)) +
+             (faces.size() / kFaceRun + 1 + wanted.size()) * sizeof(FaceBox) + 256;
     }
   };
   /// Vertices of chosen faces, in cells from the brick at work; one of several patches comes several times.
@@ -106,6 +106,7 @@ class BluntReader {
 
   const View& view(std::size_t patch);
   void load_view(std::size_t patch, View& out);
+  void make_boxes(const View& view);
 
   bool sparse_;
   const PatchStore& store_;
@@ -115,9 +116,10 @@ class BluntReader {
   PatchCache<Vertices> vertices_{kVertexCacheBytes};
   PatchCache<View> views_{kViewCacheBytes};
   PatchFaces read_;
-  Chosen own_, foreign_;              ///< of the brick at work
-  std::vector<std::uint32_t> place_;  ///< per vertex of the patch at hand
-  std::vector<FaceBox> point_box_;    ///< the same
+  Chosen own_, foreign_;               ///< of the brick at work
+  std::vector<std::uint32_t> place_;   ///< per vertex of the patch at hand
+  std::vector<FaceBox> point_box_;     ///< the same
+  std::vector<std::uint32_t> wanted_;  ///< faces of the patch at hand
 };
 
 }  // namespace tessera
