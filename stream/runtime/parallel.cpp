@@ -253,7 +253,7 @@ std::vector<std::size_t> start_order(std::span<const std::uint64_t> bytes, int t
   constexpr std::size_t kFewPerThread = 6, kLastPerThread = 3;
   std::vector<std::size_t> order(bytes.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  if (threads <= 2) return order;  // little is gained there, and large ones together take more memory
+  if (threads <= 2) return order;
   const auto of_all = static_cast<std::size_t>(threads);
   const auto larger = [&](std::size_t a, std::size_t b) { return bytes[a] > bytes[b]; };
   std::stable_sort(order.begin(), order.end(), larger);

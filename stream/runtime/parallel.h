@@ -36,8 +36,8 @@ enum class TaskOrder {
   kLargestFirst,  ///< as start_order() says
 };
 /// The order in which tasks of so many bytes begin, so that no thread is left with a large one when the others are done: on
-/// three threads and more the largest first, ties by index. Where there are many tasks for each thread, that holds of the smallest alone,
-/// which come last: neighbours find in memory what they share. On one or two by index: no peak is higher.
+/// three threads and more the largest first, ties by index. Where there are many tasks for each thread, that holds of the
+/// smallest alone, which come last: neighbours find in memory what they share. On one or two, where nothing is gained, by index.
 std::vector<std::size_t> start_order(std::span<const std::uint64_t> bytes, int threads);
 
 /// A number of threads and a budget. One per job.
