@@ -244,14 +244,15 @@ void tighten_cells(std::vector<CellBounds>& cells, double tolerance, const Compa
       if (a.upper > 0.0) above.push_back(a);
     }
     if (above.empty()) return;
-    std::stable_sort(above.begin(), above.end(),
-                     [](const Above& a, const Above& b) { return a.upper > b.upper; });
-    above.resize(std::min(above.size(), at_once));
+    const auto end = above.begin() + static_cast<std::ptrdiff_t>(std::min(above.size(), at_once));
+    std::partial_sort(above.begin(), end, above.end(), [](const Above& a, const Above& b) {
+      return a.upper != b.upper ? a.upper > b.upper : a.cell < b.cell;
+    });
     std::vector<std::size_t> which;
     double enough = std::numeric_limits<double>::infinity();
-    for (const Above& a : above) {
-      which.push_back(a.cell);
-      enough = std::min(enough, a.enough);
+    for (auto a = above.begin(); a != end; ++a) {
+      which.push_back(a->cell);
+      enough = std::min(enough, a->enough);
     }
     const std::vector<CellBounds> found = again(which, enough);
     for (std::size_t k = 0; k < which.size(); ++k) {

@@ -7,6 +7,7 @@
 #include <cassert>
 #include <cerrno>
 #include <cstring>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -91,7 +92,7 @@ void OutputFile::digest(const void* data, std::size_t bytes) {
 
 void OutputFile::finish() {
   flush();
-  assert(digested_ == flushed_);
+  if (digested_ != flushed_) throw std::logic_error(path_.string() + ": not all that was written was hashed");
   if (::fsync(fd_) != 0) fail(part_, "be synced", errno);
   keep_written_hash(fd_);
   ::posix_fadvise(fd_, 0, 0, POSIX_FADV_DONTNEED);

@@ -22,7 +22,8 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& bod
 
 /// Calls make(i) for every i of [0, count) as parallel_for does, and use(i) after it, in ascending order and one at a
 /// time; then `after(i)`, if there is one, in the same way, beside use() of later ones. make(i) begins when all is done with
-/// i - window: the results on their way fit a ring of `window` slots. \pre window >= 1
+/// i - window: the results on their way fit a ring of `window` slots. Of failures of several indices at once any may be the one
+/// that is thrown. \pre window >= 1
 void parallel_in_order(std::size_t count, std::size_t window, const std::function<void(std::size_t)>& make,
                        const std::function<void(std::size_t)>& use,
                        const std::function<void(std::size_t)>& after = {});

@@ -26,6 +26,9 @@ constexpr std::size_t kMaxProofTasks = 400;
 constexpr std::size_t kFullTask = 8;   ///< cells: a task is worth a file from here
 constexpr std::size_t kFewTasks = 16;  ///< as far as there are so many: else threads would go without
 
+/// At the end: its bounds, its place among those to be searched again, and in a tree what that finds, if each is.
+constexpr std::uint64_t kFinishCellBytes = sizeof(CellBounds) + 64 + sizeof(CellComparison) + 64;
+
 static_assert(std::is_trivially_copyable_v<CellComparison>,
               "results of tasks are kept as they lie in memory");
 
@@ -44,8 +47,9 @@ class CertifyStage : public Stage {
     begun_ = begin_comparison(mesh_, reference_, options);
     cells_ = make_compare_cells(mesh_, reference_, options.max_distance, options.cell_faces);
     per_task_ = cells_per_task(cells_.size());
-    lanes_ = parts_at_once(state.run, certify_finish_bytes(largest_cell(), cells_.size()),
-                           certify_lane_bytes(largest_cell()));
+    if (request_.tight && !alone())
+      lanes_ = parts_at_once(state.run, certify_finish_bytes(largest_cell(), cells_.size()),
+                             certify_lane_bytes(largest_cell()));
     if (!request_.name_before.empty())
       before_.emplace(request.mesh_before(state), reference_, options.max_distance, options.cell_faces);
   }
@@ -87,6 +91,7 @@ class CertifyStage : public Stage {
 
   Json finish(const std::vector<Json>& summaries, TaskContext& context) const override {
     std::vector<CellBounds> bounds;
+    bounds.reserve(cells_.size());
     for_each_result([&](std::size_t, const CellComparison& cell) { bounds.emplace_back(cell); });
     std::map<std::size_t, CellComparison> tight;
     std::vector<CellComparison> ring(lanes_);
@@ -225,8 +230,7 @@ std::uint64_t certify_lane_bytes(std::uint64_t cell_bytes) {
 }
 
 std::uint64_t certify_finish_bytes(std::uint64_t cell_bytes, std::uint64_t cells) {
-  return certify_lane_bytes(cell_bytes) + 3 * kMaxFailedFaces * sizeof(FailedFace) +
-         cells * sizeof(CellBounds);
+  return certify_lane_bytes(cell_bytes) + 3 * kMaxFailedFaces * sizeof(FailedFace) + cells * kFinishCellBytes;
 }
 
 std::unique_ptr<Stage> make_certify_stage(const JobState& state, const CertifyRequest& request) {
